@@ -32,6 +32,7 @@ EXECUTIONS = {
     "toml": 25,
     "parsers": 700,
     "page": 1,
+    "sockets": 12,
 }
 """About a second each."""
 

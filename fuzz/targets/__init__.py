@@ -16,6 +16,7 @@ from fuzz.targets.requests import RequestTarget
 from fuzz.targets.serial import SerialTarget
 from fuzz.targets.simbus import SimBusTarget
 from fuzz.targets.socketcan import SocketCanTarget
+from fuzz.targets.sockets import SocketTarget
 from fuzz.targets.toml import TomlTarget
 
 TARGETS: dict[str, Target] = {
@@ -35,5 +36,6 @@ TARGETS: dict[str, Target] = {
         TomlTarget(),
         ParserTarget(),
         PageTarget(),
+        SocketTarget(),
     )
 }

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import tempfile
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +17,10 @@ from fuzz.targets.parser import Parser, file_of, lines
 from fuzz.virtual import play
 from msbot.agent.status_files import FORMAT, PREFIX, find_files
 from msbot.agent.status_reader import status_in
+from msbot.cli.board.connection import Board, Facts
+from msbot.cli.board.installing import SETTINGS, settings_file
+from msbot.config import SAMPLE_ROBOT_TOML, load_blueprint, load_library
+from msbot.errors import LinkDown
 from msbot.link.can.sim import names as bus_names
 from msbot.link.net import SocketPeer, WebSocketServerLink
 from msbot.link.net.websocket_server import Visitor
@@ -24,6 +30,9 @@ from msbot.operations.arguments import read_arguments
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
 from msbot.pnp.emergency_stop import StopStatus
+from msbot.registry import open_registry
+from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance.backup_check import fault_of
 from msbot.runtime.json_reading import read_json
 from msbot.school.rollout_book import RollOutBook
 from msbot.web.access.accounts import Accounts
@@ -31,6 +40,7 @@ from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.kept_sessions import SessionFile
 from msbot.web.access.passes import Passes
 from msbot.web.access.users import MemoryUsers
+from tests.registry.hand import Hand
 from tests.web.access.test_accounts import PlainHasher, user
 
 
@@ -165,6 +175,63 @@ def _part_packet(octets: bytes) -> Iterable[str]:
     return play(come())
 
 
+class _Serial:
+    """A board that prints the same whatever it is asked."""
+
+    def __init__(self, octets: bytes) -> None:
+        self._octets = octets
+
+    def exec_raw(self, _code: str, timeout: float) -> tuple[bytes, bytes]:
+        assert timeout > 0
+        return self._octets, b""
+
+
+def _board(octets: bytes) -> Iterable[str]:
+    serial: Any = _Serial(octets)
+    board = Board(serial, "fuzz")
+    for read in (board.facts, lambda: board.free("/"), lambda: board.files("/"), lambda: board.read("/x")):
+        try:
+            yield f"{type(read()).__name__} read"
+        except LinkDown as error:
+            yield str(error)[:60]
+
+
+def _board_settings(octets: bytes) -> Iterable[str]:
+    there: Any = SimpleNamespace(files=lambda _folder: {SETTINGS: None}, read=lambda _path: octets)
+    facts = Facts("fuzz", (1, 22), 6, "/lib", "")
+    written = settings_file(there, facts, link="can:1", wifi=None, token=None)
+    assert written is not None
+    settings = json.loads(written, parse_constant=_no_number)
+    if settings["link"] != "can:1":
+        raise Violation(f"the board would be told {written!r:.200}")
+    return (f"{min(len(settings), 3)} settings",)
+
+
+def _no_number(words: str) -> None:
+    raise Violation(f"no board can read {words}")
+
+
+def _backup(octets: bytes) -> Iterable[str]:
+    path = file_of(octets, ".db")
+    for ending in ("-wal", "-shm", "-journal"):
+        path.with_name(path.name + ending).unlink(missing_ok=True)
+    return (fault_of(str(path), needs_administrator=True)[:40],)
+
+
+@cache
+def _backups() -> tuple[bytes, ...]:
+    with tempfile.TemporaryDirectory(prefix="msbot-fuzz-") as folder:
+        path = Path(folder) / "robot.db"
+        (Path(folder) / "robot.toml").write_text(SAMPLE_ROBOT_TOML)
+        library = load_library()
+        with open_registry(path) as registry:
+            blueprint = load_blueprint(Path(folder) / "robot.toml", library)
+            registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
+            Hand(registry).keep_user("ada", "administrator", "ada", password_hash="hash")
+        upkeep.back_up(str(path), Path(folder) / "backup.db")
+        return ((Path(folder) / "backup.db").read_bytes(),)
+
+
 _STATUS = json.dumps(
     {"format": FORMAT, "what": "agent", "name": "a", "details": {}, "up_s": 1.5, "links": [], "topics": [],
      "dropped": {}}
@@ -189,6 +256,19 @@ OWN: dict[str, Parser] = {
     ),
     "status_file": Parser(_status_file, lines(json.dumps({"port": 5555, "token": "abc", "pid": os.getpid()}))),
     "status": Parser(_status, lines(_STATUS)),
+    "board": Parser(
+        _board,
+        lines(
+            "('micropython', (1, 24, 0), 'Pico', 6, ['/lib'], '/')", "(4096, 4096, 212, 150)", "None",
+            "('boot.py', 12, b'abc'),\n('msbot.json', 5, None),", "b'{}'", "5", "(0, 0, 0, 0)", "(" * 3000,
+        ),
+    ),
+    "board_settings": Parser(
+        _board_settings,
+        lines('{"link": "can:1", "wifi": ["a", "b"], "token": "x", "more": [1.5, null]}', "[]", '{"a": NaN}',
+              '{"a":' * 900 + "1" + "}" * 900),
+    ),
+    "backup": Parser(_backup, _backups),
     "bus_file": Parser(
         _bus,
         lines(

@@ -17,7 +17,7 @@ from uvicorn.server import ServerState
 
 from msbot.runtime import accept_connections
 from msbot.web import connections
-from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
+from msbot.web.connections import MOST_HEAD, Connections, PageAcceptor, WatchedConnection
 
 
 async def answer(scope: Scope, receive: Receive, send: Send) -> None:
@@ -94,6 +94,27 @@ async def test_who_says_nothing_or_dawdles_is_closed(monkeypatch: pytest.MonkeyP
             end.close()
         assert b"200 OK" in await server.ask()
         assert server.open.dropped == 3
+
+
+async def test_a_head_without_end_is_refused_and_bodies_and_many_requests_are_not() -> None:
+    long = b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"a" * MOST_HEAD
+    many = b"GET / HTTP/1.1\r\nHost: x\r\n" + b"X: a\r\n" * (MOST_HEAD // 4)
+    body = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 300000\r\n\r\n" + b"a" * 300_000
+    async with site() as server:
+        for head in (long, many, b"GET /" + b"a" * MOST_HEAD):
+            reader, writer = await server.connect()
+            for at in range(0, len(head), 1000):
+                writer.write(head[at : at + 1000])
+            assert (await reader.read()).startswith(b"HTTP/1.1 431 ")
+            writer.close()
+        assert server.open.dropped == 3
+        reader, writer = await server.connect()
+        writer.write(3 * body + 500 * b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+        answers = await reader.read()
+        assert answers.count(b"HTTP/1.1 200 OK") == 504
+        assert answers.count(b"\r\n300000") == 3
+        writer.close()
 
 
 async def test_many_idle_connections_keep_nobody_out() -> None:

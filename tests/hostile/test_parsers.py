@@ -11,12 +11,14 @@ import pytest
 from fuzz.case import Step
 from fuzz.targets import TARGETS
 from fuzz.targets.parsers import PARSERS, read, samples_of
+from fuzz.targets.sockets import GREETING
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.errors import ConfigError
 from msbot.runtime.json_reading import read_json
 from msbot.runtime.printable import printable, whole
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.users import MemoryUsers
+from msbot.web.page_sockets import NONSENSE, TOO_SLOW
 from tests.web.access.test_accounts import PlainHasher, user
 
 DEEP = b"[" * 100_000
@@ -57,6 +59,10 @@ def _blf_with_a_damaged_container() -> bytes:
             b'{"number": 1e999, "holds": true, "by": "", "reason": "", "at_ns": 1}',
             id="the infinite STOP",
         ),
+        pytest.param("board", b"5", id="a board that answers something of another kind"),
+        pytest.param("board", b"(0, 0, 0, 0)", id="a board whose blocks have no octets"),
+        pytest.param("board", b"(" * 3000, id="a deep answer of a board"),
+        pytest.param("board_settings", b'{"a": NaN}', id="settings that no board could read again"),
         pytest.param("status_file", b'{"port": 1e999, "token": "", "pid": 1}', id="the infinite port"),
         pytest.param(
             "bus_file",
@@ -132,6 +138,43 @@ def test_words_are_made_whole_without_touching_what_is() -> None:
 def test_what_was_found_in_requests_is_answered(verb: str, octets: bytes, status: int) -> None:
     seen = TARGETS["page"].run((Step(verb, octets, (2,)),))
     assert any(word.endswith(f" {status}") for word in seen), seen
+
+
+@pytest.mark.parametrize(
+    "octets",
+    [
+        pytest.param(b"x", id="no packet"),
+        pytest.param(b"4" + b"[" * 5000, id="a deep packet"),
+        pytest.param(b'42[["event"]]', id="an event that is a list"),
+        pytest.param(b'42["connect",5]', id="coming, said as an event"),
+        pytest.param(b'42["event",{"client_id":"PAGE1"}]', id="a click on nothing"),
+        pytest.param(b'42["event",{"client_id":"PAGE1","id":4,"listener_id":"x","args":["{"]}]', id="half an argument"),
+        pytest.param(b'42["ack",{"client_id":"PAGE1","next_message_id":"x"}]', id="an ACK in words"),
+        pytest.param(b'42["javascript_response",{"client_id":"PAGE1","request_id":[]}]', id="an answer to a list"),
+        pytest.param(b'451-["event",{"_placeholder":true,"num":0}]', id="something that never comes"),
+        pytest.param(b"\xff\xfe", id="octets"),
+    ],
+)
+def test_what_was_found_in_websockets_of_the_page_goes_no_further(octets: bytes) -> None:
+    greeting = GREETING.replace("{0}", "7").encode()
+    steps = (Step("open", greeting, (1, 1)), Step("say", b"40"), Step("wait", b"", (0, 0, 0.1)), Step("say", octets))
+    assert any(NONSENSE in words for words in TARGETS["sockets"].run((*steps, Step("wait", b"", (0, 0, 0.1)))))
+
+
+def test_a_page_that_says_its_handshake_wrong_is_not_kept_for_ever() -> None:
+    """Formerly its number of connections was counted before the values were looked at, and never down again."""
+    steps = [Step("open", b"", (1, 1)), Step("say", b"40"), Step("wait", b"", (0, 0, 0.1))]
+    for field in (b'"document_id":{}', b'"document_id":"d","next_message_id":"x"'):
+        steps.append(Step("say", b'42["handshake",{"client_id":"PAGE1","tab_id":"t",%s}]' % field))
+    assert any("(handshake)" in words for words in TARGETS["sockets"].run((*steps, Step("wait", b"", (0, 0, 0.1)))))
+
+
+def test_a_browser_that_takes_nothing_loses_its_connection() -> None:
+    steps = [Step("open", GREETING.encode(), (1, 1)), Step("say", b"40"), Step("wait", b"", (0, 0, 0.1))]
+    steps += [Step("read", b"", (0, 0)), *(Step("work", b"", (2500, 4000)),) * 2]
+    for _ in range(6):  # it says that it is there all the same
+        steps += [Step("say", b"3"), Step("wait", b"", (0, 0, 4.0))]
+    assert any(TOO_SLOW in words for words in TARGETS["sockets"].run(tuple(steps)))
 
 
 async def test_a_device_cookie_that_is_no_text_of_ours_signs_in_like_none() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,7 +18,13 @@ from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import MemoryUsers
 from msbot.web.open_pages import LEFT, MADE_ANEW, OpenPages
+from msbot.web.page_sockets import COMPLAINTS, NONSENSE
 from tests.web.access.test_accounts import Clock, PlainHasher, user
+
+WHOLE = {
+    "id": 1, "listener_id": "l", "tab_id": "t", "document_id": "d", "next_message_id": 1, "request_id": "r",
+}  # fmt: skip
+"""What each message has to have."""
 
 
 class Rig:
@@ -50,7 +57,7 @@ class Rig:
         return await core.sio.handlers["/"]["connect"](sid, environ)
 
     async def say(self, name: str, sid: str, client_id: str) -> object:
-        return await core.sio.handlers["/"][name](sid, {"client_id": client_id, "id": 1})
+        return await core.sio.handlers["/"][name](sid, {"client_id": client_id, **WHOLE})
 
 
 @pytest.fixture
@@ -81,10 +88,47 @@ async def test_another_page_cannot_be_clicked_by_who_knows_its_number(rig: Rig) 
     for name in ("handshake", "event", "javascript_response", "ack", "log"):
         assert await rig.say(name, "s2", theirs) is False
         assert await rig.say(name, "unknown", theirs) is False
-        assert await rig.say(name, "s1", theirs)
-        assert await rig.say(name, "s2", own)
+        assert await rig.say(name, "s1", theirs) is not False
+        assert await rig.say(name, "s2", own) is not False
     assert {sid for _, sid in rig.through} == {"s1", "s2"}
     assert rig.pages.refused == 13
+
+
+async def test_what_no_page_of_ours_sends_goes_no_further(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
+    eve = rig.accounts.sessions.begin("eve", Role.VIEWER)
+    own = rig.open(eve)
+    handlers = core.sio.handlers["/"]
+    for query in ("", "&tab_id=t&document_id=d&next_message_id=x"):
+        with pytest.raises(ConnectionRefusedError, match=MADE_ANEW):
+            await rig.connect("s1", eve, f"{own}&implicit_handshake=true{query}")
+    assert await handlers["connect"]("s1", "no environment") is False
+    assert await rig.connect("s1", eve, f"{own}&implicit_handshake=true&tab_id=t&document_id=d&next_message_id=0")
+    rig.through.clear()
+    COMPLAINTS.counts.clear()
+    for name in ("handshake", "event", "javascript_response", "ack"):
+        assert await handlers[name]("s1", {"client_id": own}) is False
+        assert await handlers[name]("s1", {"client_id": own, **WHOLE}, "more") is False
+        assert await handlers[name]("s1") is False
+        assert await handlers[name]("s1", {"client_id": [own], **WHOLE}) is False
+    assert rig.through == []
+    assert sum(COMPLAINTS.counts.values()) == 8
+    with caplog.at_level(logging.INFO):
+        await handlers["log"]("s1", {"client_id": own, "level": "nonsense", "message": "x" * 5000})
+    assert len(caplog.messages[-1]) < 300
+
+
+async def test_what_nicegui_makes_of_a_wrong_message_is_counted(rig: Rig) -> None:
+    def fails(*_: object) -> None:
+        raise KeyError("a listener that is gone")
+
+    handlers, eve = core.sio.handlers["/"], rig.accounts.sessions.begin("eve", Role.VIEWER)
+    handlers.update(connect=fails, event=fails)
+    pages = OpenPages(rig.accounts)
+    own = rig.open(eve)
+    pages._sockets["s1"] = eve
+    COMPLAINTS.counts.clear()
+    assert await rig.say("event", "s1", own) is False
+    assert COMPLAINTS.counts == {f"{NONSENSE} (event: KeyError)": 1}
 
 
 async def test_pages_and_sockets_close_when_the_session_ends_or_the_role_changes(rig: Rig) -> None:

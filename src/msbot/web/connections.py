@@ -25,10 +25,14 @@ HEAD_S = 10.0
 """How long a connection may take until its request has come with all its headers; TLS gets as long."""
 BODY_S = 20.0
 """How long a request's body may pause."""
+MOST_HEAD = 64 * 1024
+"""Octets of a request's address and headers; browsers send about one thousand."""
 MOST_PER_ADDRESS = 300
 """A class behind one router has one address; each browser opens up to seven connections."""
 MOST = 600
 """Connections in all; never more than half of the file descriptors that the process may have."""
+
+TOO_LONG = b"HTTP/1.1 431 Request Header Fields Too Large\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
 
 
 class Connections:
@@ -96,6 +100,8 @@ class WatchedConnection(HttpToolsProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._is_reading_body = False
         self._is_websocket = False
+        self._head = 0
+        """Octets that have come of a request whose headers are not complete."""
 
     def is_idle(self) -> bool:
         """Whether no request on it is being processed."""
@@ -132,11 +138,23 @@ class WatchedConnection(HttpToolsProtocol):
             self._arm(BODY_S)
         elif self._timer is None and self.is_idle():
             self._arm(HEAD_S)
+        if self._is_reading_body:
+            super().data_received(data)
+            return
+        # The parser takes ever longer with each piece of a header that never ends.
+        if self._head + len(data) > MOST_HEAD and b"\r\n\r\n" not in data[: max(0, MOST_HEAD - self._head)]:
+            self._all.dropped += 1
+            self._all.end(self)
+            self.transport.write(TOO_LONG)
+            self.transport.close()
+            return
+        self._head += len(data)
         super().data_received(data)
 
     def on_headers_complete(self) -> None:
         """All headers have come; what httptools calls."""
         self._is_reading_body = True
+        self._head = 0
         self._arm(BODY_S)
         super().on_headers_complete()
 

@@ -1,8 +1,9 @@
 """Pages that are open, each belonging to the session it was opened by.
 
 NiceGUI treats anybody who knows a page's number as its owner. Here every message of a websocket is checked against the
-session of that very socket, and when a session ends or its role changes, the server closes its pages and sockets.
-A page whose connection is lost is kept for a while, one that was left or closed is not.
+session of that very socket, and has to be what a page of ours sends; when a session ends or its role changes, the
+server closes its pages and sockets. A page whose connection is lost is kept for a while, one that was left or closed is
+not.
 """
 
 from __future__ import annotations
@@ -10,14 +11,17 @@ from __future__ import annotations
 import asyncio
 import copy
 import inspect
+import logging
 from collections.abc import Awaitable, Callable
 from typing import cast
+from urllib.parse import parse_qs
 
 from nicegui import Client, core
 from socketio.exceptions import ConnectionRefusedError
 
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
+from msbot.web.page_sockets import COMPLAINTS, NONSENSE, is_well_formed
 
 MADE_ANEW = "Implicit handshake failed"
 """NiceGUI's own words to a browser whose page is not there any more, or is not its own: it loads the page again."""
@@ -26,6 +30,7 @@ LEFT = "left"
 _CHECKED = ("handshake", "event", "javascript_response", "ack", "log")
 """What a browser can say of a page; each names it by `client_id`."""
 
+_log = logging.getLogger(__name__)
 _Handler = Callable[..., object]
 
 
@@ -43,8 +48,8 @@ class OpenPages:
         """Messages about pages of other people."""
         handlers = core.sio.handlers["/"]
         for name in _CHECKED:
-            core.sio.on(name, self._checked(handlers[name]))
-        core.sio.on(LEFT, self._checked(self._leave))
+            core.sio.on(name, self._checked(name, self._console if name == "log" else handlers[name]))
+        core.sio.on(LEFT, self._checked(LEFT, self._leave))
         core.sio.on("connect", self._connected(handlers["connect"]))
         core.sio.on("disconnect", self._disconnected(handlers["disconnect"]))
         accounts.sessions.on_end(self._close_pages)
@@ -55,15 +60,21 @@ class OpenPages:
         return client is not None and session is not None and _session_of(client) is session
 
     def _connected(self, handler: _Handler) -> _Handler:
-        async def connect(sid: str, environ: dict[str, object], *rest: object) -> object:
+        async def connect(sid: str, environ: object = None, *rest: object) -> object:
+            if not isinstance(environ, dict):
+                return False
             scope = cast("dict[str, dict[str, object]]", environ.get("asgi.scope", {}))
             session = scope.get("state", {}).get("session")
-            client_id = _client_in(cast("str", environ.get("QUERY_STRING", "")))
+            query = _query_of(environ)
+            client_id = query.get("client_id", "")
             if not isinstance(session, Session):
                 self.refused += 1
                 return False
             if client_id and not self.may_use(client_id, session):
                 self.refused += 1
+                raise ConnectionRefusedError(MADE_ANEW)
+            if query.get("implicit_handshake") == "true" and not is_well_formed("handshake", query):
+                COMPLAINTS.count(NONSENSE, "handshake")
                 raise ConnectionRefusedError(MADE_ANEW)
             self._sockets[sid] = session
             return await _call(handler, sid, environ, *rest)
@@ -77,16 +88,29 @@ class OpenPages:
 
         return disconnect
 
-    def _checked(self, handler: _Handler) -> _Handler:
-        async def checked(sid: str, message: object) -> object:
+    def _checked(self, name: str, handler: _Handler) -> _Handler:
+        async def checked(sid: str, message: object = None, *rest: object) -> object:
             session = self._sockets.get(sid)
             client_id = message.get("client_id") if isinstance(message, dict) else None
             if session is None or not self._accounts.holds(session) or not self.may_use(str(client_id), session):
                 self.refused += 1
                 return False
-            return await _call(handler, sid, message)
+            fits = isinstance(client_id, str) and not rest and is_well_formed(name, cast("dict[str, object]", message))
+            if not fits:
+                COMPLAINTS.count(NONSENSE, name)
+                return False
+            try:
+                return await _call(handler, sid, message)
+            except (LookupError, TypeError, ValueError) as error:  # what was clicked is gone, or was never there
+                COMPLAINTS.count(NONSENSE, f"{name}: {type(error).__name__}")
+                return False
 
         return checked
+
+    @staticmethod
+    def _console(_sid: str, message: dict[str, object]) -> None:
+        """Note what a browser complains of; NiceGUI would write anything, of any length and level."""
+        _log.info("a browser of the page says: %.200s", message.get("message", ""))
 
     @staticmethod
     def _leave(_sid: str, message: dict[str, str]) -> None:
@@ -116,10 +140,9 @@ def _session_of(client: Client) -> object:
     return client.request.scope.get("state", {}).get("session")
 
 
-def _client_in(query: str) -> str:
-    from urllib.parse import parse_qs
-
-    return parse_qs(query).get("client_id", [""])[0]
+def _query_of(environ: dict[str, object]) -> dict[str, str]:
+    """The query with which a websocket came; of a name that comes twice the first, as NiceGUI reads it."""
+    return {name: values[0] for name, values in parse_qs(str(environ.get("QUERY_STRING", ""))).items()}
 
 
 async def _call(handler: _Handler, *arguments: object) -> object:

@@ -41,6 +41,9 @@ from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.open_pages import OpenPages
+from msbot.web.page_errors import say_errors_once
+from msbot.web.page_sockets import PageSockets
+from msbot.web.page_turns import PageTurns
 from msbot.web.pages import register_pages
 from msbot.web.pages.help import picture_answer
 from msbot.web.part_socket import PartSocket
@@ -57,6 +60,8 @@ LATE_PATHS = ("/api", "/openapi", "/metrics")
 """Of what is made when it is needed: the API, its description, and the page that shows it."""
 MAX_MESSAGE = 1024 * 1024
 """Octets of one message of a websocket."""
+MOST_MESSAGES = 4
+"""Messages of one websocket that may have come and wait to be read."""
 _LONG_S = 1.0
 KEPT_S = 30.0
 """How long a page whose connection is lost is kept, as it was: with an open menu, what is being typed, and the rest."""
@@ -209,9 +214,10 @@ class WebServer:
         # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
         core.app.add_exception_handler(404, _not_there)
         pages = OpenPages(service.accounts)
+        say_errors_once()
         guard = AccessGuard(
-            app, service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
-            beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None,
+            PageSockets(PageTurns(app)), service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
+            beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None, api=app,
         )  # fmt: skip
         return uvicorn.Config(
             guard,
@@ -222,6 +228,7 @@ class WebServer:
             timeout_graceful_shutdown=1,
             proxy_headers=False,
             ws_max_size=MAX_MESSAGE,
+            ws_max_queue=MOST_MESSAGES,
         )
 
 

@@ -8,6 +8,7 @@ from typing import cast
 
 import nicegui
 import pytest
+from starlette.requests import Request
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
@@ -213,7 +214,8 @@ async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None
     assert nonsense.status == 400
     chunks = (b"x" * (MAX_BODY // 2),) * 5
     unsaid = await rig.ask("/api/stop", "POST", session=session, bodies=chunks, more=word)
-    assert cast("int", unsaid.json["octets"]) <= MAX_BODY
+    assert (unsaid.status, unsaid.json) == (413, {"error": f"at most {MAX_BODY} octets can be sent here"})
+    assert len(unsaid.messages) == 2, "and nothing of what the application makes of it"
     ada = rig.accounts.sessions.begin("ada", Role.ADMINISTRATOR)
     for path in ("/api/restore", "/_nicegui/client/1/upload/2"):  # by the API, and from the page
         rig.pages = {"1": ada}
@@ -221,7 +223,25 @@ async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None
         assert backup.json["octets"] == 5 * (MAX_BODY // 2)
         rig.pages = {"1": session}
         student = await rig.ask(path, "POST", session=session, bodies=chunks, more=word)
-        assert cast("int", student.json["octets"]) <= MAX_BODY
+        assert student.status == 413
+
+
+async def test_who_sends_too_much_or_leaves_while_a_form_is_read_writes_no_traceback() -> None:
+    async def form(scope: Scope, receive: Receive, send: Send) -> None:
+        await Request(scope, receive).body()
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def failing(scope: Scope, receive: Receive, _send: Send) -> None:
+        await receive()
+        raise RuntimeError("a mistake of ours")
+
+    rig = Rig()
+    rig.guard._app = form
+    long = await rig.ask("/login", "POST", bodies=(b"x" * MAX_BODY, b"x"))
+    assert long.messages == []
+    rig.guard._app = failing
+    with pytest.raises(RuntimeError, match="of ours"):
+        await rig.ask("/login", "POST", bodies=(b"x",))
 
 
 async def test_a_stranger_sends_nothing_but_the_forms_to_sign_in() -> None:

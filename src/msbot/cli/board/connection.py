@@ -13,8 +13,9 @@ import io
 import struct
 import sys
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from msbot.cli.board.answers import are_facts, are_files, is_room
 from msbot.cli.board.ports import NEEDED
 from msbot.errors import ConfigError, LinkDown, MsbotError
 from msbot.runtime.lazy_dataclass import dataclass
@@ -39,6 +40,10 @@ _i = sys.implementation
 print(repr((_i[0], tuple(_i[1])[:3], getattr(_i, "_machine", sys.platform), getattr(_i, "_mpy", 0) & 255,
  [p for p in sys.path if p.endswith("/lib")], os.getcwd())))
 """
+NOTHING: Final = object()
+"""A board has printed no value."""
+FREE_BLOCKS: Final = 3
+"""Place of what is free in the answer to `_ROOM`; before it the sizes of a block and of a fragment, and all blocks."""
 _ROOM = """
 import os
 try:
@@ -118,31 +123,34 @@ class Board:
         Raises:
             ConfigError: MsBOT cannot run on it.
         """
-        name, version, machine, mpy_version, lib, home = self._value(_FACTS)
+        name, version, machine, mpy_version, lib, home = self._value(_FACTS, are_facts)
         words = ".".join(map(str, version))
         if name != "micropython":
-            raise ConfigError(f"the board at {self.port} runs {name} {words}: MsBOT needs MicroPython 1.22 or newer")
+            raise ConfigError(
+                f"the board at {self.port} runs {_short(name)} {words}: MsBOT needs MicroPython 1.22 or newer"
+            )
         if tuple(version) < OLDEST:
             raise ConfigError(
                 f"the board at {self.port} has MicroPython {words}, MsBOT needs 1.22 or newer: put a new one on it "
                 "(https://micropython.org/download/)"
             )
         home = home.rstrip("/")
-        return Facts(machine, tuple(version), mpy_version, lib[0] if lib else f"{home}/lib", home)
+        return Facts(_short(machine), tuple(version), mpy_version, lib[0] if lib else f"{home}/lib", home)
 
     def free(self, folder: str) -> tuple[int, int] | None:
         """Octets that are free in the file system of a folder, and the size of its blocks; None if it cannot tell."""
-        found = self._value(_ROOM.format(folder=folder or "/"))
-        return None if found is None else (found[3] * (found[1] or found[0]), found[1] or found[0])
+        found = self._value(_ROOM.format(folder=folder or "/"), is_room)
+        return None if found is None else (found[FREE_BLOCKS] * (found[1] or found[0]), found[1] or found[0])
 
     def files(self, folder: str) -> dict[str, BoardFile]:
         """The files in a folder; none if there is no such folder."""
-        found: list[tuple[str, int, bytes | None]] = self._value(_LOOK.format(folder=folder), "[{}]")
+        found: list[tuple[str, int, bytes | None]] = self._value(_LOOK.format(folder=folder), are_files, "[{}]")
         return {name: BoardFile(size, digest) for name, size, digest in found}
 
     def read(self, path: str) -> bytes:
         """A file's content, which has to be small."""
-        content: bytes = self._value(f"with open({path!r}, 'rb') as _s:\n print(repr(_s.read()))")
+        code = f"with open({path!r}, 'rb') as _s:\n print(repr(_s.read()))"
+        content: bytes = self._value(code, lambda found: isinstance(found, bytes))
         return content
 
     def make_folder(self, path: str) -> None:
@@ -234,15 +242,18 @@ class Board:
         with self._in_words():
             self._transport.exec_raw_no_follow("import machine\nmachine.reset()")
 
-    def _value(self, code: str, form: str = "{}") -> Any:  # noqa: ANN401 - whatever the code prints
+    def _value(self, code: str, fits: Callable[[Any], bool], form: str = "{}") -> Any:  # noqa: ANN401 - as `fits` says
         printed = self.execute(code).decode("utf-8", "replace").strip()
         try:
-            return ast.literal_eval(form.format(printed))
-        except (ValueError, SyntaxError):
-            raise LinkDown(
-                f"the board at {self.port} answers something else than was asked ({_short(printed)!r}): does another "
-                "program use it, or is its cable bad?"
-            ) from None
+            value = ast.literal_eval(form.format(printed))
+        except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError):  # as its documentation says
+            value = NOTHING
+        if value is not NOTHING and fits(value):
+            return value
+        raise LinkDown(
+            f"the board at {self.port} answers something else than was asked ({_short(printed)!r}): does another "
+            "program use it, or is its cable bad?"
+        )
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:

@@ -125,7 +125,8 @@ def settings_file(
     if SETTINGS in board.files(facts.home or "/"):
         try:
             found = read_json(board.read(path))
-        except ValueError:
+            json.dumps(found, allow_nan=False)
+        except (ValueError, RecursionError):  # what no board could read
             found = None
         known = found if isinstance(found, dict) else {}
     if link is not None:

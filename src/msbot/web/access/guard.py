@@ -19,6 +19,7 @@ from typing import TypeAlias
 from urllib.parse import quote, urlsplit
 
 from nicegui.version import __version__ as nicegui_version
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot.operations.rights import Right
@@ -59,6 +60,9 @@ FORM_PATHS = ("/login", "/setup", "/join", "/pass", "/come")
 """Forms that are sent before there is a session; their origin is checked all the same."""
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
+TOO_LONG = "too_long"
+"""In a request's state: its body has no length in the header, and is longer than allowed."""
+
 HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -90,13 +94,16 @@ class AccessGuard:
         owns: whether the page of that number belongs to a session.
         beat: the answer to open pages that ask whether the robot is there.
         is_tls: whether it is served by TLS: browsers are told to ask for that always.
+        api: the application that describes the API, for the page about it; None: `app`.
     """
 
     def __init__(
         self, app: ASGIApp, accounts: Accounts, hosts: Iterable[str], *, cookies: CookieNames,
         owns: Callable[[str, Session | None], bool], beat: Callable[[], bytes], is_tls: bool = False,
+        api: ASGIApp | None = None,
     ) -> None:  # fmt: skip
         self._app = app
+        self._api = api or app
         self._accounts = accounts
         self._hosts = frozenset(host.casefold() for host in hosts)
         self._cookies = cookies
@@ -123,17 +130,30 @@ class AccessGuard:
         if refusal is not None:
             await self._refuse(scope, receive, send, *refusal)
             return
-        scope.setdefault("state", {}).update(session=session, api=self._app)
+        scope.setdefault("state", {}).update(session=session, api=self._api)
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
         else:
-            try:
-                await self._app(
-                    scope, _limited(scope, receive, _most_of(path, session)), self._with_headers(send, path)
-                )
-            except RuntimeError as error:
-                if not is_left(scope, error):
-                    raise
+            await self._pass(scope, receive, send, path, session)
+
+    async def _pass(self, scope: Scope, receive: Receive, send: Send, path: str, session: Session | None) -> None:
+        """Have a request answered; a body that turns out larger than allowed is refused instead."""
+        most, headers = _most_of(path, session), self._with_headers(send, path)
+        is_answered = False
+
+        async def answer(message: MutableMapping[str, object]) -> None:
+            nonlocal is_answered
+            if not scope["state"].get(TOO_LONG):
+                await headers(message)
+            elif message["type"] == "http.response.start" and not is_answered:
+                await self._refuse(scope, receive, send, *_too_long(most))
+            is_answered = True
+
+        try:
+            await self._app(scope, _limited(scope, receive, most), answer)
+        except (RuntimeError, ClientDisconnect) as error:
+            if not is_left(scope, error):
+                raise
 
     def _check_host(self, headers: Headers) -> tuple[int, str] | None:
         try:
@@ -263,16 +283,21 @@ def _check_length(path: str, headers: Headers, session: Session | None) -> tuple
     if not length.isascii() or not length.isdigit() or len(length) > LONGEST_NUMBER:
         return 400, "the header content-length is not a number"
     if int(length) > _most_of(path, session):
-        return 413, f"at most {_most_of(path, session)} octets can be sent here"
+        return _too_long(_most_of(path, session))
     return None
 
 
-def is_left(scope: Scope, error: Exception) -> bool:
-    """Whether this error only means that the visitor left before the answer, as browsers often do.
+def _too_long(most: int) -> tuple[int, str]:
+    return 413, f"at most {most} octets can be sent here"
 
-    Starlette's middleware treats that as a fault of the application.
+
+def is_left(scope: Scope, error: Exception) -> bool:
+    """Whether this error only means that the visitor left before the answer, as browsers often do, or sent too much.
+
+    Starlette treats that as a fault of the application.
     """
-    return bool(scope.get("state", {}).get("left")) and str(error) == "No response returned."
+    is_about_that = isinstance(error, ClientDisconnect) or str(error) == "No response returned."
+    return bool(scope.get("state", {}).get("left")) and is_about_that
 
 
 def _limited(scope: Scope, receive: Receive, most: int) -> Receive:
@@ -287,6 +312,7 @@ def _limited(scope: Scope, receive: Receive, most: int) -> Receive:
             scope["state"]["left"] = True
         left -= len(message.get("body", b""))
         if left < 0:
+            scope["state"][TOO_LONG] = scope["state"]["left"] = True
             return {"type": "http.disconnect"}
         return message
 

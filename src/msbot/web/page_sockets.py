@@ -1,0 +1,255 @@
+"""The websockets of the pages: what may come in them, how fast, and how much may wait for a browser that reads slowly.
+
+NiceGUI, socket.io and engine.io expect that the other end is their own JavaScript. Here everything that is not is
+counted, said once a minute, and goes no further. A browser that sends too much is read more slowly; one that does not
+take what it is sent loses its connection and, when it comes back, its page is there as it was or is made anew.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, cast
+
+from nicegui import core
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from msbot.runtime.tally import Tally
+from msbot.web.access.guard import SOCKET_PATH
+
+MESSAGES_PER_S = 200.0
+"""What is read of one browser; a hand that draws moves some sixty times a second."""
+BURST = 500.0
+MOST_WAITING = 2000
+"""Packets that may wait for one browser."""
+MOST_WAITING_OCTETS = 4 * 1024 * 1024
+SEND_S = 20.0
+"""How long a browser may take until there is room for the next packet."""
+CLOSE_S = 1.0
+SAY_S = 60.0
+LONGEST_NAME = 100
+"""Characters of what a browser calls its tab."""
+TAB_S = 600.0
+"""How long NiceGUI keeps what belongs to a tab; MsBOT keeps nothing there."""
+TOO_SLOW = "does not take what it is sent"
+NONSENSE = "is not what a page of ours sends"
+STATE = "page_socket"
+"""Where a request's state has its websocket."""
+
+_log = logging.getLogger(__name__)
+_Handler = Callable[..., Any]
+
+
+class Complaints:
+    """Counts what is wrong with the browsers' ends, and says so at most once a minute for each reason."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.counts = Tally()
+        self._clock = clock
+        self._said: dict[str, float] = {}
+
+    def count(self, reason: str, detail: str) -> None:
+        """Count one; `detail` is one of few."""
+        words = f"{reason} ({detail})"
+        self.counts.count(words)
+        now = self._clock()
+        if now - self._said.get(reason, -SAY_S) >= SAY_S:
+            self._said[reason] = now
+            _log.warning("a browser of the page %s: %d times so far", words, self.counts.get(words, 0))
+
+
+COMPLAINTS = Complaints()
+"""Of this process, as NiceGUI is there once."""
+
+
+class PageSocket:
+    """One websocket of a page, between the server and engine.io."""
+
+    def __init__(self, receive: Receive, send: Send) -> None:
+        self._receive, self._send, self._clock = receive, send, asyncio.get_running_loop().time
+        self._credit, self._at = BURST, self._clock()
+        self._is_over = False
+        self._listening: asyncio.Timeout | None = None
+        self._sending: asyncio.Timeout | None = None
+
+    def end(self) -> None:
+        """Close it, whatever it waits for."""
+        if not self._is_over:
+            self._is_over = True
+            for wait in (self._listening, self._sending):
+                if wait is not None and not wait.expired():
+                    wait.reschedule(0.0)
+
+    async def receive(self) -> Message:
+        """What the browser says next, not faster than allowed."""
+        if self._is_over:
+            return _OVER
+        now = self._clock()
+        self._credit = min(BURST, self._credit + (now - self._at) * MESSAGES_PER_S) - 1.0
+        self._at = now
+        if self._credit < 0.0:
+            await asyncio.sleep(-self._credit / MESSAGES_PER_S)
+        try:
+            async with asyncio.timeout(None) as self._listening:
+                message = await self._receive()
+        except TimeoutError:
+            return _OVER
+        finally:
+            self._listening = None
+        text = message.get("text")
+        if message["type"] == "websocket.receive" and isinstance(text, str) and text[:1] not in _PACKETS:
+            COMPLAINTS.count(NONSENSE, "no packet")
+            return _OVER
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Something for the browser.
+
+        Raises:
+            OSError: it is over.
+        """
+        if self._is_over and message["type"] != "websocket.close":
+            raise OSError("closed")
+        patience = CLOSE_S if self._is_over else SEND_S
+        try:
+            async with asyncio.timeout(patience) as self._sending:
+                await self._send(message)
+        except TimeoutError:
+            if not self._is_over:
+                COMPLAINTS.count(TOO_SLOW, "for a long time")
+                self.end()
+            if message["type"] != "websocket.close":
+                raise OSError("closed") from None
+        finally:
+            self._sending = None
+
+
+_EXPECTED = re.compile(
+    r"""0(\{.{0,1000}\})?$ | 1$ | 2\d{0,15}\["(handshake|event|javascript_response|ack|log|left)",""", re.VERBOSE
+)
+"""Messages of socket.io that a page of ours sends: it comes, goes, and says these things. (`connect`, said as one of
+them, would be taken for coming.)"""
+_OVER: Message = {"type": "websocket.disconnect", "code": 1008}
+_PACKETS = tuple("0123456")
+
+
+class Outgoing(asyncio.Queue[Any]):
+    """What waits for one browser: bounded, unlike engine.io's own queue."""
+
+    def __init__(self, on_full: Callable[[], None]) -> None:
+        super().__init__()
+        self._on_full = on_full
+        self.octets = 0
+
+    async def put(self, item: Any) -> None:  # noqa: ANN401 - as its base has it
+        """Take one more; drops all of them when there are too many."""
+        size = _size(item)
+        if item is not None and (self.qsize() >= MOST_WAITING or 0 < self.octets > MOST_WAITING_OCTETS - size):
+            COMPLAINTS.count(TOO_SLOW, "too much waits for it")
+            while not self.empty():
+                self.get_nowait()
+                self.task_done()
+            self._on_full()
+            return
+        await super().put(item)
+
+    def _put(self, item: Any) -> None:  # noqa: ANN401
+        self.octets += _size(item)
+        super()._put(item)
+
+    def _get(self) -> Any:  # noqa: ANN401
+        item = super()._get()
+        self.octets -= _size(item)
+        return item
+
+
+def _size(packet: object) -> int:
+    data = getattr(packet, "data", None)
+    return len(data) if isinstance(data, str | bytes) else 0
+
+
+class PageSockets:
+    """ASGI middleware around NiceGUI, see the module's docstring; to be made once in a process.
+
+    Args:
+        app: everything behind it.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        handlers = core.sio.eio.handlers
+        core.sio.eio.on("connect", self._bounded(handlers["connect"]))
+        core.sio.eio.on("message", self._heard(handlers["message"]))
+        core.app.storage.max_tab_storage_age = TAB_S
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a connection through."""
+        if scope["type"] != "websocket" or not scope["path"].startswith(SOCKET_PATH):
+            await self._app(scope, receive, send)
+            return
+        socket = PageSocket(receive, send)
+        scope.setdefault("state", {})[STATE] = socket
+        await self._app(scope, socket.receive, socket.send)
+
+    @staticmethod
+    def _bounded(handler: _Handler) -> _Handler:
+        async def connect(eio_sid: str, environ: Mapping[str, Any]) -> object:
+            socket = environ["asgi.scope"].get("state", {}).get(STATE)
+            if isinstance(socket, PageSocket):
+                line = core.sio.eio.sockets[eio_sid]
+                outgoing = Outgoing(socket.end)
+                while not line.queue.empty():
+                    outgoing.put_nowait(line.queue.get_nowait())
+                line.queue = outgoing
+            return await cast("Awaitable[object]", handler(eio_sid, environ))
+
+        return connect
+
+    @staticmethod
+    def _heard(handler: _Handler) -> _Handler:
+        async def message(eio_sid: str, data: object) -> None:
+            if not isinstance(data, str) or not _EXPECTED.match(data):
+                COMPLAINTS.count(NONSENSE, "no message of socket.io")
+                return
+            try:
+                await handler(eio_sid, data)
+            except Exception as error:  # whatever socket.io makes of it
+                COMPLAINTS.count(NONSENSE, type(error).__name__)
+
+        return message
+
+
+def is_well_formed(name: str, message: Mapping[str, object]) -> bool:
+    """Whether a message has what NiceGUI takes for granted: each name with a value of its kind.
+
+    Args:
+        name: the event: `handshake`, `event`, `javascript_response`, `ack`, `log`, or another one, which needs nothing.
+        message: what came with it.
+    """
+    if name == "handshake":
+        number = message.get("next_message_id")
+        is_number = number is None or _is_number(number) or (isinstance(number, str) and _is_digits(number))
+        names = (message.get("tab_id"), message.get("document_id"), message.get("old_tab_id") or "")
+        return is_number and all(isinstance(one, str) and len(one) <= LONGEST_NAME for one in names)
+    if name == "event":
+        arguments = message.get("args", [])
+        return (
+            _is_number(message.get("id"))
+            and isinstance(message.get("listener_id"), str)
+            and isinstance(arguments, list)
+            and all(one is None or isinstance(one, str) for one in arguments)
+        )
+    if name == "javascript_response":
+        return isinstance(message.get("request_id"), str)
+    return name != "ack" or _is_number(message.get("next_message_id"))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int) and abs(value) < 1 << 53
+
+
+def _is_digits(value: str) -> bool:
+    return value.isascii() and value.isdigit() and len(value) <= len(str(1 << 53))

@@ -1,0 +1,40 @@
+"""The same error of a page is written once a minute."""
+
+from __future__ import annotations
+
+import logging
+
+from msbot.web.page_errors import MOST_PLACES, SAY_S, OncePerPlace
+
+
+def record(error: object, *, raised: bool = False) -> logging.LogRecord:
+    info = (type(error), error, error.__traceback__) if raised and isinstance(error, BaseException) else None
+    return logging.LogRecord("nicegui", logging.ERROR, __file__, 1, "failed" if raised else error, (), info)
+
+
+def failing(where: int) -> BaseException:
+    try:
+        raise ValueError(where) if where else KeyError(where)
+    except (ValueError, KeyError) as error:
+        return error
+
+
+def test_the_same_error_is_written_once_a_minute_with_how_often_it_came() -> None:
+    now = 0.0
+    once = OncePerPlace(lambda: now)
+    assert once.filter(record(failing(1)))
+    assert [once.filter(record(failing(number), raised=True)) for number in range(1, 51)] == [False] * 50
+    assert once.filter(record(failing(0))), "another one"
+    assert once.filter(record("no error"))
+    assert once.filter(record("no error"))
+    now = SAY_S
+    again = record(failing(7), raised=True)
+    assert once.filter(again)
+    assert again.getMessage() == "failed (and 50 times before, since it was said last)"
+
+
+def test_what_is_remembered_is_bounded() -> None:
+    once = OncePerPlace(lambda: 0.0)
+    kinds = [type(f"Error{number}", (Exception,), {}) for number in range(3 * MOST_PLACES)]
+    assert all(once.filter(record(kind())) for kind in kinds)
+    assert len(once._places) == MOST_PLACES

@@ -1,0 +1,175 @@
+"""The websockets of the pages: how fast they are read, how much waits for who reads slowly, and what nonsense becomes.
+
+Random nonsense, in front of socket.io and NiceGUI: `python -m fuzz sockets`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+import pytest
+from engineio.packet import MESSAGE, Packet
+from starlette.types import Message
+
+from msbot.runtime.virtual_time import run_virtual
+from msbot.web.page_sockets import (
+    BURST,
+    MESSAGES_PER_S,
+    MOST_WAITING,
+    MOST_WAITING_OCTETS,
+    NONSENSE,
+    SAY_S,
+    SEND_S,
+    TOO_SLOW,
+    Complaints,
+    Outgoing,
+    PageSocket,
+    is_well_formed,
+)
+
+
+def said(text: str) -> Message:
+    return {"type": "websocket.receive", "text": text}
+
+
+class Wire:
+    """What the server has of a browser: what it has said, and whether it takes anything."""
+
+    def __init__(self, *messages: str) -> None:
+        self.inbox = [said(one) for one in messages]
+        self.reads = asyncio.Event()
+        self.sent: list[Message] = []
+
+    async def receive(self) -> Message:
+        if not self.inbox:
+            await asyncio.get_running_loop().create_future()
+        return self.inbox.pop(0)
+
+    async def send(self, message: Message) -> None:
+        await self.reads.wait()
+        self.sent.append(message)
+
+
+def test_who_says_too_much_is_read_more_slowly_and_loses_nothing() -> None:
+    async def scene() -> None:
+        count = int(BURST) + 1000
+        wire = Wire(*(f"4{number}" for number in range(count)))
+        socket = PageSocket(wire.receive, wire.send)
+        started = asyncio.get_running_loop().time()
+        heard = [(await socket.receive())["text"] for _ in range(count)]
+        assert heard == [f"4{number}" for number in range(count)]
+        assert asyncio.get_running_loop().time() - started == pytest.approx(1000 / MESSAGES_PER_S, rel=0.02)
+
+    run_virtual(scene())
+
+
+def test_who_does_not_take_what_is_sent_loses_the_connection() -> None:
+    async def scene() -> None:
+        wire = Wire()
+        socket = PageSocket(wire.receive, wire.send)
+        listening = asyncio.create_task(socket.receive())
+        started = asyncio.get_running_loop().time()
+        with pytest.raises(OSError, match="closed"):
+            await socket.send({"type": "websocket.send", "text": "x"})
+        assert asyncio.get_running_loop().time() - started == pytest.approx(SEND_S)
+        assert (await listening)["type"] == "websocket.disconnect"
+        assert (await socket.receive())["type"] == "websocket.disconnect"
+        with pytest.raises(OSError, match="closed"):
+            await socket.send({"type": "websocket.send", "text": "x"})
+        await socket.send({"type": "websocket.close"})  # given up soon, without an error
+
+    run_virtual(scene())
+
+
+def test_what_waits_for_a_browser_is_bounded_and_its_end_frees_all_of_it() -> None:
+    async def scene(octets: int, most: int) -> None:
+        wire = Wire()
+        socket = PageSocket(wire.receive, wire.send)
+        waiting = Outgoing(socket.end)
+        sending = asyncio.create_task(socket.send({"type": "websocket.send", "text": "x"}))
+        listening = asyncio.create_task(socket.receive())
+        for _ in range(most):
+            await waiting.put(Packet(MESSAGE, "x" * octets))
+        assert waiting.qsize() == most
+        assert waiting.octets == most * octets
+        await asyncio.sleep(0)
+        await waiting.put(Packet(MESSAGE, "x" * octets))
+        assert (waiting.qsize(), waiting.octets) == (0, 0)
+        assert (await listening)["type"] == "websocket.disconnect"
+        with pytest.raises(OSError, match="closed"):
+            await sending
+        await waiting.put(None)  # how engine.io ends its writer
+        assert await waiting.get() is None
+        waiting.task_done()
+        await asyncio.wait_for(waiting.join(), 1.0)
+
+    run_virtual(scene(10, MOST_WAITING))
+    run_virtual(scene(MOST_WAITING_OCTETS // 4, 4))
+
+
+def test_one_large_packet_passes() -> None:
+    async def scene() -> None:
+        waiting = Outgoing(lambda: pytest.fail("nothing else waits"))
+        await waiting.put(Packet(MESSAGE, "x" * (2 * MOST_WAITING_OCTETS)))
+        assert (await waiting.get()).data
+        assert waiting.octets == 0
+
+    run_virtual(scene())
+
+
+def test_what_is_no_packet_ends_the_connection() -> None:
+    async def scene() -> None:
+        for text in ("", "x", "b", "9", "é"):
+            wire = Wire(text)
+            assert (await PageSocket(wire.receive, wire.send).receive())["type"] == "websocket.disconnect"
+
+    run_virtual(scene())
+
+
+def test_nonsense_is_counted_and_said_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
+    now = 0.0
+    complaints = Complaints(lambda: now)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(100):
+            complaints.count(NONSENSE, "event")
+        complaints.count(TOO_SLOW, "too much waits for it")
+        now = SAY_S
+        complaints.count(NONSENSE, "event")
+    assert [record.message for record in caplog.records] == [
+        f"a browser of the page {NONSENSE} (event): 1 times so far",
+        f"a browser of the page {TOO_SLOW} (too much waits for it): 1 times so far",
+        f"a browser of the page {NONSENSE} (event): 101 times so far",
+    ]
+
+
+HANDSHAKE: dict[str, object] = {"tab_id": "t", "document_id": "d", "next_message_id": "12", "old_tab_id": None}
+EVENT: dict[str, object] = {"id": 4, "listener_id": "l", "args": ["1", None]}
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "fits"),
+    [
+        ("handshake", HANDSHAKE, True),
+        ("handshake", {**HANDSHAKE, "next_message_id": 0, "old_tab_id": "x"}, True),
+        ("handshake", {**HANDSHAKE, "next_message_id": "9" * 5000}, False),
+        ("handshake", {**HANDSHAKE, "next_message_id": "x"}, False),
+        ("handshake", {**HANDSHAKE, "document_id": {}}, False),
+        ("handshake", {**HANDSHAKE, "tab_id": "x" * 101}, False),
+        ("handshake", {}, False),
+        ("event", EVENT, True),
+        ("event", {"id": 4, "listener_id": "l"}, True),
+        ("event", {**EVENT, "id": []}, False),
+        ("event", {**EVENT, "listener_id": None}, False),
+        ("event", {**EVENT, "args": "x"}, False),
+        ("event", {**EVENT, "args": [1]}, False),
+        ("javascript_response", {"request_id": "r"}, True),
+        ("javascript_response", {"request_id": []}, False),
+        ("ack", {"next_message_id": 3}, True),
+        ("ack", {"next_message_id": "3"}, False),
+        ("ack", {"next_message_id": 1 << 60}, False),
+        ("left", {}, True),
+    ],
+)
+def test_a_message_has_what_nicegui_takes_for_granted(name: str, message: dict[str, object], *, fits: bool) -> None:
+    assert is_well_formed(name, message) is fits
