@@ -22,7 +22,7 @@ from msbot.web.page_sockets import (
     SAY_S,
     SEND_S,
     TOO_SLOW,
-    Complaints,
+    BrowserComplaints,
     Outgoing,
     PageSocket,
     is_well_formed,
@@ -129,7 +129,7 @@ def test_what_is_no_packet_ends_the_connection() -> None:
 
 def test_nonsense_is_counted_and_said_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
     now = 0.0
-    complaints = Complaints(lambda: now)
+    complaints = BrowserComplaints(lambda: now)
     with caplog.at_level(logging.WARNING):
         for _ in range(100):
             complaints.count(NONSENSE, "event")

@@ -43,7 +43,7 @@ _log = logging.getLogger(__name__)
 _Handler = Callable[..., Any]
 
 
-class Complaints:
+class BrowserComplaints:
     """Counts what is wrong with the browsers' ends, and says so at most once a minute for each reason."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -61,7 +61,7 @@ class Complaints:
             _log.warning("a browser of the page %s: %d times so far", words, self.counts.get(words, 0))
 
 
-COMPLAINTS = Complaints()
+COMPLAINTS = BrowserComplaints()
 """Of this process, as NiceGUI is there once."""
 
 
