@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from nicegui import Client
+from nicegui.events import GenericEventArguments
+from nicegui.page import page as nicegui_page
 
 from msbot.config import load_library
-from msbot.web.pages.slots_by_hand import slot_name
+from msbot.web.pages.slots_by_hand import TypeChoice, slot_name
 from msbot.web.pages.topics_by_hand import free_name
 
 
@@ -28,3 +31,22 @@ def test_every_part_type_of_the_library_makes_a_name_that_can_stand_before_a_dot
 )
 def test_a_name_that_is_taken_gets_a_number(taken: set[str], name: str) -> None:
     assert free_name("fan", taken) == name
+
+
+async def test_a_click_is_for_the_type_that_was_seen_also_when_the_search_has_shortened_the_list() -> None:
+    with Client(nicegui_page("/")) as client:
+        choice = TypeChoice({"BUTTON": "Push button", "FAN": "Fan", "SERVO": "Servo"})
+
+        def click(number: str) -> object:
+            told = GenericEventArguments(sender=choice, client=client, args=number)
+            choice.set_value(choice._event_args_to_value(told))
+            return choice.value
+
+        assert [one["value"] for one in choice.props["options"]] == ["BUTTON", "FAN", "SERVO"]
+        choice.set_options({"FAN": "Fan", "SERVO": "Servo"})
+        assert click("FAN") == "FAN"
+        assert choice.props["model-value"] == "FAN"
+        assert click("BUTTON") == "FAN", "it is no longer there"
+        choice.set_options({"SERVO": "Servo"})
+        assert choice.value is None
+        assert click("SERVO") == "SERVO"

@@ -6,6 +6,7 @@ import re
 from functools import partial
 
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 
 from msbot.web.pages.layout import Page
 from msbot.web.pages.page_elements import ask_first, heading, show_dialog
@@ -33,6 +34,25 @@ def slot_name(type_name: str) -> str:
     return "_".join(words) or "slot"
 
 
+class TypeChoice(ui.radio):
+    """Part types to choose from, told by their numbers.
+
+    NiceGUI's own tells which line was clicked. When a search shortens the list at that moment, that line is another
+    type, or none.
+    """
+
+    def _update_options(self) -> None:
+        super()._update_options()
+        pairs = zip(self._values, self._labels, strict=True)
+        self._props["options"] = [{"value": number, "label": words} for number, words in pairs]
+
+    def _event_args_to_value(self, e: GenericEventArguments) -> object:
+        return e.args if e.args in self.options else self.value
+
+    def _value_to_model_value(self, value: object) -> object:
+        return value
+
+
 class _NewSlot:
     """The dialog."""
 
@@ -48,7 +68,7 @@ class _NewSlot:
             self._search.props("outlined dense clearable autofocus").classes("w-full")
             self._search.on("keydown.enter", self._take_first)
             with ui.element("div").classes("slot-types"):
-                self._types = ui.radio({}, on_change=self._propose)
+                self._types = TypeChoice({}, on_change=self._propose)
                 self._types.props["aria-label"] = say("Part type")
             self._nothing = ui.label(say("No part type fits these words: try fewer.")).props("role=status")
             self._name = ui.input(say("Name of the slot")).props(f"outlined dense maxlength={LONGEST_NAME}")
