@@ -25,6 +25,7 @@ from msbot.web.access.guard import AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.admin import make_admin_api
 from msbot.web.api.metrics import make_metrics
+from msbot.web.api.operation_routes import make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.api.routes import make_api
 from msbot.web.service import Service
@@ -167,6 +168,7 @@ def make_app(service: Service) -> FastAPI:
     """What `WebServer` serves, but for the pages themselves."""
     app = FastAPI()
     app.include_router(make_forms(service.accounts, service.robot_name, COOKIES, service.pupils.passes))
+    app.include_router(make_stop_api(service))
     app.include_router(make_api(service))
     app.include_router(make_admin_api(service))
     app.include_router(make_metrics(service))
