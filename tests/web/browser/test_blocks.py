@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,20 @@ class Pupil:
     def drag(self, category: str, kind: str, onto: str, place: str) -> str:
         """Drag a block out of the toolbox to a place of another one; returns its id."""
         before = self.page.evaluate(IDS)
+        added = f"(before) => ({IDS})().find((one) => !before.includes(one))"
+        for _ in range(3):  # on a busy machine moves come as one, and a block is dropped where it was
+            self._carry(category, kind, onto, place)
+            with suppress(BrowserTimeout):
+                self.page.wait_for_function(added, arg=before, timeout=5_000)
+                break
+            self.page.evaluate("msbotBlocks.workspace().getToolbox().clearSelection()")
+        block = str(self.page.wait_for_function(added, arg=before).json_value())
+        held_by = "([id, onto]) => msbotBlocks.workspace().getBlockById(id).getParent()?.id === onto"
+        assert self.page.evaluate(held_by, [block, onto]), f"{kind} was dropped, and is not at {place}"
+        return block
+
+    def _carry(self, category: str, kind: str, onto: str, place: str) -> None:
+        """The mouse's way from the toolbox to that place."""
         self.page.locator(".blocklyToolboxCategory", has_text=category).first.click()
         self.page.wait_for_function(STANDS_IN_FLYOUT, arg=[kind])
         to_x, to_y = self.page.evaluate(AT_INPUT, [onto, place])
@@ -108,11 +123,6 @@ class Pupil:
             mouse.move(to_x + 12 - missing, to_y + 18, steps=4)
         self.page.evaluate(TWO_PICTURES)
         mouse.up()
-        made = self.page.wait_for_function(f"(before) => ({IDS})().find((one) => !before.includes(one))", arg=before)
-        block = str(made.json_value())
-        held_by = "([id, onto]) => msbotBlocks.workspace().getBlockById(id).getParent()?.id === onto"
-        assert self.page.evaluate(held_by, [block, onto]), f"{kind} was dropped, and is not at {place}"
-        return block
 
     def choose(self, block: str, field: str, label: str) -> None:
         """Choose in a drop-down."""

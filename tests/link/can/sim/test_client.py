@@ -287,6 +287,43 @@ async def test_a_part_waits_for_a_server_that_says_nothing_yet(
     await asyncio.gather(task, return_exceptions=True)
 
 
+async def test_a_part_waits_for_another_server_when_this_one_ends_while_it_joins(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    hung_up = asyncio.Event()
+
+    async def hang_up(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.close()
+        hung_up.set()
+
+    server = await asyncio.start_server(hang_up, "127.0.0.1", 0)
+    bus = NamedBus("classroom", int(server.sockets[0].getsockname()[1]), "ab" * 16, os.getpid(), 500_000, None, False)
+    publish(bus, folder)
+    driver = CanDriver(SimAdapter(WISH, absent=WhenAbsent.WAIT, folder=folder))
+    ear = Ear(driver)
+    task = asyncio.create_task(driver.run())
+    await hung_up.wait()
+    server.close()
+    withdraw(bus, folder)
+    async with served(folder):
+        await ear.until(lambda: ear.states[-1:] != [] and ear.states[-1][0] is BusState.ACTIVE)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    assert [one.message for one in caplog.records] == ["the simulated bus 'classroom' has ended; trying again"]
+
+
+async def test_a_program_that_does_not_wait_says_that_the_bus_has_ended(folder: Path) -> None:
+    async def hang_up(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.close()
+
+    server = await asyncio.start_server(hang_up, "127.0.0.1", 0)
+    port = int(server.sockets[0].getsockname()[1])
+    publish(NamedBus("classroom", port, "ab" * 16, os.getpid(), 500_000, None, False), folder)
+    with pytest.raises(LinkDown, match="'classroom' has ended"):
+        await CanDriver(SimAdapter(WISH, folder=folder)).run()
+    server.close()
+
+
 @pytest.mark.parametrize("with_frame", [False, True])
 async def test_nonsense_after_the_welcome_ends_the_bus(folder: Path, with_frame: bool) -> None:
     heard = encode(FrameSent(99, 0.0)) + encode(BusFrame(Frame(1)))

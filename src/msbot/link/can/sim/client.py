@@ -96,6 +96,10 @@ class SimBusWish:
             )
 
 
+class _EndedEarly(LinkDown):
+    """Who serves the bus has gone before the controller was on it."""
+
+
 class SimAdapter:
     """A controller on a simulated bus, found by its name. Satisfies `Adapter`."""
 
@@ -145,8 +149,15 @@ class SimAdapter:
                         told = bus.pid
                         _log.warning("%s; trying again", words)
                     continue
-                if client is not None:
-                    return client
+                except _EndedEarly as error:
+                    if self._absent is not WhenAbsent.WAIT:
+                        raise
+                    if told != bus.pid:
+                        told = bus.pid
+                        _log.warning("%s; trying again", error)
+                else:
+                    if client is not None:
+                        return client
             elif self._absent is WhenAbsent.FAIL:
                 existing_bus(self._wish.name, self._folder)
             elif self._absent is WhenAbsent.SERVE:
@@ -279,7 +290,7 @@ class SimBusClient(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - the bus has gone either way
         """See `asyncio.Protocol`."""
-        self._end(f"the simulated bus {self._name!r} has ended")
+        self._end(f"the simulated bus {self._name!r} has ended", _EndedEarly)
 
     def _handle(self, message: Message) -> None:
         now = asyncio.get_running_loop().time()
@@ -306,7 +317,7 @@ class SimBusClient(asyncio.Protocol):
             case _:
                 raise RemoteProtocolError("message that a server does not send, or not then")
 
-    def _end(self, words: str) -> None:
+    def _end(self, words: str, kind: type[LinkDown] = LinkDown) -> None:
         transport, self._transport = self._transport, None
         if transport is None:
             return  # closed by its owner
@@ -315,7 +326,7 @@ class SimBusClient(asyncio.Protocol):
         if self.welcomed.done():
             self._owner.lost(self, words)
         else:
-            self.welcomed.set_exception(LinkDown(words))
+            self.welcomed.set_exception(kind(words))
 
 
 def _cannot_join(bus: NamedBus, reason: str) -> str:
