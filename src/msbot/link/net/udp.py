@@ -18,6 +18,7 @@ from functools import partial
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.base import BaseLink
 from msbot.link.contract import LinkInfo, Peer, Signal
+from msbot.link.net.batched_receive import BATCH, BatchedReceiver, batched_receiver
 from msbot.link.net.host_address import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
 from msbot.link.net.lingering import LINGER_S, Lingering
 
@@ -73,6 +74,7 @@ class _UdpLink(BaseLink, ABC):
         self._was_full = False
         self._lingering = Lingering(linger_s)
         self._look: Callable[[], object]  # whether the socket has something
+        self._batches: BatchedReceiver | None = None
 
     @property
     def port(self) -> int:
@@ -123,6 +125,7 @@ class _UdpLink(BaseLink, ABC):
         self._loop, self._socket, self._ended = loop, opened, loop.create_future()
         self._transmit = self._transmitter(opened)
         self._look = _looker(opened)
+        self._batches = batched_receiver(opened)
         loop.add_reader(opened, self._drain, opened, loop)
         self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
         try:
@@ -131,7 +134,7 @@ class _UdpLink(BaseLink, ABC):
             loop.remove_reader(opened)
             loop.remove_writer(opened)
             opened.close()
-            self._loop, self._socket, self._ended = None, None, None
+            self._loop, self._socket, self._ended, self._batches = None, None, None, None
             if self._queue:
                 self.counters.dropped.count("the link was closed before the network took it", len(self._queue))
             self._queue.clear()
@@ -194,6 +197,25 @@ class _UdpLink(BaseLink, ABC):
                 continue
             self._received(packet, peer if remote is None else remote, clock())
             if not look():  # a quarter of what it costs to be refused
+                break
+            if self._batches is not None:
+                return self._take_batches(self._batches, clock)
+        return True
+
+    def _take_batches(self, batches: BatchedReceiver, clock: Callable[[], float]) -> bool:
+        """Take the rest of a burst, many datagrams at a time; False: the socket has failed."""
+        remote = self.remote
+        for _ in range(DRAIN_PACKETS // BATCH):
+            try:
+                packets = batches.receive()
+            except OSError as error:
+                if not self._tolerate(error):
+                    return False
+                continue
+            now = clock()
+            for packet, peer in packets:
+                self._received(packet, peer if remote is None else remote, now)
+            if len(packets) < BATCH:
                 break
         return True
 
