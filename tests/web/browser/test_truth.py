@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.e2e.processes import running
 from tests.web.browser.conftest import Site, go, new_page
 
-DEAD = "document.documentElement.classList.contains('ms-dead')"
+DEAD = "document.documentElement?.classList.contains('ms-dead')"
 
 
 @pytest.fixture
