@@ -73,9 +73,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next((number for number, path in enumerate(ranks) if file.is_relative_to(path)), len(ranks))
 
     items.sort(key=lambda item: rank(item.path))
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than there are processors: a quarter of the time all of them would wait for other processes."""
-    return len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)) + 1
