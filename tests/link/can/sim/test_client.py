@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -31,16 +32,21 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "msbot"
 
 
+async def on_the_bus(ear: Ear, task: asyncio.Task[None]) -> None:
+    """Wait until the controller is on the bus; raises what its driver has ended with, if it has."""
+    task.add_done_callback(ear.poke)
+    await ear.until(lambda: [state for state, _ in ear.states[-1:]] == [BusState.ACTIVE] or task.done())
+    if task.done():
+        task.result()
+
+
 @contextlib.asynccontextmanager
 async def running(adapter: SimAdapter) -> AsyncIterator[Ear]:
     """A controller that is looked after, with all it tells."""
     driver = CanDriver(adapter)
     ear = Ear(driver)
     task = asyncio.create_task(driver.run())
-    task.add_done_callback(ear.poke)
-    await ear.until(lambda: ear.states[-1:] == [(BusState.ACTIVE, "open")] or task.done())
-    if task.done():
-        task.result()
+    await on_the_bus(ear, task)
     try:
         yield ear
     finally:
@@ -137,7 +143,7 @@ async def test_a_part_waits_for_its_bus_and_comes_back_when_the_bus_does(
     task = asyncio.create_task(driver.run())
     for _ in range(2):
         async with served(folder):
-            await ear.until(lambda: ear.states[-1:] != [] and ear.states[-1][0] is BusState.ACTIVE)
+            await on_the_bus(ear, task)
         await ear.until(lambda: ear.states[-1] == (BusState.GONE, "the simulated bus 'classroom' has ended"))
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
@@ -282,7 +288,7 @@ async def test_a_part_waits_for_a_server_that_says_nothing_yet(
     withdraw(bus, folder)
     monkeypatch.setattr(sim_client, "CONNECT_S", 30.0)
     async with served(folder):
-        await ear.until(lambda: ear.states[-1:] != [] and ear.states[-1][0] is BusState.ACTIVE)
+        await on_the_bus(ear, task)
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
 
@@ -306,10 +312,26 @@ async def test_a_part_waits_for_another_server_when_this_one_ends_while_it_joins
     server.close()
     withdraw(bus, folder)
     async with served(folder):
-        await ear.until(lambda: ear.states[-1:] != [] and ear.states[-1][0] is BusState.ACTIVE)
+        await on_the_bus(ear, task)
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     assert [one.message for one in caplog.records] == ["the simulated bus 'classroom' has ended; trying again"]
+
+
+async def test_a_part_waits_for_another_server_when_this_one_ends_before_it_accepts(folder: Path) -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+    bus = NamedBus("classroom", int(listener.getsockname()[1]), "ab" * 16, os.getpid(), 500_000, None, False)
+    publish(bus, folder)
+    driver = CanDriver(SimAdapter(WISH, absent=WhenAbsent.WAIT, folder=folder))
+    ear = Ear(driver)
+    task = asyncio.create_task(driver.run())
+    await asyncio.sleep(0)  # it is connecting: what the system has begun is now reset, not refused
+    listener.close()
+    withdraw(bus, folder)
+    async with served(folder):
+        await on_the_bus(ear, task)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
 
 
 async def test_a_program_that_does_not_wait_says_that_the_bus_has_ended(folder: Path) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
+from can.broadcastmanager import ThreadBasedCyclicSendTask
 
 import can
 from msbot.link.can.adapters.python_can import message_of
@@ -24,7 +25,7 @@ from msbot.link.can.protocol.notation import parse_log_line
 from msbot.link.can.sim import python_can_interface as sim_interface
 from msbot.link.can.sim import server as sim_server
 from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import SimBus
+from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot.link.can.sim.names import existing_bus, find_bus
 from msbot.link.can.sim.python_can_interface import MsbotBus
 from tests.link.sim_programs import PATIENCE_S, served
@@ -265,7 +266,7 @@ def test_frames_that_nobody_reads_are_lost_and_said_once(
 
 
 def test_a_notifier_and_a_periodic_task_work() -> None:
-    with MsbotBus() as one, MsbotBus() as other:
+    with MsbotBus() as other, MsbotBus() as one:  # left in the other order: somebody acknowledges the last frame
         reader = can.BufferedReader()
         with can.Notifier(other, [reader], timeout=0.01):
             task = one.send_periodic(message(), 0.001)
@@ -273,6 +274,33 @@ def test_a_notifier_and_a_periodic_task_work() -> None:
             task.stop()
         assert received is not None
         assert bytes(received.data) == b"hello"
+
+
+def test_a_periodic_task_that_was_stopped_while_it_sent_says_nothing_when_its_bus_is_left(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(sim_interface, "LINGER_S", 0.01)
+    with MsbotBus() as lonely:
+        for number in range(MAILBOXES):  # nobody acknowledges them: the task waits for room
+            lonely.send(message(number))
+        sends = threading.Event()
+        task = lonely.send_periodic(message(), 0.001, modifier_callback=lambda _: sends.set())
+        assert isinstance(task, ThreadBasedCyclicSendTask)
+        assert sends.wait(PATIENCE_S)
+        task.stop()
+    assert task.thread is not None
+    task.thread.join(PATIENCE_S)
+    assert not task.thread.is_alive()
+    assert [record.message for record in caplog.records if record.levelno >= logging.ERROR] == []
+
+
+def test_who_goes_on_after_leaving_the_bus_is_told() -> None:
+    bus = MsbotBus()
+    bus.shutdown()
+    with pytest.raises(can.CanOperationError, match="'classroom' was shut down"):
+        bus.send(message())
+    with pytest.raises(can.CanOperationError, match="'classroom' was shut down"):
+        bus.recv(0)
 
 
 def test_logger_and_player_of_python_can_in_processes_of_their_own(tmp_path: Path) -> None:

@@ -47,6 +47,7 @@ CONNECT_S: Final = 2.0
 LOOK_S: Final = 0.25
 """How often a part checks whether its bus is there."""
 LOST_WORDS: Final = "the computer was too slow for the simulated bus: frames were lost"
+_HAS_ENDED: Final = "the simulated bus {!r} has ended"
 
 _log = logging.getLogger(__name__)
 
@@ -186,12 +187,12 @@ class SimAdapter:
             client.leave()
             withdraw(bus, self._folder)  # its process number belongs to another process by now
             return None
-        except LinkDown:
-            client.leave()  # the server has given the reason
-            raise
-        except TimeoutError:  # is an OSError, too
+        except (LinkDown, TimeoutError):  # the server has given the reason, or did not answer
             client.leave()
             raise
+        except ConnectionError as error:  # it closed its port before it had accepted the connection
+            client.leave()
+            raise _EndedEarly(_HAS_ENDED.format(bus.name)) from error
         except OSError as error:
             client.leave()
             raise LinkDown(_cannot_join(bus, error.strerror or str(error))) from error
@@ -290,7 +291,7 @@ class SimBusClient(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - the bus has gone either way
         """See `asyncio.Protocol`."""
-        self._end(f"the simulated bus {self._name!r} has ended", _EndedEarly)
+        self._end(_HAS_ENDED.format(self._name), _EndedEarly)
 
     def _handle(self, message: Message) -> None:
         now = asyncio.get_running_loop().time()

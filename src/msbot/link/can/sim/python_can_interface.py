@@ -14,8 +14,11 @@ import socket
 import threading
 import time
 from collections import deque
+from collections.abc import Callable, Sequence
 from typing import Final
+from weakref import WeakSet
 
+from can.broadcastmanager import CyclicSendTaskABC, ThreadBasedCyclicSendTask
 from can.typechecking import AutoDetectedConfig, CanFilters
 
 import can
@@ -97,6 +100,7 @@ class MsbotBus(can.BusABC):
         self._tag = 0
         self._bus_state = BusState.ACTIVE
         self._ended = ""
+        self._periodic: WeakSet[CyclicSendTaskABC] = WeakSet()
         self._told_overflow = False
         self._served_here = False
         self._socket: socket.socket | None = None
@@ -126,8 +130,8 @@ class MsbotBus(can.BusABC):
 
         Raises:
             can.CanTimeoutError: the controller was full all the time; the frame is not sent.
-            can.CanOperationError: the bus has ended, this object is listen-only, the controller is bus-off, or it
-                cannot send such a frame.
+            can.CanOperationError: the bus has ended, this object was shut down or is listen-only, the controller is
+                bus-off, or it cannot send such a frame.
         """
         frame = frame_of(msg)
         self._check(frame)
@@ -136,6 +140,8 @@ class MsbotBus(can.BusABC):
                 raise can.CanOperationError(f"{self.channel_info} was opened to listen only")
             self._news.wait_for(lambda: self._is_settled() or len(self._outstanding) < MAILBOXES, timeout)
             if self._ended:
+                if self._is_stopped_task():
+                    return  # it was about to send when it was stopped: nothing is missing
                 raise can.CanOperationError(self._ended)
             if self._bus_state is BusState.OFF:
                 raise can.CanOperationError(
@@ -192,6 +198,29 @@ class MsbotBus(can.BusABC):
                 raise can.CanOperationError(self._ended)
             return None, False
 
+    def _send_periodic_internal(
+        self,
+        msgs: Sequence[can.Message] | can.Message,
+        period: float,
+        duration: float | None = None,
+        autostart: bool = True,
+        modifier_callback: Callable[[can.Message], None] | None = None,
+    ) -> CyclicSendTaskABC:
+        # It begins when it is known here: it may be stopped before it has sent anything.
+        task = super()._send_periodic_internal(msgs, period, duration, False, modifier_callback)
+        self._periodic.add(task)
+        if autostart and isinstance(task, ThreadBasedCyclicSendTask):
+            task.start()
+        return task
+
+    def _is_stopped_task(self) -> bool:
+        """Whether this thread is a periodic task's that was stopped: python-can does not wait for its end."""
+        thread = threading.current_thread()
+        return any(
+            isinstance(task, ThreadBasedCyclicSendTask) and task.thread is thread and task.stopped
+            for task in self._periodic
+        )
+
     @staticmethod
     def _detect_available_configs() -> list[AutoDetectedConfig]:
         return [AutoDetectedConfig(interface="msbot", channel=bus.name) for bus in list_buses()]
@@ -241,7 +270,7 @@ class MsbotBus(can.BusABC):
         except OSError:
             pass  # the connection has ended, on either side: reported below
         with self._news:
-            self._ended = words
+            self._ended = self._ended or words
             self._news.notify_all()
 
     def _handle(self, message: Message) -> None:
@@ -290,7 +319,10 @@ class MsbotBus(can.BusABC):
         return bool(self._ended) or self._bus_state is BusState.OFF
 
     def _let_go(self) -> None:
-        connection, self._socket = self._socket, None
+        with self._news:  # a thread that sends has handed over its frame, or is told
+            connection, self._socket = self._socket, None
+            self._ended = self._ended or f"this object of the simulated bus {self._name!r} was shut down"
+            self._news.notify_all()
         if connection is not None:
             try:
                 connection.shutdown(socket.SHUT_RDWR)  # wakes the reader
