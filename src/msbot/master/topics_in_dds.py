@@ -6,7 +6,6 @@ from contextlib import AbstractContextManager
 
 from msbot.config import Binding, Blueprint, Library
 from msbot.errors import ConfigError
-from msbot.ros_forms import form_of, topic_name
 from msbot.sim.message_classes import message_class
 from msbot.space import DdsTopic, DdsTopicsOf, Space, SpaceAddress, Topic, open_space, robot_partition
 
@@ -49,6 +48,8 @@ def _dds_topics(binding: Binding, library: Library, partition: str) -> tuple[Dds
     partitions = (partition, EVERYBODY) if wish.export else None
     found = [DdsTopic(binding.topic, binding.type_name, partitions)]
     if wish.ros:
+        from msbot.ros_forms import form_of, topic_name  # with all messages of ROS 2, which few robots need
+
         try:
             form = form_of(message_class(library.messages[binding.type_name]), wish.ros_type, dict(wish.ros_fields))
             name = topic_name(binding.topic)

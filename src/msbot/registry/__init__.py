@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from msbot.errors import RegistryError
+from msbot.runtime.late_modules import load_late
 from msbot.runtime.lazy_face import lazy_face
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from msbot.registry.running.master_lease import LeaseLost, MasterLease, check_shareable
     from msbot.registry.running.node_ids import StoredNodeIds
     from msbot.registry.running.robot_store import RobotStore
+
+load_late("sqlalchemy.dialects.sqlite.aiosqlite")  # comes with the dialect of SQLite, and nobody here uses it
 
 _NAMES = {
     "msbot.registry.database.engine": ("without_password",),

@@ -21,6 +21,15 @@ def load_late(*names: str) -> None:
     sys.meta_path.insert(0, _LateFinder(names))
 
 
+def leave_out(*names: str) -> None:
+    """Have the import of each of these modules fail, for libraries that try it and do without.
+
+    A module that is loaded already stays.
+    """
+    for name in names:
+        sys.modules.setdefault(name, None)  # type: ignore[arg-type]
+
+
 class _LateFinder:
     """Finds what others find, and has it loaded later."""
 

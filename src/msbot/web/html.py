@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import MutableMapping
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+import jinja2
+from jinja2 import BaseLoader, Environment, StrictUndefined, Template, TemplateNotFound
 from markupsafe import Markup
+
+from msbot.runtime.kept_beside import kept_names
 
 __all__ = ["Markup", "render"]
 
+
+class _KeptTemplates(BaseLoader):
+    """Templates of a folder, put into Python once and kept."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def load(
+        self, environment: Environment, name: str, globals: MutableMapping[str, Any] | None = None
+    ) -> Template:  # fmt: skip
+        """As the environment asks for it."""
+        path = self._folder / name
+        ways = (environment.autoescape, environment.trim_blocks, environment.lstrip_blocks)
+
+        def to_python(octets: bytes) -> str:
+            return environment.compile(octets.decode(), name, str(path), raw=True, defer_init=True)
+
+        try:
+            names = kept_names(path, to_python, f"Jinja {jinja2.__version__} {ways}")
+        except FileNotFoundError:
+            raise TemplateNotFound(name) from None
+        return environment.template_class.from_module_dict(environment, names, globals or {})
+
+
 _templates = Environment(
-    loader=FileSystemLoader(str(files("msbot.web") / "templates")),
+    loader=_KeptTemplates(Path(str(files("msbot.web") / "templates"))),
     autoescape=True,
     undefined=StrictUndefined,
     trim_blocks=True,

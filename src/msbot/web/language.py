@@ -8,7 +8,6 @@ parts, by the text.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cache
@@ -18,6 +17,7 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
+from msbot.runtime.kept_beside import carried_toml
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import Sentence
 
@@ -94,7 +94,7 @@ def languages() -> Mapping[str, Language]:
     known = {ENGLISH: PLAIN}
     for folder in sorted((files("msbot.web") / "languages").iterdir(), key=lambda entry: entry.name):
         if folder.is_dir():
-            files_of = [tomllib.loads((folder / f"{name}.toml").read_text("utf-8")) for name in CATALOGUES]
+            files_of = [carried_toml(folder / f"{name}.toml") for name in CATALOGUES]
             texts = {english: text for content in files_of for english, text in content["texts"].items()}
             about = files_of[0]
             known[folder.name] = Language(folder.name, about["name"], texts, about["decimal"], about["thousands"])

@@ -40,6 +40,7 @@ from msbot.web.api.late_routes import LateRoutes
 from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
+from msbot.web.late_websocket import LateWebSocket, websocket_protocol
 from msbot.web.open_pages import OpenPages
 from msbot.web.page_errors import say_errors_once
 from msbot.web.page_sockets import PageSockets
@@ -227,12 +228,14 @@ class WebServer:
             lifespan="on",
             timeout_graceful_shutdown=1,
             proxy_headers=False,
+            ws=LateWebSocket,
             ws_max_size=MAX_MESSAGE,
             ws_max_queue=MOST_MESSAGES,
         )
 
 
 def _late_routes(service: Service) -> list[BaseRoute]:
+    websocket_protocol()  # the first page asks for one next
     from msbot.web.api.admin import make_admin_api
     from msbot.web.api.metrics import make_metrics
     from msbot.web.api.routes import make_api

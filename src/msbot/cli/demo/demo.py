@@ -25,6 +25,7 @@ from msbot.cli.demo.for_lesson import blueprint_for, chosen_lesson, lesson_desk,
 from msbot.cli.demo.json import as_json
 from msbot.cli.demo.key_presses import KeyPresses
 from msbot.cli.demo.notes import Notes
+from msbot.cli.demo.plain_lines import event_words, status_words
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
 from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, world_options
 from msbot.cli.options import lessons_option, metrics_option, space_option
@@ -377,8 +378,6 @@ async def _run_live(robot: DemoRobot, notes: Notes) -> None:
 
 
 async def _run_plain(robot: DemoRobot, notes: Notes) -> None:
-    from msbot.cli.demo.view import event_words, status_words
-
     def say(text: str) -> None:
         click.echo(text)
         sys.stdout.flush()

@@ -30,7 +30,7 @@ from msbot.config.library.part_types import (
 from msbot.config.library.reader import LibraryFile, add_message_types, open_library_file, read_part_type
 from msbot.config.library.search import PartSearch
 from msbot.config.library.versions import split_number
-from msbot.config.toml.document import Document, parse_document, read_document
+from msbot.config.toml.document import Document, carried_document, read_document
 from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, did_you_mean, nearest, quoted
 from msbot.errors import ConfigError
 from msbot.runtime.lazy_dataclass import dataclass
@@ -183,9 +183,7 @@ def _shipped() -> _Read:
     read = _Read(dict(standard_message_types()), {})
     folder = files("msbot.config.library") / "types"
     entries = sorted((entry for entry in folder.iterdir() if entry.name.endswith(".toml")), key=lambda one: one.name)
-    texts = ((f"{SHIPPED}{entry.name}", entry.read_text("utf-8")) for entry in entries)
-    documents = (parse_document(text, name, problems) for name, text in texts)
-    _add(read, (one for one in documents if one is not None), problems)
+    _add(read, (carried_document(entry, f"{SHIPPED}{entry.name}") for entry in entries), problems)
     return read
 
 

@@ -13,7 +13,7 @@ from enum import Enum
 from functools import cache
 from importlib.resources import files
 
-from msbot.config.toml.document import parse_document
+from msbot.config.toml.document import carried_document
 from msbot.config.toml.problems import Problems, kind_words
 from msbot.config.toml.table import Scalar, Table
 from msbot.runtime.lazy_dataclass import dataclass
@@ -132,13 +132,10 @@ def read_message_types(root: Table, file: str) -> list[tuple[Table, MessageType]
 def standard_message_types() -> Mapping[str, MessageType]:
     """The message types that MsBOT brings, by name."""
     problems = Problems()
-    resource = files("msbot.config") / "message_types.toml"
-    document = parse_document(resource.read_text("utf-8"), "msbot message types", problems)
-    found = []
-    if document is not None:
-        table = Table(document, problems, document.values)
-        found = read_message_types(table, "msbot message types")
-        table.finish()
+    document = carried_document(files("msbot.config") / "message_types.toml", "msbot message types")
+    table = Table(document, problems, document.values)
+    found = read_message_types(table, "msbot message types")
+    table.finish()
     problems.raise_if_any()
     return {message.name: message for _, message in found}
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import tomllib
 from functools import cached_property
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from msbot.config.toml.limits import MOST_BYTES, too_much
 from msbot.config.toml.line_numbers import key_lines
 from msbot.config.toml.problems import KeyPath, Problems, TextPlace
+from msbot.runtime.kept_beside import carried_toml
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
@@ -66,6 +68,11 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
     else:
         return Document(file, values, text)
     return None
+
+
+def carried_document(entry: Traversable, file: str) -> Document:
+    """A TOML file that MsBOT brings, which needs no protection from its author; `file` is its name in messages."""
+    return Document(file, dict(carried_toml(entry)), entry.read_text("utf-8"))
 
 
 def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 
-import segno
-
 from msbot.config import PartType
 from msbot.config.library.picture import picture_svg
 from msbot.web.html import Markup
@@ -18,6 +16,8 @@ def picture_of(part_type: PartType) -> Markup:
 
 def qr_svg(text: str, *, scale: int = 4) -> Markup:
     """A QR code (ISO/IEC 18004) of a text as SVG, black on white so that every camera reads it."""
+    import segno  # no first page has a QR code
+
     out = io.BytesIO()
     segno.make(text, error="m").save(out, kind="svg", scale=scale, border=2, light="#fff", xmldecl=False, svgns=True)
     return Markup(out.getvalue().decode())
