@@ -34,11 +34,12 @@ def chromium() -> str | None:
     return next(filter(None, map(shutil.which, names)), None)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    """The browser; every test gets a context of its own from it.
+    """The browser; every file gets a context of its own from it, or several.
 
-    Not for the whole session: while it is there an event loop runs, and tests that are coroutines could not.
+    For this folder, not for the whole session: while it is there an event loop runs, and tests that are coroutines
+    could not.
     """
     path = chromium()
     if path is None:

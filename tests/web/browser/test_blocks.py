@@ -55,6 +55,11 @@ AT_FIELD = """([id, name]) => {
   return [box.left + box.width / 2, box.top + box.height / 2];
 }"""
 TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+WRITTEN_ANEW = "new Promise((done) => { document.body.className += ' '; requestAnimationFrame(done); })"
+"""As NiceGUI does with the class of the page whenever it has something new."""
+DRAWN = """() => [msbotBlocks.workspace().getFlyout().isVisible(),
+  ...msbotBlocks.workspace().getFlyout().getWorkspace().getTopBlocks(true).map((one) => one.id)]"""
+"""What the open category shows."""
 IDS = "() => msbotBlocks.workspace().getAllBlocks(true).filter((one) => !one.isShadow()).map((one) => one.id)"
 TEXT = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
 
@@ -203,14 +208,20 @@ def child(browser: Browser, track: Site) -> Iterator[BrowserContext]:
     visitor.context.close()
 
 
+@pytest.fixture(scope="module")
+def tab(child: BrowserContext) -> Page:
+    """Where they write: a new tab for each test would cost a process of the browser each."""
+    return child.pages[0]
+
+
 @pytest.fixture
-def desk(child: BrowserContext, track: Site) -> Iterator[Pupil]:
+def desk(tab: Page, track: Site) -> Iterator[Pupil]:
     """The page Program, open in a tab, with a program that is text."""
-    page = child.new_page()
-    go(page, f"{track.base}/program?name=01_hello.py")
-    page.wait_for_function("msbotBlocks.words('part') !== undefined")
-    yield Pupil(page)
-    page.close()
+    tab.set_viewport_size({"width": 1280, "height": 900})
+    go(tab, f"{track.base}/program?name=01_hello.py")
+    tab.wait_for_function("msbotBlocks.words('part') !== undefined")
+    yield Pupil(tab)
+    tab.goto("about:blank")
 
 
 class Learner:
@@ -484,6 +495,11 @@ def test_for_everybody_and_on_a_phone(desk: Pupil) -> None:
         page.wait_for_function(FITS)
     page.set_viewport_size({"width": 1280, "height": 900})
     assert hurdles_by_day_and_night(page) == []
+    page.locator(".blocklyToolboxCategory", has_text="Send").first.click()
+    page.wait_for_function(STANDS_IN_FLYOUT, arg=["msbot_send"])
+    drawn = page.evaluate(DRAWN)
+    page.evaluate(f"{WRITTEN_ANEW}.then({TWO_PICTURES})")
+    assert page.evaluate(DRAWN) == drawn, "a category that is open stays as it is when the page is updated"
     page.get_by_text("The program in words, and keys").click()
     words = page.locator("#ms-blocks-outline").inner_text().split("\n")
     assert words[:2] == ["this program is the part PILOT – Pilot", "when a message arrives at line"]

@@ -8,9 +8,17 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from tests.e2e.processes import running
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go
 from tests.web.browser.keyboard import out_of_reach, tab_to
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """The rover without a spare part: what a lesson takes out is lost at once, and nothing takes its place first."""
+    with running("demo", "--robot", "rover", "--port", "0", cwd=tmp_path_factory.mktemp("demo")) as process:
+        yield Site(process)
 
 
 @pytest.fixture
@@ -23,6 +31,7 @@ def learn(blank: Page, demo: Site) -> Iterator[Page]:
     blank.get_by_role("button", name="End the lesson").click()
     blank.get_by_role("button", name="Yes").click()
     expect(blank.get_by_text("everything is as it was before")).to_be_visible()
+    expect(blank.get_by_role("button", name="Begin: The ring")).to_be_visible()
 
 
 @pytest.fixture
@@ -48,13 +57,27 @@ def test_a_lesson_with_the_mouse(learn: Page, robot: Page) -> None:
         learn.get_by_role("option", name=choice).click()
         button(learn, "Answer").click()
 
+    expect(learn.get_by_text("Nobody has begun a lesson yet.")).to_be_visible()
     learn.get_by_role("button", name="Begin: The first part").click()
     ticked(learn, 1)
-    learn.get_by_label("Answer").first.fill("10")
+    expect(learn.get_by_text("Taking part: demo")).to_be_visible()
+    assert hurdles(learn, dark=False) == []
+    field = learn.get_by_label("Answer").first
+    field.fill("eleven")
+    field.press("Enter")
+    expect(learn.get_by_text("that is not right yet")).to_be_visible()
+    field.fill("10")
     button(learn, "Answer").click()
     ticked(learn, 2)
+    button(learn, "Ask for help").click()
+    expect(learn.get_by_text("Asking for help: demo")).to_be_visible()
+    button(learn, "No help needed").click()
+    expect(learn.get_by_text("Asking for help: demo")).to_be_hidden()
     button(robot, "Plug knob in").click()
     ticked(learn, 3)
+    row = learn.get_by_role("row").filter(has_text="demo")
+    expect(row).to_contain_text("The first part")
+    expect(row).to_contain_text("3 of 8")
     knob = button(robot, "Open slot knob")
     knob.click()
     slider = robot.get_by_role("slider").first

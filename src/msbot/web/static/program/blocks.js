@@ -69,7 +69,9 @@ const msbotBlocks = (() => {
     });
     workspace.addChangeListener(changed);
     workspace.addChangeListener(Blockly.Events.disableOrphans);
-    new MutationObserver(() => workspace.setTheme(theme())).observe(document.body, { attributes: true, attributeFilter: ["class"] });
+    // The class is written again and again; a theme that is set anew draws all blocks and closes the open category.
+    new MutationObserver(() => workspace.getTheme() === theme() || workspace.setTheme(theme()))
+      .observe(document.body, { attributes: true, attributeFilter: ["class"] });
     new ResizeObserver(() => Blockly.svgResize(workspace)).observe(place);
     document.addEventListener("click", settleNow, true); // before Run, Keep and the rest ask for the program
     addEventListener("pagehide", settleNow);
