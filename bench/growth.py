@@ -2,8 +2,8 @@
 
     python bench/growth.py [--quick] [--write]
 
-Processor time is compared, not rates, and each table's loads take turns, so that a busy machine blurs but does not
-tilt them. The rate of all sessions together is the same in every row of the first table: only their number changes.
+Processor time is compared, not rates. The loads of the first table take turns of a second, so that a busy machine blurs
+but does not tilt them; the rate of all sessions together is the same in each of its rows, only their number changes.
 `--write` puts tables and curves into docs/explain/scale.md. Needs gcc (`xrce_load.c`); some 5 minutes; Linux.
 """
 
@@ -20,12 +20,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from random import randbytes
 
-from bench.agent import Load, Result, build_generator, pinned, run, start_agent, wait_for
+from bench.agent import Result, agent, build_generator, pinned, start_agent, wait_for
 from bench.buses import Rates
 from bench.crowd import switch_on
 from bench.growth_curves import Curve, curves
@@ -44,6 +44,7 @@ BEGIN, END = "<!-- bench/growth.py begins -->", "<!-- bench/growth.py ends -->"
 SESSIONS = (10, 30, 100, 300, 1000, 3000, 5000)
 TOGETHER = 500.0
 """Requests a second of all sessions together."""
+TURN_S, TURNS = 1.0, 14
 STORMS = (1000, 5000)
 STORM_PORT = 18888
 """Not one that the system gives to the thousands of clients while the agent is away."""
@@ -63,7 +64,7 @@ READY_S = 60.0
 def main() -> None:
     """Print the tables."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--quick", action="store_true", help="one run of each load instead of three, and fewer loads")
+    options.add_argument("--quick", action="store_true", help="fewer loads, and three turns of each")
     options.add_argument("--write", action="store_true", help=f"put tables and curves into {PAGE.name}")
     options.add_argument("--be-robots", help=argparse.SUPPRESS)
     chosen = options.parse_args()
@@ -74,7 +75,7 @@ def main() -> None:
     lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
     print(lines[0], flush=True)
     tables: tuple[Callable[[], list[str]], ...] = (
-        partial(sessions, drawn, SESSIONS[::3] if chosen.quick else SESSIONS, 1 if chosen.quick else 3),
+        partial(sessions, drawn, SESSIONS[::3] if chosen.quick else SESSIONS, 3 if chosen.quick else TURNS),
         partial(storms, STORMS[:1] if chosen.quick else STORMS),
         partial(one_bus, ON_BUS[::3] if chosen.quick else ON_BUS),
         partial(robots, ROBOTS[:2] if chosen.quick else ROBOTS, 5.0 if chosen.quick else 20.0),
@@ -93,42 +94,88 @@ def main() -> None:
 # Sessions of one agent.
 
 
-def sessions(drawn: list[Curve], numbers: tuple[int, ...], runs: int) -> list[str]:
-    """More and more clients, of which each asks the more seldom."""
+def sessions(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[str]:
+    """More and more clients, of which each asks the more seldom; an agent of its own for each number of them.
+
+    All agents and their sessions are there at once, and one after the other has its turn of a second: so what the
+    machine does meanwhile falls on all of them, and none is measured but when its sessions are long open. Requests
+    come at the same instants in each turn, one client asking after the other.
+    """
     generator = build_generator()
-    taken: dict[int, list[Result]] = {number: [] for number in numbers}
-    for _ in range(runs):
+    rounds: list[list[Result]] = []
+    with contextlib.ExitStack() as stack:
+        crowds: list[subprocess.Popen[str]] = []
         for number in numbers:
-            words = f"idle_heartbeat --clients {number} --rate {TOGETHER / number}"
-            taken[number].append(run(generator, Load("", words, "", "", None, None), 3))
+            crowds.append(stack.enter_context(_crowd(generator, number, turns + 1)))
+            _turn(crowds[-1])  # it comes when all sessions are open and have been answered once
+        for turn in range(turns):
+            found = {place: _turn(crowds[place]) for place in range(len(crowds))[:: -1 if turn % 2 else 1]}
+            rounds.append([found[place] for place in range(len(crowds))])
+    return _table_of_sessions(drawn, numbers, rounds)
+
+
+@contextlib.contextmanager
+def _crowd(generator: Path, number: int, turns: int) -> Iterator[subprocess.Popen[str]]:
+    """So many sessions with an agent, which ask when told to."""
+    with agent() as (port, pid):
+        words = ["idle_heartbeat", "--even", "--clients", str(number), "--rate", str(TOGETHER / number),
+                 "--duration", str(TURN_S), "--turns", str(turns),
+                 "--agent", f"127.0.0.1:{port}", "--agent-pid", str(pid)]  # fmt: skip
+        with subprocess.Popen(
+            [*pinned(1), str(generator), *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as crowd:
+            yield crowd
+            assert crowd.stdin is not None
+            crowd.stdin.close()
+
+
+def _turn(crowd: subprocess.Popen[str]) -> Result:
+    _tell([crowd])
+    assert crowd.stdout is not None
+    line = crowd.stdout.readline()
+    if not line:
+        raise SystemExit(f"the generator has ended: {crowd.args!r}")
+    found: Result = json.loads(line)
+    return found
+
+
+def _table_of_sessions(drawn: list[Curve], numbers: tuple[int, ...], rounds: list[list[Result]]) -> list[str]:
+    """Of each turn its ratio to the mean of its round counts: how the machine is in that round falls on all of them."""
+    costs = [[result["agent_cpu_us_per_msg"] for result in one] for one in rounds]
+    usual = statistics.median(statistics.mean(one) for one in costs)
     lines = [
-        f"| sessions, {TOGETHER:.0f} requests a second together | agent CPU µs a request | p50 / p99 µs "
-        "| memory of the agent; a session | opened, CPU of the agent for each | lost or doubled |",
-        "|---|---|---|---|---|---|",
+        f"| sessions, {TOGETHER:.0f} requests a second together | agent CPU µs a request | middle half of the turns "
+        "| p50 / p99 µs | memory of the agent; a session | opened, CPU of the agent for each | lost or doubled |",
+        "|---|---|---|---|---|---|---|",
     ]
     cost, memory, waiting = [], [], []
-    for number, results in taken.items():
+    for place, number in enumerate(numbers):
+        results = [one[place] for one in rounds]
+        shares = sorted(usual * one[place] / statistics.mean(one) for one in costs)
         middle = {name: statistics.median(result[name] for result in results) for name in _FIGURES}
         grown_kb = middle["agent_rss_kb"] - middle["agent_rss_before_kb"]
         wrong = sum(int(result["missing"] + result["dup_or_late"]) for result in results)
         opening_ms = middle["agent_bringup_cpu_s"] / number * 1e3
         lines.append(
-            f"| {number:,} | {middle['agent_cpu_us_per_msg']:.0f} | {middle['rtt_p50_us']:,.0f} / "
-            f"{middle['rtt_p99_us']:,.0f} | {middle['agent_rss_kb'] / 1024:.0f} MB; {grown_kb / number:.0f} kB "
+            f"| {number:,} | {statistics.median(shares):.0f} | {shares[len(shares) // 4]:.0f} to "
+            f"{shares[-1 - len(shares) // 4]:.0f} | {middle['rtt_p50_us']:,.0f} / {middle['rtt_p99_us']:,.0f} "
+            f"| {middle['agent_rss_kb'] / 1024:.0f} MB; {grown_kb / number:.0f} kB "
             f"| {'-' if number < 300 else f'{opening_ms:.2f} ms'} | {wrong or 'nothing'} |"
         )
-        cost.append((number, middle["agent_cpu_us_per_msg"]))
+        cost.append((number, statistics.median(shares)))
         memory.append((number, middle["agent_rss_kb"] / 1024))
         waiting.append((number, middle["rtt_p50_us"]))
-    least, most = min(value for _, value in cost), max(value for _, value in cost)
     drawn += [Curve("processor time for a request, µs", cost), Curve("from request to reply, median, µs", waiting),
               Curve("memory of the agent, MB", memory)]  # fmt: skip
-    middle_cost = statistics.median(value for _, value in cost)
+    least, most = min(value for _, value in cost), max(value for _, value in cost)
+    middle_cost, together = statistics.median(value for _, value in cost), [statistics.mean(one) for one in costs]
     return [
         *lines,
         "",
-        f"The dearest request costs {most / least - 1:.0%} more than the cheapest; from the one in the middle, "
-        f"{middle_cost:.0f} µs, they differ by {least / middle_cost - 1:+.0%} to {most / middle_cost - 1:+.0%}.",
+        f"Median of {len(rounds)} turns of {TURN_S:g} s each. The dearest request costs {most / least - 1:.0%} more "
+        f"than the cheapest; from the one in the middle, {middle_cost:.0f} µs, they differ by "
+        f"{least / middle_cost - 1:+.0%} to {most / middle_cost - 1:+.0%}. The mean of a round, in which each has a "
+        f"turn, was {min(together):.0f} to {max(together):.0f} µs: that much the machine changed.",
     ]
 
 

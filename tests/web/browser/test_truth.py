@@ -97,6 +97,36 @@ def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(phone: Page, demo: S
     page.locator("#ms-stop").click(trial=True)
 
 
+def test_a_click_on_a_toast_is_for_what_is_under_it_and_one_on_its_button_for_the_toast(page: Page) -> None:
+    page.evaluate(
+        "Quasar.Notify.create({message: 'The part in slot fan is lost.', timeout: 0, actions: [{label: 'Close it'}]})"
+    )
+    close = page.get_by_role("button", name="Close it")
+    expect(close).to_be_visible()
+    words = page.get_by_text("The part in slot fan is lost.").bounding_box()
+    assert words is not None
+    page.mouse.click(words["x"] + 4, words["y"] + 4)
+    expect(page.get_by_role("dialog")).to_be_visible()  # the drawer of the card that lies there
+    page.go_back()
+    close.click()
+    expect(close).to_have_count(0)
+
+
+def test_an_update_of_the_page_does_not_set_light_or_dark_anew(phone: Page, demo: Site) -> None:
+    page = phone
+    go(page, f"{demo.base}/bus")
+    page.evaluate(
+        "const count = (name, seen, what) => {"
+        "  window[name] = 0; new MutationObserver(() => window[name]++).observe(seen, what); };"
+        "count('set', document.getElementById('nicegui-color-scheme'), {attributes: true});"
+        "count('updates', document.getElementById('content'), {subtree: true, childList: true, characterData: true})"
+    )
+    page.wait_for_function("updates > 2")  # by then it has been set once
+    page.evaluate("window.set = window.updates = 0")
+    page.wait_for_function("updates > 4")
+    assert page.evaluate("window.set") == 0
+
+
 def test_a_refused_setting_goes_back_and_other_tabs_follow(phone: Page, demo: Site) -> None:
     page = phone
     other = page.context.new_page()

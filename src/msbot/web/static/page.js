@@ -203,3 +203,15 @@ function msbotLines(id, content) {
   document.addEventListener("selectionchange", look);
   look();
 }
+
+// NiceGUI sets light or dark anew whenever it draws the page anew, and the browser then works out all styles.
+addEventListener("DOMContentLoaded", () => {
+  const set = window.setDark;
+  let known;
+  if (set)
+    window.setDark = (look) => {
+      if (known && known[0] === look) return;
+      known = [look];
+      set(look);
+    };
+});
