@@ -62,7 +62,8 @@ LOADS = (
         "request/reply over topics, 16 open", "reqrep --rr topics --inflight 16", "roundtrips_per_s", "rtt", 28_414, 35
     ),
     Load("request/reply native, 16 open", "reqrep --inflight 16", "roundtrips_per_s", "rtt", None, None),
-    Load("sessions up and down, 16 at a time", "sessions --parallel 16", "sessions_per_s", "up", 13_031, 83),
+    Load("sessions up and down, 1 at a time", "sessions --clients 1", "sessions_per_s", "up", 3_797, 200),
+    Load("sessions up and down, 16 at a time", "sessions --clients 16", "sessions_per_s", "up", 13_031, 83),
     Load(
         "1000 clients, 1 request/s each", "idle_heartbeat --clients 1000 --rate 1", "roundtrips_per_s", "rtt", None, 284
     ),
