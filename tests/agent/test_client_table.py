@@ -10,8 +10,9 @@ from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, OpenGate
 from msbot.agent.latency import Transit
-from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.proxy import Proxy
 from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.surroundings import Surroundings
 from msbot.link import Peer
 from msbot.space import MemorySpace
 from msbot.xrce import AgentSession

@@ -10,8 +10,9 @@ from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.gate import ClientInfo, OpenGate
 from msbot.agent.latency import Transit
 from msbot.agent.pending_requests import client_key_of
-from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.proxy import Proxy
 from msbot.agent.reply_routing import ReplyExchange
+from msbot.agent.surroundings import Surroundings
 from msbot.space import MemorySpace, Qos, Sample, Topic
 from msbot.xrce import AgentSession, ClientSession
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl, make_object_id

@@ -92,6 +92,14 @@ class SessionMachine(RuleBasedStateMachine):
         arrived = self.arrived_at_client()
         assert arrived == self.to_client[: len(arrived)]
 
+    @invariant()
+    def at_rest_there_is_nothing_to_send_and_nothing_to_wait_for(self) -> None:
+        agent = self.pair.agent
+        if agent.is_at_rest():
+            assert agent.timer() is None
+            assert agent.packets_to_send(self.pair.now) == []
+            assert agent.is_at_rest()
+
     def teardown(self) -> None:
         self.network_heals()
 

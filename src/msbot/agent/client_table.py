@@ -38,6 +38,8 @@ class ServedLink:
     """Clients whose peer has gone, by address; they go on where they were when it is back."""
     blocked: dict[Proxy, None] = field(default_factory=dict)
     """Clients with packets for which the link had no room, in the order in which that happened."""
+    in_bursts: bool = False
+    """Whether the link says when a burst of packets ends."""
     opened: bool = False
     """Whether the link has carried anything or said that it is up."""
     dropped: Tally = field(default_factory=Tally)

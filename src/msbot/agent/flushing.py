@@ -130,6 +130,9 @@ class Flusher:
 
     def _serve(self, proxy: Proxy, now: float) -> None:
         """Send for a client, and work out when to look at it again."""
+        if proxy.is_at_rest():
+            self._timers.rest(proxy)
+            return
         self.send(proxy, now)
         when = proxy.timer()
         if when is None:

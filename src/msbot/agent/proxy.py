@@ -5,27 +5,21 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import field
-from itertools import count
 from typing import TYPE_CHECKING, Protocol
 
-from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.fair_share import Limit
-from msbot.agent.gate import ClientInfo, Gate, SampleGuard
-from msbot.agent.latency import Transit
-from msbot.agent.object_tree import ObjectBudget, ObjectTree
+from msbot.agent.gate import ClientInfo, SampleGuard
+from msbot.agent.object_tree import ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
-from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.sample_filters import NoEchoShape
-from msbot.agent.statistics import PUSHED_OUT, ClientView, ObjectView, SessionWear, StreamView, TopicTable, TopicTraffic
+from msbot.agent.statistics import PUSHED_OUT, ClientView, ObjectView, SessionWear, StreamView, TopicTraffic
+from msbot.agent.surroundings import Surroundings
 from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.errors import RemoteProtocolError
 from msbot.link import Peer
-from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
-from msbot.space import Guid, Space
-from msbot.xrce import AgentSession, References, Status
+from msbot.space import Guid
+from msbot.xrce import AgentSession, Status
 from msbot.xrce.messages import STREAM_RELIABLE, ObjectKind, kind_of
 from msbot.xrce.sessions import (
     AgentEvent,
@@ -50,26 +44,6 @@ class OpenSession(Protocol):
     """Opens the session that the client asked for."""
 
     def __call__(self, *, on_data: DataHandler) -> AgentSession: ...
-
-
-@dataclass(slots=True)
-class Surroundings:
-    """What all clients of one agent share."""
-
-    space: Space
-    gate: Gate
-    settings: AgentSettings
-    clock: Callable[[], float]
-    agent_id: bytes
-    """8 octets, drawn afresh for every agent: the first half of all its GUIDs."""
-    mark: Callable[[Proxy], None]
-    """Have the client's packets sent at the end of this turn of the loop."""
-    replies: ReplyExchange
-    transit: Transit
-    references: References | None = None
-    topics: TopicTable = field(default_factory=lambda: TopicTable(4096))
-    budget: ObjectBudget = field(default_factory=lambda: ObjectBudget(200_000))
-    incarnations: Iterator[int] = field(default_factory=lambda: count(1))
 
 
 class Proxy:
@@ -139,6 +113,10 @@ class Proxy:
                 self._handle(event)
         if not self.is_marked:
             self._surroundings.mark(self)
+
+    def is_at_rest(self) -> bool:
+        """Whether there is nothing to send for it, and no time to wait for."""
+        return not (self.outbox or self.is_blocked or self._timed) and self.session.is_at_rest()
 
     def timer(self) -> float | None:
         """When to call `handle_timer`, or None."""

@@ -22,13 +22,14 @@ from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.join_queue import JoinQueue
 from msbot.agent.latency import Latency
 from msbot.agent.object_tree import ObjectBudget
-from msbot.agent.proxy import Proxy, Surroundings
+from msbot.agent.proxy import Proxy
 from msbot.agent.relays import Relays
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.rivals import Rivals
 from msbot.agent.session_eviction import SessionBudget
 from msbot.agent.session_settings import session_settings
 from msbot.agent.statistics import ClientView, SessionWear, TopicTable
+from msbot.agent.surroundings import Surroundings
 from msbot.errors import BusTaken, LinkDown
 from msbot.link import Link, Peer, Signal, Tap
 from msbot.link.relay import MARK, RelayGreeting
@@ -127,6 +128,7 @@ class Agent:
                 self._attach(port)
 
     def _attach(self, port: ServedLink) -> None:
+        port.in_bursts = port.link.info.in_bursts
         port.link.attach(
             packet=partial(self._packet_received, port),
             signal=partial(self._signal_received, port),
@@ -189,8 +191,7 @@ class Agent:
 
     def probe(self, client_key: int) -> None:
         """Ask that client for a sign of life; any packet is one (`last_heard`)."""
-        proxy = self._clients.by_key(client_key)
-        if proxy is not None:
+        if (proxy := self._clients.by_key(client_key)) is not None:
             proxy.probe()
 
     def troubles(self, client_key: int) -> tuple[str, ...]:
@@ -258,7 +259,7 @@ class Agent:
 
     def _packet_received(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
         port.opened = True
-        self._flusher.in_burst = port.link.info.in_bursts
+        self._flusher.in_burst = port.in_bursts
         if len(packet) < 4:
             port.dropped.count("packet shorter than a header")
             return
@@ -272,8 +273,7 @@ class Agent:
             if packet.startswith(MARK):
                 self._relays.receive(port.link, packet, peer, now)
                 return
-            answer = self._handshake.answer(port, packet, peer, now)
-            if answer is not None:
+            if (answer := self._handshake.answer(port, packet, peer, now)) is not None:
                 self._flusher.send_one(port, answer, peer)
             return
         if session_id < 0x80 and port.members.get(proxy) != peer:

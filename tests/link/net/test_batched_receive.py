@@ -134,6 +134,31 @@ async def test_a_link_takes_a_burst_in_order_with_and_without(
     assert await hear(UdpServerLink("127.0.0.1", 0), 100) == [bytes([number]) for number in range(100)]
 
 
+async def test_after_a_burst_the_next_one_is_taken_by_one_call_and_after_a_lone_datagram_it_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = []
+    real = BatchedReceiver.receive
+
+    def counted(batches: BatchedReceiver) -> object:
+        calls.append(found := real(batches))
+        return found
+
+    monkeypatch.setattr(BatchedReceiver, "receive", counted)
+    link = UdpServerLink("127.0.0.1", 0, linger_s=0)
+    inbox = Inbox(link)
+    taken = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        async with running(link):
+            for burst in (b"one", b"two", b"3", b"4", b"five"):
+                for number in burst:
+                    sender.sendto(bytes([number]), ("127.0.0.1", link.port))
+                assert b"".join([(await inbox.packets.get())[0] for _ in burst]) == burst
+                taken.append([len(found) for found in calls])
+                calls.clear()
+    assert taken == [[2], [3], [1], [], [3]]
+
+
 async def test_what_passes_in_the_middle_of_a_burst_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = [errno.ENETDOWN, errno.ECONNREFUSED]
     real = BatchedReceiver.receive

@@ -62,23 +62,27 @@ class BatchedReceiver:
         self._descriptor = opened.fileno()
         self._is_ipv6 = opened.family == socket.AF_INET6
         self._name_size = 28 if self._is_ipv6 else 16
+        # Memory of this kind gives its octets in one step where others give a view of them first.
         self._octets = mmap.mmap(-1, BATCH * _SIZE)
-        self._names = ctypes.create_string_buffer(BATCH * _NAME)
+        self._names = mmap.mmap(-1, BATCH * _NAME)
         self._pieces = (_Piece * BATCH)()
         self._messages = (_Message * BATCH)()
         first = ctypes.addressof(ctypes.c_char.from_buffer(self._octets))
+        first_name = ctypes.addressof(ctypes.c_char.from_buffer(self._names))
         for number, message in enumerate(self._messages):
             self._pieces[number].start = first + number * _SIZE
             self._pieces[number].size = _SIZE
-            message.header.name = ctypes.addressof(self._names) + number * _NAME
+            message.header.name = first_name + number * _NAME
             message.header.name_size = self._name_size
             message.header.pieces = ctypes.pointer(self._pieces[number])
             message.header.piece_count = 1
-        self._view = memoryview(self._octets)
-        self._name_view = memoryview(self._names).cast("B")
         self._sizes = memoryview(self._messages).cast("B").cast("I")
-        self._size_step = ctypes.sizeof(_Message) // 4
-        self._size_at = _Message.size.offset // 4
+        step, at = ctypes.sizeof(_Message) // 4, _Message.size.offset // 4
+        self._places = [
+            (number * _SIZE, number * step + at, slice(number * _NAME, number * _NAME + self._name_size))
+            for number in range(BATCH)
+        ]
+        """Of each datagram: where it begins, which of the sizes is its own, and where its sender's address is."""
         self._known: dict[bytes, Address] = {}
 
     def receive(self) -> list[tuple[bytes, Address]]:
@@ -93,14 +97,11 @@ class BatchedReceiver:
             if error in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EINTR):  # whoever waits for the socket is told again
                 return []
             raise OSError(error, os.strerror(error))
-        view, names, sizes, known = self._view, self._name_view, self._sizes, self._known
-        step, at, name_size = self._size_step, self._size_at, self._name_size
+        octets, names, sizes, known = self._octets, self._names, self._sizes, self._known
         found = []
-        for number in range(count):
-            name = names[number * _NAME : number * _NAME + name_size].tobytes()
-            start = number * _SIZE
-            packet = view[start : start + sizes[number * step + at]].tobytes()
-            found.append((packet, known.get(name) or self._address(name)))
+        for start, size_at, name_at in self._places[:count]:
+            name = names[name_at]
+            found.append((octets[start : start + sizes[size_at]], known.get(name) or self._address(name)))
         return found
 
     def _address(self, name: bytes) -> Address:

@@ -75,6 +75,7 @@ class _UdpLink(BaseLink, ABC):
         self._lingering = Lingering(linger_s)
         self._look: Callable[[], object]  # whether the socket has something
         self._batches: BatchedReceiver | None = None
+        self._has_come_together = False  # whether the latest burst had more than one datagram
 
     @property
     def port(self) -> int:
@@ -185,6 +186,8 @@ class _UdpLink(BaseLink, ABC):
 
     def _take_burst(self, opened: socket.socket, clock: Callable[[], float]) -> bool:
         """Take what waits in the socket; False: it has failed."""
+        if self._has_come_together and self._batches is not None:
+            return self._take_batches(self._batches, clock)
         remote, look = self.remote, self._look
         for _ in range(DRAIN_PACKETS):
             try:
@@ -199,11 +202,13 @@ class _UdpLink(BaseLink, ABC):
             if not look():  # a quarter of what it costs to be refused
                 break
             if self._batches is not None:
-                return self._take_batches(self._batches, clock)
+                is_fine = self._take_batches(self._batches, clock)
+                self._has_come_together = True
+                return is_fine
         return True
 
     def _take_batches(self, batches: BatchedReceiver, clock: Callable[[], float]) -> bool:
-        """Take the rest of a burst, many datagrams at a time; False: the socket has failed."""
+        """Take a burst, or the rest of one, many datagrams at a time; False: the socket has failed."""
         remote = self.remote
         for _ in range(DRAIN_PACKETS // BATCH):
             try:
@@ -216,6 +221,7 @@ class _UdpLink(BaseLink, ABC):
             for packet, peer in packets:
                 self._received(packet, peer if remote is None else remote, now)
             if len(packets) < BATCH:
+                self._has_come_together = len(packets) > 1
                 break
         return True
 
@@ -238,7 +244,7 @@ class _UdpLink(BaseLink, ABC):
             self._tolerate(error)
             return True
         if self._loop is not None:
-            self._sent(packet, peer, self._loop.time())
+            self._sent(packet, peer, 0.0 if self.tap is None else self._loop.time())
         return True
 
     def _send_queued(self, opened: socket.socket, loop: asyncio.AbstractEventLoop) -> None:

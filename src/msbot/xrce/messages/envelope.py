@@ -5,8 +5,7 @@ from __future__ import annotations
 import struct
 
 _MESSAGE_HEADER = struct.Struct("<BBH")
-_SUBMESSAGE_HEADER = struct.Struct("<BBH")
-_IDS = struct.Struct(">HH")
+_DATA_HEAD = struct.Struct(">BBHHH")
 _LITTLE_ENDIAN = 0x01
 
 MTU_MIN = 24
@@ -42,12 +41,13 @@ class Envelope:
 
 def append_submessage(body: bytes, submessage: bytes) -> bytes:
     """The body with one more submessage appended, starting at a multiple of 4."""
-    return body + bytes(-len(body) & 3) + submessage
+    padding = -len(body) & 3
+    return body + bytes(padding) + submessage if padding else body + submessage
 
 
 def data_submessage(submessage_id: int, request_id: int, object_id: int, payload: bytes) -> bytes:
     """A WRITE_DATA or DATA; above 65531 bytes of payload its length is 0, and it must be the last of its message."""
     length = len(payload) + 4
     # Length 0 means "to the end of the message" (seen on the wire for WRITE_DATA; between our own peers for DATA too).
-    header = _SUBMESSAGE_HEADER.pack(submessage_id, _LITTLE_ENDIAN, length if length <= 0xFFFF else 0)
-    return header + _IDS.pack(request_id, object_id) + payload
+    swapped = (length & 0xFF) << 8 | length >> 8 if length <= 0xFFFF else 0  # low octet first, unlike the ids
+    return _DATA_HEAD.pack(submessage_id, _LITTLE_ENDIAN, swapped, request_id, object_id) + payload

@@ -11,7 +11,8 @@ LITTLE_ENDIAN = 0x01
 """Flag of all submessages: the payload is little endian (the length in the header always is)."""
 
 HEADER_SIZE = 4
-_HEADER = struct.Struct("<BBH")
+SUBMESSAGE_HEADER = struct.Struct("<BBH")
+"""Kind, flags, and the length of what follows."""
 # Plain ints: comparing with a member of an IntEnum costs several times as much.
 _TO_THE_END = (SubmessageId.WRITE_DATA.value, SubmessageId.DATA.value)
 MAX_LENGTH = 0xFFFF
@@ -47,5 +48,10 @@ def locate(packet: bytes, start: int) -> tuple[int, int, int]:
     If the submessage is cut short, its end lies beyond the packet. A sample of length 0 reaches to the end of the
     packet: it is too long for the length field (seen on the wire, beyond 64 KiB).
     """
-    kind, flags, length = _HEADER.unpack_from(packet, start - HEADER_SIZE)
-    return kind, flags, start + length if length or kind not in _TO_THE_END else len(packet)
+    kind, flags, length = SUBMESSAGE_HEADER.unpack_from(packet, start - HEADER_SIZE)
+    return kind, flags, start + length if length else end_of_empty(kind, packet, start)
+
+
+def end_of_empty(kind: int, packet: bytes, start: int) -> int:
+    """Where a submessage ends whose length is 0; see `locate`."""
+    return len(packet) if kind in _TO_THE_END else start

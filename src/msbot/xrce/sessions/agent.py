@@ -90,8 +90,15 @@ class AgentSession(Session[AgentEvent]):
         """
         options = settings or AgentSessionSettings()
         super().__init__(client_key, session_id, mtu, options, pads=False, memory=memory, unacked=unacked)
+        # The packet's owner was found by its address or its key; among ids from 0x80 up, the id itself is not compared
+        # (seen on the wire).
+        self._unquestioned = session_id if session_id >= SESSION_NONE else -1
         self._epoch_ns = epoch_ns
         self._on_data = on_data
+
+    def is_at_rest(self) -> bool:
+        """Whether `packets_to_send` would give nothing now, and `timer` None."""
+        return not self._asking.questions and self._sender.is_at_rest()
 
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others, and forget the owner."""
@@ -157,8 +164,6 @@ class AgentSession(Session[AgentEvent]):
         self._restart_streams()
 
     def _refusal(self, packet: bytes, stream_id: int) -> str | None:  # noqa: ARG002 - the client's end looks at it
-        # The packet's owner was found by its address or its key; among ids from 0x80 up, the id itself is not compared
-        # (seen on the wire).
         if self.session_id >= SESSION_NONE:
             return None if packet[0] >= SESSION_NONE else OTHER_SESSION
         return None if packet[0] < SESSION_NONE and packet[4:8] == self._key_octets else OTHER_SESSION

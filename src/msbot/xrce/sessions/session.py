@@ -23,7 +23,7 @@ from msbot.xrce.messages.envelope import MTU_MIN, Envelope
 from msbot.xrce.messages.ids import STREAM_NONE, STREAM_RELIABLE, SubmessageId
 from msbot.xrce.messages.message import Heartbeat
 from msbot.xrce.messages.streams import LAST_FRAGMENT, read_acknack
-from msbot.xrce.messages.submessage import HEADER_SIZE, locate
+from msbot.xrce.messages.submessage import HEADER_SIZE, SUBMESSAGE_HEADER, end_of_empty
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.events import WindowOpened
 from msbot.xrce.sessions.settings import SessionSettings
@@ -73,6 +73,8 @@ class Session(ABC, Generic[Event]):
         """When the last packet of the peer came; 0.0 before the first, unless the owner sets it."""
         self.counters = SessionCounters()
         self._settings = settings
+        self._unquestioned = -1
+        """Packets that begin with this octet are taken without asking `_refusal`."""
         self._memory = Memory(settings.max_message, memory)
         self._key_octets = client_key.to_bytes(4, "big")
         self._events: deque[Event | WindowOpened] = deque()
@@ -95,8 +97,7 @@ class Session(ABC, Generic[Event]):
         if len(packet) < 4 or (packet[0] < 0x80 and len(packet) < 8):
             raise RemoteProtocolError(f"packet of {len(packet)} bytes: too short for a message header")
         stream_id = packet[1]
-        refusal = self._refusal(packet, stream_id)
-        if refusal is not None:
+        if packet[0] != self._unquestioned and (refusal := self._refusal(packet, stream_id)) is not None:
             self.counters.dropped.count(refusal)
             return False
         self.last_heard = now
@@ -153,7 +154,7 @@ class Session(ABC, Generic[Event]):
     def timer(self) -> float | None:
         """When to call `handle_timer`; changes with every other call."""
         due = self._sender.timer()
-        again_at = self._asking.next_at() if self._asking and self._sender.is_idle else None
+        again_at = self._asking.next_at() if self._asking.questions and self._sender.is_idle else None
         if due is None or again_at is None:
             return again_at if due is None else due
         return min(due, again_at)
@@ -161,7 +162,7 @@ class Session(ABC, Generic[Event]):
     def handle_timer(self, now: float) -> None:
         """Book what is due by now."""
         # What already waits for the link says more than a repetition could.
-        asks = self._asking and self._sender.is_idle
+        asks = self._asking.questions and self._sender.is_idle
         self._sender.handle_timer(now)
         if asks:
             self._asking.ask(now)
@@ -274,7 +275,8 @@ class Session(ABC, Generic[Event]):
         size = len(packet)
         start = offset + HEADER_SIZE
         while start <= size:
-            kind, flags, end = locate(packet, start)
+            kind, flags, length = SUBMESSAGE_HEADER.unpack_from(packet, start - HEADER_SIZE)
+            end = start + length if length else end_of_empty(kind, packet, start)
             try:
                 if end > size:
                     raise RemoteProtocolError("longer than its message")

@@ -39,17 +39,18 @@ class _Question:
 class AskingAgain:
     """The open questions of a session, one for each stream at most."""
 
-    __slots__ = ("_guesses", "_questions", "_sender")
+    __slots__ = ("_guesses", "_sender", "questions")
 
     def __init__(self, sender: SessionOutput, *, guesses: bool) -> None:
         """`guesses`: whether messages are asked for that may not exist."""
         self._sender = sender
         self._guesses = guesses
-        self._questions: dict[int, tuple[ReliableInput, _Question]] = {}
+        self.questions: dict[int, tuple[ReliableInput, _Question]] = {}
+        """The open ones, by stream; read-only."""
 
     def note(self, stream_id: int, stream: ReliableInput, now: float) -> None:
         """A message or a HEARTBEAT has come, and an ACKNACK says what the stream lacks."""
-        questions, round_trip = self._questions, self._sender.round_trip
+        questions, round_trip = self.questions, self._sender.round_trip
         if stream.announced == stream.last_handled and not questions and now >= round_trip.lossy_until:
             return
         has_gap = stream.announced != stream.last_handled and stream.missing()[1] != 0
@@ -71,11 +72,11 @@ class AskingAgain:
 
     def next_at(self) -> float | None:
         """When to call `ask`; None: nothing is asked."""
-        return min((question.repeat_at for _, question in self._questions.values()), default=None)
+        return min((question.repeat_at for _, question in self.questions.values()), default=None)
 
     def ask(self, now: float) -> None:
         """Have the questions repeated that are due."""
-        for stream_id, (stream, question) in list(self._questions.items()):
+        for stream_id, (stream, question) in list(self.questions.items()):
             if now >= question.repeat_at:
                 self._sender.owe_acknack(stream_id, stream, guess=question.is_guess)
                 question.repeated += 1
@@ -84,15 +85,12 @@ class AskingAgain:
 
     def clear(self) -> None:
         """Forget all questions: the streams start over."""
-        self._questions.clear()
+        self.questions.clear()
 
     def _wait(self, stream_id: int, stream: ReliableInput, question: _Question, now: float) -> None:
         most = GUESSES_MAX if question.is_guess else REPEATS_MAX
         if question.repeated < most and self._sender.round_trip.smoothed_s is not None:
             question.repeat_at = now + self._sender.patience_s(now, question.repeated)
-            self._questions[stream_id] = (stream, question)
+            self.questions[stream_id] = (stream, question)
         else:
-            self._questions.pop(stream_id, None)
-
-    def __bool__(self) -> bool:
-        return bool(self._questions)
+            self.questions.pop(stream_id, None)

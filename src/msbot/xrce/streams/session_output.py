@@ -60,7 +60,7 @@ class SessionOutput:
     def send_unacknowledged(self, body: bytes, stream_id: int) -> None:
         """Book a message on a best-effort stream or on stream NONE; what does not fit is dropped and counted."""
         if stream_id != STREAM_NONE:
-            stream = self.best_effort(stream_id)
+            stream = self._best_effort.get(stream_id) or self.best_effort(stream_id)
             if stream is not None:
                 stream.send(body)
         elif len(body) <= self._envelope.capacity:
@@ -230,6 +230,15 @@ class SessionOutput:
     def is_delivered(self) -> bool:
         """Whether the peer has acknowledged everything that was booked on reliable streams."""
         return not any(stream.waiting or stream.unacked for stream in self._reliable.values())
+
+    def is_at_rest(self) -> bool:
+        """Whether nothing waits to be pulled, and no HEARTBEAT is due or to be worked out."""
+        if self.outbox.items or self._owed:
+            return False
+        for stream in self._reliable.values():
+            if stream.moved or stream.missed or stream.heartbeat_at is not None:
+                return False
+        return True
 
     @property
     def is_idle(self) -> bool:
