@@ -99,7 +99,7 @@ def test_a_topic_must_exist_before_its_writers(name: int | str) -> None:
 
 def test_a_topic_of_another_participant_is_none_of_ours() -> None:
     maker = Maker()
-    maker.objects[0x0022] = ClientObject(TopicDef("light", "T"), Participant(7), Topic("light", "T", 7))
+    maker.objects[0x0022] = ClientObject(TopicDef("light", "T"), Participant(7, Owner(1)), Topic("light", "T", 7))
     with pytest.raises(NoSuchTopic):
         maker.endpoint(writer(0x0022))
 
@@ -111,7 +111,7 @@ def test_a_second_topic_of_one_name_is_the_first() -> None:
 
 
 def test_a_topic_goes_with_its_last_user() -> None:
-    participant = Participant(0)
+    participant = Participant(0, Owner(1))
     participant.use("light", "Light")
     participant.use("light", "")
     participant.release("light")

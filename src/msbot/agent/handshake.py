@@ -83,7 +83,7 @@ class Handshake:
             return None
         try:
             header = decode_header(packet)
-            submessage = next(iter(iter_submessages(packet, header.size)), None)
+            submessage = next(iter_submessages(packet, header.size), None)
         except RemoteProtocolError:
             port.dropped.count("packet that cannot be read")
             return None

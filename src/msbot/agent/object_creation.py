@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
 from msbot.agent.topic_attachment import EndpointHost
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.same_object import ForSameObject
 from msbot.space import Owner, Qos, Topic
 from msbot.xrce.messages import ObjectKind
 from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
+
+KEPT = 256
+"""Definitions whose quality of service is worked out once."""
 
 _DOMAIN_OF_AGENT = 255
 """Domain id by which a participant leaves the choice to the agent (as in the genuine agent)."""
@@ -18,23 +22,24 @@ _DOMAIN_OF_AGENT = 255
 
 @dataclass(slots=True, eq=False)
 class Participant:
-    """A client's participant in one domain, and its topics: type and number of users by name."""
+    """A client's participant in one domain, and its topics with the number of users, by name."""
 
     domain: int
-    name: str = ""
-    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
+    owner: Owner
+    topics: dict[str, tuple[Topic, int]] = field(default_factory=dict)
 
     def use(self, name: str, type_name: str) -> Topic:
         """Make the topic or use the existing one of that name, whose type then counts."""
-        known_type, users = self.topics.get(name, (type_name, 0))
-        self.topics[name] = (known_type, users + 1)
-        return Topic(name, known_type, self.domain)
+        known = self.topics.get(name)
+        topic, users = (Topic(name, type_name, self.domain), 0) if known is None else known
+        self.topics[name] = (topic, users + 1)
+        return topic
 
     def release(self, name: str) -> None:
         """End one use; the topic goes with its last user."""
-        type_name, users = self.topics[name]
+        topic, users = self.topics[name]
         if users > 1:
-            self.topics[name] = (type_name, users - 1)
+            self.topics[name] = (topic, users - 1)
         else:
             del self.topics[name]
 
@@ -75,8 +80,12 @@ class NoSuchTopic(Exception):
 class Creator:
     """Makes the objects of clients."""
 
+    __slots__ = ("_qos", "_settings")
+
     def __init__(self, settings: AgentSettings) -> None:
         self._settings = settings
+        # Parts of one kind describe their objects alike, and equal descriptions give the same definition.
+        self._qos = ForSameObject(self._make_qos, KEPT)
 
     def make(
         self, host: EndpointHost, object_id: int, definition: Definition, parent: ClientObject | None,
@@ -96,9 +105,10 @@ class Creator:
         """
         if parent is None:
             assert isinstance(definition, ParticipantDef)
-            return ClientObject(definition, Participant(self._domain(definition.domain_id), definition.name))
+            owner = Owner(host.key, definition.name)
+            return ClientObject(definition, Participant(self._domain(definition.domain_id), owner))
         participant = parent.participant
-        owner = Owner(host.key, participant.name)
+        owner = participant.owner
         match definition:
             case TopicDef():
                 topic = participant.use(definition.name, definition.type_name)
@@ -109,7 +119,9 @@ class Creator:
                 return ClientObject(definition, participant, topic, endpoint)
             case ReaderDef():
                 topic = self._topic_of(definition, participant, topics)
-                qos = self._qos(definition, latched=host.is_latched(topic.name))
+                qos = self._qos(definition)
+                if host.is_latched(topic.name) and not qos.transient_local:
+                    qos = replace(qos, transient_local=True)
                 endpoint = DataReader(host, object_id, topic, qos, owner, host.own_filter)
                 return ClientObject(definition, participant, topic, endpoint)
             case RequesterDef():
@@ -141,12 +153,12 @@ class Creator:
             raise NoSuchTopic(f"topic {name!r}")
         return participant.use(name, "")
 
-    def _qos(self, definition: WriterDef | ReaderDef, *, latched: bool = False) -> Qos:
+    def _make_qos(self, definition: WriterDef | ReaderDef) -> Qos:
         settings = self._settings
         depth = settings.max_depth if definition.keep_all else definition.depth or settings.default_depth
         return Qos(
             reliable=definition.reliable,
-            transient_local=definition.transient_local or latched,
+            transient_local=definition.transient_local,
             keep_all=definition.keep_all,
             depth=min(depth, settings.max_depth),
             late_depth=None if definition.late_depth is None else min(definition.late_depth, settings.max_depth),

@@ -24,18 +24,17 @@ from msbot.xrce.sessions import CreateRequested
 
 logger = logging.getLogger(__name__)
 
-_PARENTS = {
-    ObjectKind.TOPIC: ObjectKind.PARTICIPANT,
-    ObjectKind.PUBLISHER: ObjectKind.PARTICIPANT,
-    ObjectKind.SUBSCRIBER: ObjectKind.PARTICIPANT,
-    ObjectKind.DATAWRITER: ObjectKind.PUBLISHER,
-    ObjectKind.DATAREADER: ObjectKind.SUBSCRIBER,
-    ObjectKind.REQUESTER: ObjectKind.PARTICIPANT,
-    ObjectKind.REPLIER: ObjectKind.PARTICIPANT,
+_PARENTS: dict[int, int | None] = {
+    ObjectKind.PARTICIPANT.value: None,
+    ObjectKind.TOPIC.value: ObjectKind.PARTICIPANT.value,
+    ObjectKind.PUBLISHER.value: ObjectKind.PARTICIPANT.value,
+    ObjectKind.SUBSCRIBER.value: ObjectKind.PARTICIPANT.value,
+    ObjectKind.DATAWRITER.value: ObjectKind.PUBLISHER.value,
+    ObjectKind.DATAREADER.value: ObjectKind.SUBSCRIBER.value,
+    ObjectKind.REQUESTER.value: ObjectKind.PARTICIPANT.value,
+    ObjectKind.REPLIER.value: ObjectKind.PARTICIPANT.value,
 }
-"""Kind of the parent, whatever the low four bits of the parent id say (seen on the wire)."""
-
-_KINDS = (ObjectKind.PARTICIPANT, *_PARENTS)
+"""What can be made, and the kind of its parent, whatever the low four bits of the parent id say (seen on the wire)."""
 
 _LAST_RESERVED_KIND = 9
 """Kinds above this (types, profiles, applications ...) are answered OK, and nothing is made (seen on the wire)."""
@@ -71,11 +70,17 @@ class _Refused(Exception):
 class ObjectTree:
     """The objects of one client (see the module docstring)."""
 
-    def __init__(self, settings: AgentSettings, budget: ObjectBudget, references: References | None = None) -> None:
+    __slots__ = ("_budget", "_creator", "_entities", "_references", "_settings", "endpoints")
+
+    def __init__(
+        self, settings: AgentSettings, budget: ObjectBudget, references: References | None = None,
+        creator: Creator | None = None,
+    ) -> None:  # fmt: skip
+        """`creator`: makes the objects, for several clients; absent: one of its own."""
         self._settings = settings
         self._budget = budget
         self._references = references
-        self._creator = Creator(settings)
+        self._creator = creator or Creator(settings)
         self._entities: dict[int, ClientObject] = {}
         self.endpoints: dict[int, Endpoint] = {}
         """The endpoints by object id; looked up for every WRITE_DATA."""
@@ -92,7 +97,7 @@ class ObjectTree:
         variant = request.variant
         if variant.kind > _LAST_RESERVED_KIND:
             return Status.OK
-        if variant.kind not in _KINDS:
+        if variant.kind not in _PARENTS:
             return Status.ERR_DDS_ERROR
         object_id = (request.object_id & 0xFFF0) | variant.kind
         old = self._entities.get(object_id)
@@ -135,7 +140,7 @@ class ObjectTree:
             return False
 
     def _make(self, host: EndpointHost, object_id: int, variant: ObjectVariant, *, little_endian: bool) -> None:
-        parent = self._parent_of(ObjectKind(variant.kind), variant)
+        parent = self._parent_of(variant)
         definition = self._define(host, variant, little_endian=little_endian)
         settled = host.is_settled()
         limit = self._settings.max_objects if settled else self._settings.max_objects_unsettled
@@ -151,10 +156,11 @@ class ObjectTree:
         if entity.endpoint is not None:
             self.endpoints[object_id] = entity.endpoint
 
-    def _parent_of(self, kind: ObjectKind, variant: ObjectVariant) -> ClientObject | None:
-        if kind is ObjectKind.PARTICIPANT:
+    def _parent_of(self, variant: ObjectVariant) -> ClientObject | None:
+        kind = _PARENTS[variant.kind]
+        if kind is None:
             return None
-        parent = self._entities.get((variant.parent_id & 0xFFF0) | _PARENTS[kind])
+        parent = self._entities.get((variant.parent_id & 0xFFF0) | kind)
         if parent is None:
             raise _Refused(Status.ERR_UNKNOWN_REFERENCE)
         return parent

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from msbot.agent.fair_share import Limit
 from msbot.agent.gate import ClientInfo, SampleGuard
@@ -48,6 +49,13 @@ class OpenSession(Protocol):
 
 class Proxy:
     """Acts for one client in the data space. Satisfies `EndpointHost`."""
+
+    __slots__ = (
+        "__weakref__", "_dead_after_s", "_endpoints", "_gate", "_gone_at", "_guard", "_opened_at", "_probes",
+        "_settings", "_surroundings", "_timed", "_tree", "_turn", "bytes_in", "bytes_out", "clock", "dropped",
+        "gone", "info", "is_blocked", "is_marked", "is_over", "key", "limit", "max_requests", "outbox",
+        "own_filter", "place", "refused", "replies", "session", "space", "transit",
+    )  # fmt: skip
 
     def __init__(
         self, info: ClientInfo, open_session: OpenSession, surroundings: Surroundings, now: float, *,
@@ -92,7 +100,7 @@ class Proxy:
         """What was not done for this client, by reason in words."""
         self.refused = Tally()
         """Samples that the gate kept out, by topic."""
-        self._tree = ObjectTree(settings, surroundings.budget, surroundings.references)
+        self._tree = ObjectTree(settings, surroundings.budget, surroundings.references, surroundings.creator)
         self._endpoints = self._tree.endpoints
 
     # What the server calls.
@@ -110,7 +118,7 @@ class Proxy:
             if type(event) is DataWritten:
                 self._write(event.object_id, event.request_id, event.payload)
             elif not self.is_over:
-                self._handle(event)
+                self._HANDLERS[type(event)](self, event)
         if not self.is_marked:
             self._surroundings.mark(self)
 
@@ -339,29 +347,29 @@ class Proxy:
         else:
             endpoint.write(request_id, sample)
 
-    def _handle(self, event: AgentEvent) -> None:
-        session = self.session
-        match event:
-            case ReadRequested():
-                self._read(event)
-            case CreateRequested():
-                status = self._tree.create(self, event)
-                session.send_status(event.request_id, event.object_id, status, event.stream_id)
-            case DeleteRequested():
-                status = self._tree.delete(event.object_id)
-                session.send_status(event.request_id, event.object_id, status, event.stream_id)
-            case InfoRequested():
-                session.send_info(event.request_id, event.object_id)
-            case SessionDeleteRequested():
-                session.send_status(event.request_id, event.object_id, Status.OK, event.stream_id)
-                self._tree.clear()
-                self.is_over = True
-            case SessionReset():
-                # Packets that the link has not taken yet have numbers that the client will not expect.
-                self.outbox.clear()
-                self._pull_unless_blocked()
-            case WindowOpened():
-                self._pull_unless_blocked()
+    def _create(self, event: CreateRequested) -> None:
+        status = self._tree.create(self, event)
+        self.session.send_status(event.request_id, event.object_id, status, event.stream_id)
+
+    def _delete(self, event: DeleteRequested) -> None:
+        status = self._tree.delete(event.object_id)
+        self.session.send_status(event.request_id, event.object_id, status, event.stream_id)
+
+    def _answer_ping(self, event: InfoRequested) -> None:
+        self.session.send_info(event.request_id, event.object_id)
+
+    def _end(self, event: SessionDeleteRequested) -> None:
+        self.session.send_status(event.request_id, event.object_id, Status.OK, event.stream_id)
+        self._tree.clear()
+        self.is_over = True
+
+    def _streams_begin_anew(self, event: SessionReset) -> None:  # noqa: ARG002 - it says no more
+        # Packets that the link has not taken yet have numbers that the client will not expect.
+        self.outbox.clear()
+        self._pull_unless_blocked()
+
+    def _window_opened(self, event: WindowOpened) -> None:  # noqa: ARG002 - samples are taken for all streams in turns
+        self._pull_unless_blocked()
 
     def _pull_unless_blocked(self) -> None:
         if not self.is_blocked:
@@ -376,3 +384,14 @@ class Proxy:
 
     def _is_own(self, writer: Guid) -> bool:
         return writer[:8] == self._surroundings.agent_id and client_key_of(writer) == self.info.key
+
+    _HANDLERS: ClassVar[dict[type[AgentEvent], Callable[[Any, Any], None]]] = {
+        CreateRequested: _create,
+        DeleteRequested: _delete,
+        ReadRequested: _read,
+        InfoRequested: _answer_ping,
+        SessionDeleteRequested: _end,
+        SessionReset: _streams_begin_anew,
+        WindowOpened: _window_opened,
+    }
+    """What is done about each event but a sample: `(proxy, event)`."""

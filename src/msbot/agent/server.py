@@ -21,6 +21,7 @@ from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
 from msbot.agent.join_queue import JoinQueue
 from msbot.agent.latency import Latency
+from msbot.agent.object_creation import Creator
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.proxy import Proxy
 from msbot.agent.relays import Relays
@@ -92,7 +93,7 @@ class Agent:
             space=space, gate=self._gate, settings=self._settings, clock=self._now,
             agent_id=agent_id or os.urandom(8), mark=self._flusher.mark, replies=ReplyExchange(space),
             transit=self.latency.transit, references=references, topics=TopicTable(self._settings.max_topics),
-            budget=ObjectBudget(self._settings.max_objects_in_all),
+            budget=ObjectBudget(self._settings.max_objects_in_all), creator=Creator(self._settings),
         )  # fmt: skip
         self._session_settings = {
             (is_bus, is_fast): session_settings(self._settings, is_bus=is_bus, is_fast=is_fast)
@@ -172,8 +173,7 @@ class Agent:
 
     def recheck(self, client_key: int) -> None:
         """Ask the gate again for that client: its endpoints enter or leave the space at once."""
-        proxy = self._clients.by_key(client_key)
-        if proxy is not None:
+        if (proxy := self._clients.by_key(client_key)) is not None:
             proxy.recheck()
 
     def disconnect(self, client_key: int, reason: str) -> bool:

@@ -32,7 +32,10 @@ class TopicTable:
 
     def of(self, name: str) -> TopicTraffic:
         """The counters of that topic; shared ones when the table is full."""
-        if name not in self._topics and len(self._topics) >= self._limit:
+        known = self._topics.get(name)
+        if known is not None:
+            return known
+        if len(self._topics) >= self._limit:
             name = OTHERS
         return self._topics.setdefault(name, TopicTraffic(name))
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.gate import Gate
 from msbot.agent.latency import Transit
+from msbot.agent.object_creation import Creator
 from msbot.agent.object_tree import ObjectBudget
 from msbot.agent.reply_routing import ReplyExchange
 from msbot.agent.statistics import TopicTable
@@ -36,6 +37,7 @@ class Surroundings:
     replies: ReplyExchange
     transit: Transit
     references: References | None = None
+    creator: Creator | None = None
     topics: TopicTable = field(default_factory=lambda: TopicTable(4096))
     budget: ObjectBudget = field(default_factory=lambda: ObjectBudget(200_000))
     incarnations: Iterator[int] = field(default_factory=lambda: count(1))

@@ -13,9 +13,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import lru_cache
 
 from msbot.errors import LocalProtocolError
+from msbot.runtime.same_object import ForSameObject
 from msbot.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Sample, Topic
 from msbot.space.history import History, Store
 from msbot.space.qos_matching import mismatch
@@ -285,12 +285,15 @@ class _Meeting:
         return tuple(found)[:MAX_TROUBLES]
 
 
-@lru_cache(256)
-def _offer(qos: Qos) -> Qos:
+def _offered(qos: Qos) -> Qos:
     """The part of a writer's QoS that decides which readers it fits."""
     return replace(
         qos, depth=1, late_depth=None, keep_all=False, lifespan_s=None, strength=0, separation_s=0.0, service=False
     )
+
+
+_offer = ForSameObject(_offered, 256)
+"""Writers of one kind have the same QoS."""
 
 
 def fit(offered: Qos, requested: Qos) -> bool:

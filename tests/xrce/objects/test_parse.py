@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import CdrWriter, Format, ObjectKind, ObjectVariant
+from msbot.xrce.messages import CdrWriter, Create, Format, ObjectKind, ObjectVariant
 from msbot.xrce.messages.objects import KEPT_OCTETS
 from msbot.xrce.objects import (
     Definition,
@@ -192,16 +192,27 @@ def test_topics_in_binary_form_round_trip_in_both_byte_orders(name: str, type_na
 
 
 def test_a_description_that_comes_again_is_not_parsed_again() -> None:
-    first, again = (ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("a" * 20)) for _ in range(2))
+    sent = Create(1, 0x12, ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("a" * 20))).encode()
+    first, again = (Create.decode(bytes(bytearray(sent)), 4, len(sent), sent[1]).variant for _ in range(2))
+    assert first is again
     assert parse_variant(first) is parse_variant(again)
     other = ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("b" * 20))
     assert parse_variant(other) == TopicDef("b" * 20, "T")
 
 
 def test_long_descriptions_are_not_kept() -> None:
-    first, again = (ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("a" * KEPT_OCTETS)) for _ in range(2))
-    assert parse_variant(first) == parse_variant(again)
-    assert parse_variant(first) is not parse_variant(again)
+    long = ObjectVariant(ObjectKind.TOPIC, Format.XML, text=xml_topic("a" * KEPT_OCTETS))
+    assert parse_variant(long) == parse_variant(long)
+    assert parse_variant(long) is not parse_variant(long)
+
+
+def test_a_description_kept_in_one_byte_order_is_not_taken_for_the_other() -> None:
+    variant = ObjectVariant(
+        ObjectKind.DATAWRITER, Format.BINARY, blob=bytes.fromhex("0012 01 00 0100 00 00 00 00 00 00")
+    )
+    little, big = (parse_variant(variant, little_endian=order) for order in (True, False))
+    assert (little, big) == tuple(parse_variant(variant, little_endian=order) for order in (True, False))
+    assert little != big
 
 
 def xml_topic(name: str) -> str:

@@ -161,6 +161,10 @@ def read_request_id(object_id: int) -> int:
     return 0xC000 | object_id & 0x3FFF
 
 
+KIND_MASK = 0x0F
+"""The bits of an object id that are its kind."""
+
+
 def kind_of(object_id: int) -> int:
     """The kind of an object: the low four bits of its id; it may be a kind that nobody defined."""
-    return object_id & 0x0F
+    return object_id & KIND_MASK

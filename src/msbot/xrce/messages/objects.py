@@ -17,6 +17,7 @@ REPLACE = 0x04
 _IDS = struct.Struct(">HH")
 _STATUS = struct.Struct(">BBHHHBB")
 _STATUS_PAYLOAD = struct.Struct(">HHBB")
+_STATUS_ID = SubmessageId.STATUS.value
 
 _WITH_PARENT = frozenset(range(ObjectKind.TOPIC, ObjectKind.REPLIER + 1))
 _WITHOUT_REFERENCE = (ObjectKind.PUBLISHER, ObjectKind.SUBSCRIBER)
@@ -123,12 +124,22 @@ class Create:
         Raises:
             RemoteProtocolError: the octets do not make sense.
         """
-        need(start, end, 5)
-        little_endian = bool(flags & LITTLE_ENDIAN)
-        request_id, object_id = _IDS.unpack_from(packet, start)
-        octets = packet[start + 4 : end]
-        variant = (_kept_variant if len(octets) <= KEPT_OCTETS else _read_variant)(octets, little_endian)
-        return cls(request_id, object_id, variant, bool(flags & REUSE), bool(flags & REPLACE), little_endian)
+        request_id, object_id, variant = read_create(packet, start, end, flags)
+        reuse, replace = bool(flags & REUSE), bool(flags & REPLACE)
+        return cls(request_id, object_id, variant, reuse, replace, bool(flags & LITTLE_ENDIAN))
+
+
+def read_create(packet: bytes, start: int, end: int, flags: int) -> tuple[int, int, ObjectVariant]:
+    """Request id, object id and description of a `Create` in `packet[start:end]`.
+
+    Raises:
+        RemoteProtocolError: the octets do not make sense.
+    """
+    need(start, end, 5)
+    request_id, object_id = _IDS.unpack_from(packet, start)
+    octets = packet[start + 4 : end]
+    read = _kept_variant if len(octets) <= KEPT_OCTETS else _read_variant
+    return request_id, object_id, read(octets, bool(flags & LITTLE_ENDIAN))
 
 
 @dataclass(slots=True)
@@ -169,9 +180,7 @@ class StatusReply:
 
     def encode(self) -> bytes:
         """The whole submessage."""
-        return _STATUS.pack(
-            self.ID, LITTLE_ENDIAN, 0x0600, self.request_id, self.object_id, self.status, self.implementation_status
-        )
+        return write_status(self.request_id, self.object_id, self.status, self.implementation_status)
 
     @classmethod
     def decode(cls, packet: bytes, start: int, end: int, flags: int) -> Self:  # noqa: ARG003 - octets only
@@ -182,3 +191,8 @@ class StatusReply:
         """
         need(start, end, 6)
         return cls(*_STATUS_PAYLOAD.unpack_from(packet, start))
+
+
+def write_status(request_id: int, object_id: int, status: int, implementation_status: int = 0) -> bytes:
+    """The whole submessage of a `StatusReply`, without creating an object for each."""
+    return _STATUS.pack(_STATUS_ID, LITTLE_ENDIAN, 0x0600, request_id, object_id, status, implementation_status)

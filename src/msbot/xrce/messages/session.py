@@ -18,6 +18,7 @@ from msbot.xrce.messages.submessage import LITTLE_ENDIAN, frame, need
 
 _SECOND_NS = 1_000_000_000
 _CREATE_CLIENT_LENGTH = 16
+_LOGIN = struct.Struct(">4s2s2sIB")
 _IDS = struct.Struct(">HH")
 _MASKS = (struct.Struct(">I"), struct.Struct("<I"))
 _TIMES = (struct.Struct(">iI"), struct.Struct("<iI"))
@@ -75,11 +76,7 @@ class CreateClient:
             RemoteProtocolError: the octets do not make sense.
         """
         reader = CdrReader(packet, start, end, little_endian=bool(flags & LITTLE_ENDIAN))
-        cookie = reader.octets(4)
-        version = reader.octets(2)
-        vendor = reader.octets(2)
-        client_key = int.from_bytes(reader.octets(4), "big")
-        session_id = reader.u8()
+        cookie, version, vendor, client_key, session_id = _LOGIN.unpack(reader.octets(_LOGIN.size))
         properties = _read_properties(reader) if reader.boolean() else None
         mtu = reader.u16()
         return cls(client_key, session_id, mtu, properties, cookie, version, vendor), reader.offset

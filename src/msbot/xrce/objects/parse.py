@@ -7,10 +7,11 @@ A binary description is CDR of its own: alignment counts from its first octet, t
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.same_object import ForSameObject
 from msbot.xrce.messages.cdr import CdrReader
 from msbot.xrce.messages.ids import Format, ObjectKind
 from msbot.xrce.messages.objects import KEPT, KEPT_OCTETS, ObjectVariant
@@ -50,8 +51,9 @@ def parse_variant(
     """
     if variant.format == Format.REFERENCE and variant.text is not None:
         return resolve(_kind_of(variant), variant.text, variant.domain_id, references)
-    is_kept = len(variant.blob or variant.text or "") <= KEPT_OCTETS
-    return (_kept_definition if is_kept else _parse)(variant, little_endian)
+    if len(variant.blob or variant.text or "") > KEPT_OCTETS:
+        return _parse(variant, little_endian=little_endian)
+    return (_kept_little if little_endian else _kept_big)(variant)
 
 
 def _kind_of(variant: ObjectVariant) -> ObjectKind:
@@ -61,7 +63,7 @@ def _kind_of(variant: ObjectVariant) -> ObjectKind:
         raise RemoteProtocolError(f"an object of kind {variant.kind}: there is no such kind") from None
 
 
-def _parse(variant: ObjectVariant, little_endian: bool) -> Definition:
+def _parse(variant: ObjectVariant, *, little_endian: bool) -> Definition:
     kind = _kind_of(variant)
     if variant.format == Format.XML and variant.text is not None:
         return _from_xml(kind, variant.text, variant.domain_id)
@@ -70,7 +72,9 @@ def _parse(variant: ObjectVariant, little_endian: bool) -> Definition:
     raise RemoteProtocolError(f"a {kind.name.lower()} in form {variant.format}: not understood")
 
 
-_kept_definition = lru_cache(KEPT)(_parse)
+# Equal descriptions are one object (`ObjectVariant` is kept by the octets of the CREATE).
+_kept_little = ForSameObject(partial(_parse, little_endian=True), KEPT)
+_kept_big = ForSameObject(partial(_parse, little_endian=False), KEPT)
 
 
 def _from_xml(kind: ObjectKind, text: str, domain_id: int) -> Definition:

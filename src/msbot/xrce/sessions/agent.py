@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from typing import Any, ClassVar
 
 from msbot.xrce.messages.data import FORMAT_MASK
 from msbot.xrce.messages.envelope import MTU_MIN, Envelope, data_submessage
 from msbot.xrce.messages.ids import (
+    KIND_MASK,
     OBJECT_CLIENT,
     REQUEST_NONE,
     SESSION_NONE,
@@ -27,9 +29,10 @@ from msbot.xrce.messages.ids import (
     STREAM_RELIABLE,
     ObjectKind,
     SubmessageId,
-    kind_of,
 )
-from msbot.xrce.messages.message import Create, Delete, GetInfo, Info, ReadData, StatusReply, Timestamp, TimestampReply
+from msbot.xrce.messages.message import Delete, GetInfo, Info, ReadData, Timestamp, TimestampReply
+from msbot.xrce.messages.objects import REPLACE, REUSE, read_create, write_status
+from msbot.xrce.messages.submessage import LITTLE_ENDIAN
 from msbot.xrce.sessions.counters import Memory
 from msbot.xrce.sessions.events import (
     AgentEvent,
@@ -45,7 +48,10 @@ from msbot.xrce.sessions.session import OTHER_SESSION, Session
 from msbot.xrce.sessions.settings import AgentSessionSettings
 
 _IDS = struct.Struct(">HH")
+# Plain ints: comparing with a member of an IntEnum costs several times as much, for every request.
 _DATA_ID = SubmessageId.DATA.value
+_CREATE_CLIENT_ID = SubmessageId.CREATE_CLIENT.value
+_CLIENT = ObjectKind.CLIENT.value
 _MASK_CONFIGURATION = 1
 
 NOT_DATA = "WRITE_DATA without ids, or in another format than DATA"
@@ -111,8 +117,8 @@ class AgentSession(Session[AgentEvent]):
         Requests on a reliable stream are answered on 0x80, others on 0x01, and the deletion of the session on stream
         NONE (seen on the wire). While the window is full the status waits.
         """
-        body = StatusReply(request_id, object_id, status).encode()
-        if kind_of(object_id) == ObjectKind.CLIENT:
+        body = write_status(request_id, object_id, status)
+        if object_id & KIND_MASK == _CLIENT:
             self._sender.answer(body)
         elif stream_id < STREAM_RELIABLE:
             self._sender.send_unacknowledged(body, STREAM_BEST_EFFORT)
@@ -180,47 +186,56 @@ class AgentSession(Session[AgentEvent]):
         return True
 
     def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
-        event = self._request(kind, flags, contents, stream_id)
-        if event is not None:
+        read = self._REQUESTS.get(kind)
+        if read is not None and (event := read(self, contents, flags, stream_id)) is not None:
             self._events.append(event)
-        return kind != SubmessageId.CREATE_CLIENT
+        return kind != _CREATE_CLIENT_ID
 
-    def _request(self, kind: int, flags: int, contents: bytes, stream_id: int) -> AgentEvent | None:
-        size = len(contents)
-        match kind:
-            case SubmessageId.READ_DATA:
-                read = ReadData.decode(contents, 0, size, flags)
-                return ReadRequested(read.request_id, read.object_id, read)
-            case SubmessageId.CREATE:
-                create = Create.decode(contents, 0, size, flags)
-                return CreateRequested(
-                    create.request_id,
-                    create.object_id,
-                    create.variant,
-                    create.reuse,
-                    create.replace,
-                    stream_id,
-                    create.little_endian,
-                )
-            case SubmessageId.DELETE:
-                delete = Delete.decode(contents, 0, size, flags)
-                if kind_of(delete.object_id) == ObjectKind.CLIENT:
-                    if stream_id == STREAM_NONE:
-                        # After its end, an ACKNACK could be mistaken for one of the client's next session.
-                        self._sender.settle()
-                    return SessionDeleteRequested(delete.request_id, delete.object_id)
-                return DeleteRequested(delete.request_id, delete.object_id, stream_id)
-            case SubmessageId.GET_INFO:
-                info = GetInfo.decode(contents, 0, size, flags)
-                return InfoRequested(info.request_id, info.object_id, info.mask)
-            case SubmessageId.TIMESTAMP:
-                receive_ns = self._epoch_ns()
-                originate_ns = Timestamp.decode(contents, 0, size, flags).transmit_ns
-                reply = TimestampReply(self._epoch_ns(), receive_ns, originate_ns)
-                self._sender.send_unacknowledged(reply.encode(), STREAM_NONE)
-            case SubmessageId.RESET:
-                self._restart_streams()
-                return SessionReset()
-            case SubmessageId.CREATE_CLIENT if size:
-                self.counters.dropped.count(LOGIN_INSIDE)
-        return None
+    def _create(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:
+        request_id, object_id, variant = read_create(contents, 0, len(contents), flags)
+        reuse, replace = bool(flags & REUSE), bool(flags & REPLACE)
+        return CreateRequested(
+            request_id, object_id, variant, reuse, replace, stream_id, bool(flags & LITTLE_ENDIAN)
+        )  # fmt: skip
+
+    def _delete(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:
+        delete = Delete.decode(contents, 0, len(contents), flags)
+        if delete.object_id & KIND_MASK != _CLIENT:
+            return DeleteRequested(delete.request_id, delete.object_id, stream_id)
+        if stream_id == STREAM_NONE:
+            # After its end, an ACKNACK could be mistaken for one of the client's next session.
+            self._sender.settle()
+        return SessionDeleteRequested(delete.request_id, delete.object_id)
+
+    def _read(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:  # noqa: ARG002 - one signature for all
+        read = ReadData.decode(contents, 0, len(contents), flags)
+        return ReadRequested(read.request_id, read.object_id, read)
+
+    def _get_info(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:  # noqa: ARG002
+        info = GetInfo.decode(contents, 0, len(contents), flags)
+        return InfoRequested(info.request_id, info.object_id, info.mask)
+
+    def _timestamp(self, contents: bytes, flags: int, stream_id: int) -> None:  # noqa: ARG002
+        receive_ns = self._epoch_ns()
+        originate_ns = Timestamp.decode(contents, 0, len(contents), flags).transmit_ns
+        reply = TimestampReply(self._epoch_ns(), receive_ns, originate_ns)
+        self._sender.send_unacknowledged(reply.encode(), STREAM_NONE)
+
+    def _reset_all(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:  # noqa: ARG002
+        self._restart_streams()
+        return SessionReset()
+
+    def _login_inside(self, contents: bytes, flags: int, stream_id: int) -> None:  # noqa: ARG002
+        if contents:
+            self.counters.dropped.count(LOGIN_INSIDE)
+
+    _REQUESTS: ClassVar[dict[int, Callable[[Any, bytes, int, int], AgentEvent | None]]] = {
+        SubmessageId.CREATE_CLIENT.value: _login_inside,
+        SubmessageId.CREATE.value: _create,
+        SubmessageId.GET_INFO.value: _get_info,
+        SubmessageId.DELETE.value: _delete,
+        SubmessageId.READ_DATA.value: _read,
+        SubmessageId.RESET.value: _reset_all,
+        SubmessageId.TIMESTAMP.value: _timestamp,
+    }
+    """What a client may ask for, by kind of submessage: `(session, contents, flags, stream id)`."""

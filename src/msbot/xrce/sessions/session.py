@@ -169,8 +169,9 @@ class Session(ABC, Generic[Event]):
 
     def release(self) -> None:
         """The session is over: give back the memory that it shares with others."""
-        self._restart_input()
-        self._sender.reset()
+        for stream in self._reliable.values():
+            stream.reset()
+        self._sender.release()
 
     @property
     def heartbeat_s(self) -> float:

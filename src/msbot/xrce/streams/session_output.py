@@ -281,6 +281,11 @@ class SessionOutput:
         self._reliable.clear()
         return refused
 
+    def release(self) -> None:
+        """Give back what is counted in the pool: nothing will be sent any more."""
+        for stream in self._reliable.values():
+            stream.release()
+
     @staticmethod
     def _need(stream: Stream | None, stream_id: int) -> Stream:
         if stream is None:
