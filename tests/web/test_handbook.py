@@ -8,7 +8,7 @@ import pytest
 
 from msbot.web import handbook
 from msbot.web.pages.help import HELP
-from msbot.web.pages.layout import MENU
+from msbot.web.pages.menu import MENU
 
 PAGES = [name for chapter in handbook.chapters() for name, _ in chapter.pages]
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from random import Random
+from weakref import WeakSet
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
@@ -70,8 +71,19 @@ def new_page(browser: Browser, *, width: int = 1280, height: int = 900) -> Page:
     return context.new_page()
 
 
-def go(page: Page, address: str) -> None:
-    """Open a page and wait until it is connected: what is done before would be lost."""
+patient: WeakSet[Page] = WeakSet()
+
+
+def go(page: Page, address: str, *, waits: bool = True) -> None:
+    """Open a page and wait until it is connected: what is done before would be lost.
+
+    Args:
+        waits: no click is made, and nothing is expected, while the page is grey because the robot has said nothing for
+            a moment, as on a busy machine: it takes no clicks then.
+    """
+    if waits and page not in patient:
+        patient.add(page)
+        page.add_locator_handler(page.locator("html.ms-dead"), lambda: None)
     page.goto(address)
     page.wait_for_function("window.did_handshake && window.socket.connected")
 

@@ -179,7 +179,7 @@ def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Brows
         site = Site(process)
         page = new_page(browser)
         page.goto(site.link)
-        go(page, site.base)
+        go(page, site.base, waits=False)
         lost = page.locator("#ms-lost")
         expect(page.get_by_role("button", name="Open slot knob")).to_contain_text("active")
         assert not page.evaluate(DEAD)

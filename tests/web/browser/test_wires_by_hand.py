@@ -164,6 +164,7 @@ def test_a_finger_that_trembles_picks_a_port_and_one_that_swipes_moves_the_drawi
     page.goto(demo.link)
     go(page, f"{demo.base}/wires")
     expect(page.get_by_text("The drawing goes on to the right: swipe, or scroll.")).to_be_visible()
+    page.locator("[data-wired]").wait_for()
     finger, scrolled = phone.new_cdp_session(page), "document.querySelector('svg.wires').parentElement.scrollLeft"
 
     def touch(*steps: int) -> None:

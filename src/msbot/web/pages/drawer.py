@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from nicegui import ui
@@ -72,7 +72,7 @@ def _present(page: Page, slot: str) -> None:
     values_panel(page, slot)
     _following(page, slot, lambda card: card.part_number, partial(_wires, page))
     _rhythm(page, slot)
-    _following(page, slot, partial(_doable, page), partial(_deeds, page))
+    _Deeds(page, slot)
     _why(page, slot)
 
 
@@ -178,14 +178,6 @@ def _rhythm(page: Page, slot: str) -> None:
     page.every_look(show, shown)
 
 
-def _doable(page: Page, card: SlotCard) -> object:
-    """What can be done to the part in a slot, and to which."""
-    return (
-        None if card.part is None else card.part.uid, card.simulated, _has_stand_in(page, card),
-        [(spare.part, spare.uid) for spare in _spares(page)],
-    )  # fmt: skip
-
-
 def _spares(page: Page) -> list[PartLine]:
     return [part for part in page.service.views.arrivals() if part.state == PartState.STANDBY.value and part.uid]
 
@@ -194,27 +186,58 @@ def _has_stand_in(page: Page, card: SlotCard) -> bool:
     return card.name in page.service.operations.stand_ins.names
 
 
-def _deeds(page: Page, card: SlotCard) -> None:
-    def button(words: str, icon: str, operation: str, look: str = "outline", **arguments: Any) -> None:  # noqa: ANN401
-        ui.button(words, icon=icon, on_click=partial(page.act, operation, **arguments)).props(look)
+class _Deed(NamedTuple):
+    """Something that can be done to the part in a slot."""
 
-    part = card.part
-    if part is not None and part.uid:
-        with ui.element("div").classes("row"):
+    words: str
+    icon: str
+    operation: str
+    arguments: tuple[tuple[str, Any], ...]
+    look: str = "outline"
+
+
+class _Deeds:
+    """The buttons for what can be done. Each stays the same one as long as it would do the same.
+
+    A click takes its time to the server: for a button that had just been made anew it would be for nothing.
+    """
+
+    def __init__(self, page: Page, slot: str) -> None:
+        self._page, self._slot = page, slot
+        self._row = ui.element("div").classes("row")
+        self._buttons: dict[_Deed, ui.button] = {}
+        page.every_look(self._show, self._row)
+
+    def _show(self) -> None:
+        wanted = list(self._wanted(self._page.service.views.slot(self._slot)))
+        for gone in self._buttons.keys() - set(wanted):
+            self._buttons.pop(gone).delete()
+        for at, deed in enumerate(wanted):
+            if deed not in self._buttons:
+                act = partial(self._page.act, deed.operation, **dict(deed.arguments))
+                with self._row:
+                    self._buttons[deed] = ui.button(deed.words, icon=deed.icon, on_click=act).props(deed.look)
+                self._buttons[deed].move(target_index=at)
+        self._row.set_visibility(bool(wanted))
+
+    def _wanted(self, card: SlotCard) -> Iterator[_Deed]:
+        page, part, slot = self._page, card.part, ("slot", card.name)
+        if part is not None and part.uid:
+            uid = ("part", part.uid)
             if page.may(Right.OPERATE):
-                button(page.say("Identify"), "lightbulb", "identify", part=part.uid)
+                yield _Deed(page.say("Identify"), "lightbulb", "identify", (uid,))
             if page.may(Right.ARRANGE):
-                button(page.say("Release slot"), "eject", "release", slot=card.name)
-                button(page.say("Block part"), "block", "block", "outline color=negative", part=part.uid)
+                yield _Deed(page.say("Release slot"), "eject", "release", (slot,))
+                yield _Deed(page.say("Block part"), "block", "block", (uid,), "outline color=negative")
                 for spare in _spares(page):
                     words = page.say("Swap to {part}", part=spare.part)
-                    button(words, "swap_horiz", "swap", slot=card.name, to=spare.uid)
-    # One click lets a simulated part stand in for that of the slot, another gives the slot back.
-    is_here = _has_stand_in(page, card)
-    if page.may(Right.ARRANGE) and (is_here or not card.simulated):
-        words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
-        icon = "settings_backup_restore" if is_here else "smart_toy"
-        button(words, icon, "simulate", slot=card.name, end=is_here)
+                    yield _Deed(words, "swap_horiz", "swap", (slot, ("to", spare.uid)))
+        # One click lets a simulated part stand in for that of the slot, another gives the slot back.
+        is_here = _has_stand_in(page, card)
+        if page.may(Right.ARRANGE) and (is_here or not card.simulated):
+            words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
+            icon = "settings_backup_restore" if is_here else "smart_toy"
+            yield _Deed(words, icon, "simulate", (slot, ("end", is_here)))
 
 
 def _why(page: Page, slot: str) -> None:

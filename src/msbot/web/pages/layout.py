@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 import logging
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import field
 from datetime import datetime
@@ -29,10 +29,10 @@ from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
 from msbot.web.pages.banner import show_banner
 from msbot.web.pages.class_strip import hand_button, show_class_strip
-from msbot.web.pages.easy import ENTRIES, is_easy, read_easily, show_easily
+from msbot.web.pages.easy import is_easy, read_easily, show_easily
 from msbot.web.pages.help import help_button, offer_tour
 from msbot.web.pages.looking_back import PATHS, LookingBack
-from msbot.web.pages.lost_parts import lost_slots, tell_lost
+from msbot.web.pages.menu import show_menu
 from msbot.web.service import Service, done_of
 from msbot.web.sight import LiveSight, Sight
 
@@ -42,38 +42,6 @@ LOOK_S = 0.5
 """Period in which pages are refreshed."""
 CHECK_S = 3.0
 """Longest time that a page stays open after its person was signed out elsewhere, or removed."""
-
-
-@dataclass(frozen=True, slots=True)
-class MenuEntry:
-    """One entry of the menu."""
-
-    path: str
-    icon: str
-    title: str
-    right: Right = Right.SEE
-
-
-MENU = (
-    MenuEntry("/", "smart_toy", "Robot"),
-    MenuEntry("/arrivals", "move_to_inbox", "Arrivals"),
-    MenuEntry("/settings", "tune", "Settings"),
-    MenuEntry("/bus", "cable", "Bus"),
-    MenuEntry("/wires", "hub", "Wires"),
-    MenuEntry("/program", "code", "Program", Right.JOIN),
-    MenuEntry("/arena", "sports_esports", "Arena"),
-    MenuEntry("/plots", "ssid_chart", "Plots"),
-    MenuEntry("/timeline", "timeline", "Timeline"),
-    MenuEntry("/learn", "school", "Learn"),
-    MenuEntry("/library", "menu_book", "Library"),
-    MenuEntry("/journal", "history", "Journal"),
-    MenuEntry("/missions", "travel_explore", "Missions"),
-    MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE),
-    MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE),
-    MenuEntry("/pupils", "groups", "Pupils", Right.ARRANGE),
-    MenuEntry("/class", "grid_view", "Class"),
-    MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
-)
 
 
 Refresh = Callable[[], Coroutine[object, object, None] | None]
@@ -145,16 +113,28 @@ class Page:
 
     async def do(self, deed: Callable[[Session], Done | Awaitable[Done]], *, quiet: bool = False) -> Done | None:
         """Do something for the person and say what came of it; None when it was refused."""
-        if self.is_past:
-            self._refused(ConfigError(said("this page shows the past: go back to now before you change the robot")))
-            return None
         try:
+            self._check_present()
             result = deed(self.session)
             done = await result if inspect.isawaitable(result) else result
         except MsbotError as error:
             self._refused(error)
             return None
         return self._done(done, quiet=quiet)
+
+    def do_now(self, deed: Callable[[Session], Done], *, quiet: bool = False) -> Done | None:
+        """Do something that waits for nothing, before any refresh could show what was so before it."""
+        try:
+            self._check_present()
+            done = deed(self.session)
+        except MsbotError as error:
+            self._refused(error)
+            return None
+        return self._done(done, quiet=quiet)
+
+    def _check_present(self) -> None:
+        if self.is_past:
+            raise ConfigError(said("this page shows the past: go back to now before you change the robot"))
 
     def _refused(self, error: MsbotError) -> None:
         if self.is_gone:
@@ -305,12 +285,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         hand_button(page)
         help_button(page, path)
         _who(page, dark)
-    # Not value=None: NiceGUI would ask a slow browser whether it is open, and log when no answer comes in a second.
-    with ui.left_drawer(value=False, bordered=False).classes("ms-nav").props(
-        "show-if-above width=210 breakpoint=900 role=navigation"
-    ) as drawer:  # fmt: skip
-        _menu(page, path)
-    menu.on_click(drawer.toggle)
+    show_menu(page, path, menu)
     with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         show_banner(page, banner)
@@ -323,41 +298,6 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         yield page
     page.every(LOOK_S, page.refresh)
     page.every(CHECK_S, page.check_session)
-
-
-def _menu(page: Page, path: str) -> None:
-    ways = [way for way in MENU if page.may(way.right)]
-    others = [way for way in ways if page.easy and way.path not in ENTRIES and way.path != path]
-    _entries(page, path, [way for way in ways if way not in others])
-    if others:
-        with ui.element("details").classes("w-full"):
-            with ui.element("summary"):
-                ui.label(page.say("More"))
-            _entries(page, path, others)
-    tell_lost(page)
-
-
-def _entries(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
-    for way in ways:
-        with ui.link(target=way.path).props('aria-current="page"' if way.path == path else ""):
-            ui.icon(way.icon, size="1.3rem").props("aria-hidden=true")
-            ui.label(page.say(way.title))
-            if way.path == "/":
-                _count(page, lambda: len(lost_slots(page.service.robot())), "bad")
-            elif way.path == "/arrivals":
-                _count(page, lambda: page.service.robot().arrivals, "")
-
-
-def _count(page: Page, of: Callable[[], int], look: str) -> None:
-    """A number behind an entry of the menu; nothing at 0."""
-    count = ui.label("").classes(f"count {look}")
-
-    def show() -> None:
-        number = of()
-        count.set_text(str(number))
-        count.set_visibility(number > 0)
-
-    page.every_look(show)
 
 
 def _who(page: Page, dark: ui.dark_mode) -> None:

@@ -22,10 +22,10 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
         controls = ui.element("div").classes("w-full")
         seen = ui.html("", sanitize=False)
 
-    async def plug() -> None:
+    def plug() -> None:
         wanted = bool(plugged.value)
-        if wanted != service.views.bench.is_plugged(slot):
-            await page.do(lambda session: service.plug(session, slot, plugged=wanted), quiet=True)
+        if wanted != service.views.bench.is_plugged(slot):  # otherwise the refresh below has set the switch
+            page.do_now(lambda session: service.plug(session, slot, plugged=wanted), quiet=True)
 
     shown: list[str] = []
 

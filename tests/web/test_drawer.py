@@ -1,0 +1,66 @@
+"""The drawer of a slot, without a browser: what a click is for while the drawer follows the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from nicegui import Client, ui
+from nicegui.element import Element
+from nicegui.page import page as nicegui_page
+
+from msbot.operations.rights import Role
+from msbot.web.language import languages
+from msbot.web.pages import drawer
+from msbot.web.pages.layout import Page
+from msbot.web.pages.simulator import simulator_panel
+from tests.web.rig import Rig, ToyBench, show
+
+
+def words_of(row: Element) -> dict[str, int]:
+    """The buttons of a row, in their order, by what stands on them."""
+    buttons = [one for one in row.default_slot.children if isinstance(one, ui.button)]
+    return {button.text: button.id for button in buttons}
+
+
+def test_a_button_is_the_same_one_as_long_as_it_would_do_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def scene(rig: Rig) -> None:
+        await rig.look(2.0)
+        spares = [rig.views.parts()[0].model_copy(update={"part": "DD", "uid": "dd", "state": "standby"})]
+        monkeypatch.setattr(drawer, "_spares", lambda _: spares)
+        with Client(nicegui_page("/")), ui.element("div") as place:
+            page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
+            drawer._Deeds(page, "AA")
+        (row,) = place.default_slot.children
+        begun = words_of(row)
+        assert [*begun] == ["Identify", "Release slot", "Block part", "Swap to DD", "Simulate this slot"]
+        spares.clear()
+        page.refresh()
+        assert words_of(row) == {words: number for words, number in begun.items() if words != "Swap to DD"}
+        spares.append(rig.views.parts()[0].model_copy(update={"part": "EE", "uid": "ee", "state": "standby"}))
+        page.refresh()
+        now = words_of(row)
+        assert [*now] == ["Identify", "Release slot", "Block part", "Swap to EE", "Simulate this slot"]
+        assert now["Simulate this slot"] == begun["Simulate this slot"]
+
+    show(tmp_path, scene, bench=ToyBench())
+
+
+def test_a_click_on_the_plug_is_done_before_a_refresh_could_take_it_back(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        bench = rig.views.bench
+        with Client(nicegui_page("/")), ui.element("div") as place:
+            page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
+            simulator_panel(page, "AA")
+        switch = next(one for one in place.descendants() if isinstance(one, ui.switch))
+        assert switch.value is True
+        switch.set_value(False)  # as a click does
+        page.refresh()
+        assert bench.is_plugged("AA") is switch.value is False
+        bench.plug("AA")  # by somebody else
+        page.refresh()
+        assert bench.is_plugged("AA") is switch.value is True
+
+    show(tmp_path, scene, bench=ToyBench("AA"))
