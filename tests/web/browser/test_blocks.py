@@ -17,7 +17,7 @@ from tests.e2e.processes import running
 from tests.effort import THOROUGH
 from tests.lessons.lesson_stage import blocks_of_the_handbook
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.conftest import Site, call, go, new_page
 from tests.web.browser.keyboard import tab_to
 from tests.web.browser.test_demo_pages import FITS
 
@@ -148,15 +148,18 @@ class Pupil:
 
     def run(self) -> None:
         self.page.get_by_role("button", name="Run", exact=True).click()
+        self.expect_active()
+
+    def expect_active(self) -> None:
         expect(self.page.locator("#ms-prog-state")).to_have_attribute("data-state", "active", timeout=WORK_MS)
 
-    def append(self, block: dict[str, Any]) -> str:
-        """Put a block into the workspace, without the mouse; returns its id."""
-        made: str = self.page.evaluate(
-            "(one) => Blockly.serialization.blocks.append({ x: 20, y: 250, ...one }, msbotBlocks.workspace()).id",
+    def append(self, block: dict[str, Any], then: str) -> None:
+        """Put a block into the workspace, without the mouse, and do something before Blockly has told of it."""
+        self.page.evaluate(
+            "(one) => { Blockly.serialization.blocks.append({ x: 20, y: 250, ...one }, msbotBlocks.workspace());"
+            f"{then}; }}",
             block,
         )
-        return made
 
     def warning(self, block: str) -> str:
         """What a block says is amiss."""
@@ -168,16 +171,7 @@ class Pupil:
 
     def keep(self, name: str, text: str, blocks: str) -> int:
         """Keep a program by the API; returns the status."""
-        status: int = self.page.evaluate(
-            """async ([name, text, blocks]) => {
-              const csrf = (await (await fetch("/api/me")).json()).csrf;
-              const headers = { "content-type": "application/json", "x-csrf-token": csrf };
-              const body = JSON.stringify({ text, blocks });
-              return (await fetch(`/api/programs/${name}`, { method: "PUT", headers, body })).status;
-            }""",
-            [name, text, blocks],
-        )
-        return status
+        return call(self.page, "PUT", f"/api/programs/{name}", {"text": text, "blocks": blocks})
 
     def kept(self, name: str) -> dict[str, str]:
         """What is kept of a program."""
@@ -400,9 +394,12 @@ def test_an_error_lights_up_its_block_with_its_sentence(desk: Pupil) -> None:
         "inputs": {"A": {"shadow": number}, "B": {"shadow": number}},
     }
     print_it = {"type": "text_print", "inputs": {"TEXT": {"block": divided}}}
-    desk.append({"type": "msbot_every", "fields": {"SECONDS": 0.2}, "inputs": {"DO": {"block": print_it}}})
+    desk.append(
+        {"type": "msbot_every", "fields": {"SECONDS": 0.2}, "inputs": {"DO": {"block": print_it}}},
+        then="[...document.querySelectorAll('button')].find((one) => one.textContent.includes('Run')).click()",
+    )  # in one step: Run means what is seen
     (said,) = desk.blocks("text_print")
-    desk.run()
+    desk.expect_active()
     expect(desk.page.locator(".ms-block-wrong")).to_have_attribute("data-id", said, timeout=WORK_MS)
     assert "ZeroDivisionError" in desk.warning(said)
     expect(desk.page.locator(".blocklyBubble, .blocklyTextBubble").first).to_contain_text("ZeroDivisionError")
@@ -460,6 +457,10 @@ def test_blocks_that_cannot_be_shown_leave_their_python(desk: Pupil, track: Site
     for number, (kept, sentence) in enumerate(STRANGE.items()):
         name = f"strange{number}.py"
         assert desk.keep(name, "print(1)\n", kept) == 200
+        assert sentence in page.evaluate("(doc) => msbotBlocks.textOf(doc)", kept)["error"]
+        if number > 1:
+            continue
+        # On the page: what cannot be read, and what cannot be put in.
         go(page, f"{track.base}/program?name={name}")
         expect(page.locator(".q-notification").filter(has_text=sentence)).to_be_visible()
         assert page.evaluate(TEXT) == "print(1)\n"

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from msbot.web.access.attempts import FREE_TRIES
 from tests.e2e.processes import Process, run, running
-from tests.web.browser.conftest import free_port, link_in, new_page
+from tests.web.browser.conftest import call, free_port, link_in, new_page
 
 PASSWORD = "correct horse"
 FREE_SLOT = """
@@ -130,21 +130,6 @@ def card_of(page: Page, slot: str) -> Locator:
     return page.get_by_role("button", name=f"Open slot {slot}")
 
 
-def ask(page: Page, method: str, path: str, body: object) -> int:
-    """What the API answers to a script on the person's own page, which knows everything that the page knows."""
-    status = page.evaluate(
-        """async ([method, path, body]) => {
-            const me = await (await fetch("/api/me")).json();
-            const headers = {"content-type": "application/json", "x-csrf-token": me.csrf};
-            const answer = await fetch(path, {method, headers, body: body && JSON.stringify(body)});
-            return answer.status;
-        }""",
-        [method, path, body],
-    )
-    assert isinstance(status, int)
-    return status
-
-
 def test_wrong_passwords_lock_out_and_nobody_else(browser: Browser, room: ClassRoom) -> None:
     page = new_page(browser)
     page.goto(f"{room.base}/login")
@@ -210,9 +195,9 @@ def test_a_student_sees_no_teachers_buttons_and_is_refused_by_the_server(browser
             expect(page.get_by_role("button", name=forbidden)).to_have_count(0)
         page.goto(f"{room.base}/admin")
         expect(page.get_by_text("Only an administrator sees this page.")).to_be_visible()
-        assert ask(page, "POST", "/api/slots/BB/release", {}) == 403
-        assert ask(page, "POST", "/api/users", {"name": "x", "role": "viewer", "password": PASSWORD}) == 403
-        assert ask(page, "GET", "/api/backup", None) == 403
+        assert call(page, "POST", "/api/slots/BB/release", {}) == 403
+        assert call(page, "POST", "/api/users", {"name": "x", "role": "viewer", "password": PASSWORD}) == 403
+        assert call(page, "GET", "/api/backup", None) == 403
         page.goto(room.base)
         expect(card_of(page, "BB")).to_contain_text("active")
 

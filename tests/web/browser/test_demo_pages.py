@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from msbot.lab.explain.quiz import questions
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.conftest import Site, go, new_page, undo_newest
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
@@ -37,11 +37,7 @@ def test_why_follows_in_an_open_drawer(blank: Page, demo: Site) -> None:
     expect(why).to_contain_text("is active")
     page.get_by_role("button", name="Release slot").click()
     expect(why).to_contain_text("took it out of slot bumper")
-    go(page, f"{demo.base}/journal")
-    page.get_by_role("tab", name="Changes by people").click()
-    page.get_by_role("button", name="Undo").first.click()
-    expect(page.get_by_text("undone", exact=True).first).to_be_visible()
-    go(page, demo.base)
+    undo_newest(page)
     expect(page.get_by_role("button", name="Open slot bumper")).to_contain_text("active")
 
 
@@ -390,10 +386,7 @@ def test_a_form_wires_parts_to_a_board_and_sees_pins_that_are_taken_or_cannot(bl
     page.go_back()
     expect(page.get_by_role("dialog")).to_have_count(0)
     expect(page.get_by_role("button", name="Open slot front board")).to_be_visible()
-    go(page, f"{demo.base}/journal")
-    page.get_by_role("tab", name="Changes by people").click()
-    page.get_by_role("button", name="Undo").first.click()
-    expect(page.get_by_text("undone", exact=True).first).to_be_visible()
+    undo_newest(page)
     go(page, f"{demo.base}/?slot=front%20board")
     expect(page.get_by_label(re.compile("^part_1"))).to_have_value("LED lamp: s=2")
     expect(page.get_by_label(re.compile("^part_2"))).to_have_value("")

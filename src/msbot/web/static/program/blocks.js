@@ -73,8 +73,9 @@ const msbotBlocks = (() => {
     new MutationObserver(() => workspace.getTheme() === theme() || workspace.setTheme(theme()))
       .observe(document.body, { attributes: true, attributeFilter: ["class"] });
     new ResizeObserver(() => Blockly.svgResize(workspace)).observe(place);
-    document.addEventListener("click", settleNow, true); // before Run, Keep and the rest ask for the program
-    addEventListener("pagehide", settleNow);
+    // Before Run, Keep and the rest ask for the program. Blockly tells of a change one picture later: nothing need be told.
+    document.addEventListener("click", () => settleNow(true), true);
+    addEventListener("pagehide", () => settleNow(true));
     keepFocus(place);
   }
 
