@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, settings
 
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
+from tests import import_order
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
 
@@ -32,6 +33,11 @@ settings.register_profile("thorough", settings.get_profile("msbot"), max_example
 settings.load_profile("thorough" if THOROUGH else "msbot")
 
 guard()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Workers share the work of importing."""
+    config.pluginmanager.register(import_order)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

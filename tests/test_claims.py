@@ -71,7 +71,8 @@ def test_callbacks_are_given_or_added_and_never_set_from_outside() -> None:
     set_outside = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in sorted((ROOT / "src").rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text()))
+        if ".on_" in (text := path.read_text())  # where no attribute is named so, none is set
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and node.attr.startswith("on_")
     ]
     assert set_outside == []

@@ -227,8 +227,8 @@ def _enter(network: str) -> None:
             raise OSError(ctypes.get_errno(), f"cannot enter the network {network}")
 
 
-def _become(wish: Wish, files: list[int]) -> None:
-    """Run the command in this copy, as if the interpreter had just been started with `-m msbot`."""
+def become(wish: Wish, files: list[int]) -> None:
+    """Run the command in this copy of a process, as if the interpreter had just been started with `-m msbot`."""
     arguments, folder, environment, limits = wish
     if limits is not None:
         _limit(0, *limits)
@@ -255,4 +255,4 @@ if __name__ == "__main__":
     with socket.socket(fileno=int(sys.argv[1])) as requests:
         wish = _serve(requests)
     if wish is not None:
-        _become(*wish)
+        become(*wish)

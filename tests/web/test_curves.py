@@ -85,12 +85,12 @@ async def test_the_past_is_read_by_another_process_thinned_and_with_figures_of_e
         nonlocal turns
         while True:
             turns += 1
-            await asyncio.sleep(0)
+            await asyncio.sleep(0.001)  # at its own turns only: the other process needs the processor
 
     turning = asyncio.get_running_loop().create_task(turn())
     read = await past.curves(["@late"], began_s + 100, began_s + 400)
     turning.cancel()
-    assert turns > 100, "the event loop went on meanwhile"
+    assert turns > 20, "the event loop went on meanwhile"
     (curve,) = read.curves
     assert 100 < len(curve.points) <= MOST_POINTS
     assert read.figures["@late"].count == 3001
