@@ -28,6 +28,8 @@ PATIENCE_S = 600.0
 """Real seconds after which a run counts as one that never ends."""
 IDLE_S = 60.0
 """The same for a run that does nothing at all."""
+FELL = 70
+"""Exit status when pytest itself ends in an error."""
 
 
 def main() -> None:
@@ -69,7 +71,7 @@ def _used_s(process: int) -> float:
 
 def _run(request: dict[str, object]) -> None:
     """In the copy; does not return."""
-    code = 70
+    code = FELL
     try:
         os.setsid()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGCHLD])

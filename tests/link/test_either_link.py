@@ -125,6 +125,30 @@ def test_where_nobody_listens_is_left_at_once() -> None:
     play(scene)
 
 
+def test_a_way_that_opens_later_changes_nothing_until_it_is_needed() -> None:
+    async def main() -> None:
+        stage = Stage()
+        stage.one.opens = False
+        running = asyncio.get_running_loop().create_task(stage.link.run())
+        await asyncio.sleep(0.5)
+        assert stage.signals == [(Signal.LINK_UP, "two")], "the one that opens first"
+        await stage.ask(b"a")
+        stage.one.opens = True
+        await asyncio.sleep(1.0)
+        assert stage.signals == [(Signal.LINK_UP, "two")]
+        assert stage.link.in_use is stage.two
+        stage.two.answers = False
+        await stage.ask(b"b", PATIENCE_S + 2 * LOOK_S)
+        assert stage.signals[1:] == [
+            (Signal.LINK_DOWN, "no answer from two for 2.2 s"),
+            (Signal.LINK_UP, "one"),
+        ]
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    run_virtual(main())
+
+
 def test_all_are_tried_in_turn_until_one_answers() -> None:
     async def scene(stage: Stage) -> None:
         stage.one.answers = stage.two.answers = False

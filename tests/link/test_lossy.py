@@ -4,7 +4,11 @@ import asyncio
 from collections import Counter
 from random import Random
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from msbot.link import Link, LossyLink, Signal, inproc_pair
+from msbot.link.disturbed import Disturbance
 from msbot.link.in_process import QUEUE_PACKETS, SERVER
 from msbot.runtime.virtual_time import run_virtual
 
@@ -133,3 +137,12 @@ def test_a_link_without_a_handler_drops_what_it_gets() -> None:
 
     run_virtual(main())
     assert client.counters.packets_in == 1
+
+
+@given(packets=st.lists(st.binary(max_size=20), max_size=30), seed=st.integers(0, 1 << 32))
+def test_a_disturbance_that_is_told_nothing_does_nothing(packets: list[bytes], seed: int) -> None:
+    disturbance = Disturbance(Random(seed))
+    for packet in packets:
+        assert disturbance.concerns(1, packet, inward=True)
+        assert list(disturbance.waits(1, 5.0, inward=False)) == [0.0]
+        assert disturbance.free_at(1, 5.0) == 5.0

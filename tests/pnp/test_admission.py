@@ -6,7 +6,8 @@ import pytest
 
 from msbot.config import Slot
 from msbot.errors import RegistryError
-from msbot.pnp import FAST_TIMING, MemoryStore, PartState, Refusal, Verdict
+from msbot.pnp import FAST_TIMING, Claim, MemoryStore, PartState, Refusal, Verdict
+from msbot.pnp.slot_matching import Match
 from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD
@@ -86,6 +87,39 @@ def test_a_contest_ends_at_once_when_the_old_session_ends() -> None:
     assert rig.claim(DD, "ABCD", serial=1) == Verdict()
     rig.leave(AA, "another client logged in from its address", politely=False)
     assert rig.claim(DD, "ABCD", serial=1).lease
+
+
+def probed_contest() -> Rig:
+    """Two sessions that show one client key and one UID: the link asks whether the first is there."""
+    rig = Rig()
+    rig.join(AA, client_key=AA, patience_s=0.2)
+    assert rig.claim(AA, "ABCD", serial=1).lease
+    rig.run(1.0, AA)
+    rig.join(DD, client_key=AA, patience_s=0.2)
+    assert rig.claim(DD, "ABCD", serial=1) == Verdict()
+    return rig
+
+
+def test_a_contest_that_is_probed_is_decided_by_itself() -> None:
+    rig = probed_contest()
+    assert rig.inventory.timer() <= rig.now + 0.2
+    rig.run(0.3)
+    assert [info.state for info in rig.inventory.view(rig.now)] == [PartState.ACTIVE]
+    assert "lost" in rig.changes(AA)
+
+
+@pytest.mark.parametrize("another", [False, True])
+def test_a_newcomer_that_leaves_or_becomes_another_part_before_the_decision_takes_nobodys_place(another: bool) -> None:
+    rig = probed_contest()
+    if another:
+        rig.claim(DD, "WXYZ", serial=7)
+    else:
+        rig.leave(DD)
+    before = rig.part(AA).state
+    rig.run(0.3)
+    assert before is PartState.ACTIVE
+    assert any(info.state is PartState.ACTIVE and info.slot == "AA" for info in rig.inventory.view(rig.now))
+    assert not [event for event in rig.events if "restarted" in event.reason]
 
 
 def test_each_contest_is_about_one_rival() -> None:
@@ -353,3 +387,27 @@ def test_the_uid_in_events_is_empty_for_parts_without_one() -> None:
     assert rig.part(AA).uid == b""
     assert rig.part(AA).state is PartState.ACTIVE
     assert uid(0) not in rig.store.remembered
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_claim_that_is_turned_away_is_shown_with_its_uid_unless_another_part_has_it(known: bool) -> None:
+    rig = Rig()
+    if known:
+        rig.claim(AA, "ABCD", serial=1)
+    rig.join(DD)
+    match = Match(PartState.REFUSED, "the proof is wrong", (), refusal=Refusal.REPLAYED)
+    claim = Claim("ABCD", "DD", uid(1))
+    assert rig.inventory.refuse(claim, DD, match, rig.now).refusal is Refusal.REPLAYED
+    assert rig.part(DD).state is PartState.REFUSED
+    ended = next(event for event in rig.events if event.client_key == DD and event.to_state is PartState.REFUSED)
+    assert ended.identity == (b"" if known else uid(1))
+    if known:
+        assert rig.part(AA).state is PartState.ACTIVE
+
+
+def test_a_claim_through_no_session_is_counted_and_stays_open() -> None:
+    rig = Rig()
+    match = Match(PartState.REFUSED, "the proof is wrong", (), refusal=Refusal.REPLAYED)
+    assert rig.inventory.refuse(None, DD, match, rig.now) == Verdict()
+    assert rig.inventory.dropped == {"claim of a client without a session": 1}
+    assert rig.events == []

@@ -77,3 +77,13 @@ def test_any_octets_are_a_request_or_a_protocol_error(body: bytes) -> None:
     claim = read_or_refused(decode_request, body)
     if claim is not None:
         assert decode_request(encode_request(claim.part_number, claim.local_name)) == claim
+
+
+@pytest.mark.parametrize("length", range(1, 93))
+def test_a_string_has_to_end_in_nul_wherever_it_ends(length: int) -> None:
+    body = length.to_bytes(4, "little") + b"A" * (length - 1)
+    assert decode_reply((body + b"\0").ljust(96, b"\0")) == "A" * (length - 1)
+    with pytest.raises(RemoteProtocolError, match="string without its final NUL"):
+        decode_reply((body + b"A").ljust(96, b"\0"))
+    with pytest.raises(RemoteProtocolError, match="string of 93 octets at offset 0"):
+        decode_reply((93).to_bytes(4, "little") + bytes(92))

@@ -1,5 +1,6 @@
 """Opening, locking, closing: a real file, other connections, other processes."""
 
+import os
 import sqlite3
 import subprocess
 import sys
@@ -187,3 +188,30 @@ def test_after_the_master_was_killed_no_part_is_shown_as_active(
             ("lost", "its robot has no master at the moment"),
             ("left", "because"),
         ]
+
+
+def test_what_is_opened_to_be_changed_becomes_the_users_own_and_what_is_only_read_stays_as_it_is(path: Path) -> None:
+    open_registry(path).close()
+    path.chmod(0o644)
+    open_registry(path, read_only=True).close()
+    assert path.stat().st_mode & 0o777 == 0o644
+    open_registry(path).close()
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="looks at the descriptors of a Linux process")
+def test_a_database_leaves_no_descriptor_open(path: Path) -> None:
+    def held() -> int:
+        return sum(str(path) in os.readlink(f"/proc/self/fd/{name}") for name in _open_descriptors())
+
+    with open_registry(path) as registry:
+        registry.storage.flush()
+        path.unlink()
+        Hand(registry).keep_user("ada", "teacher", "ada", password_hash="hash")
+        assert path.exists(), "it was written again"
+        assert held() > 0
+    assert held() == 0
+
+
+def _open_descriptors() -> list[str]:
+    return [name for name in os.listdir("/proc/self/fd") if os.path.lexists(f"/proc/self/fd/{name}")]

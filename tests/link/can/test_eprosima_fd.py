@@ -203,6 +203,20 @@ def test_nobody_answers_into_a_burst_of_the_other_side() -> None:
     play(scene)
 
 
+def test_who_has_said_something_is_forgotten_after_a_moment() -> None:
+    async def scene(bus: Bus) -> None:
+        link = bus.agent()
+        stranger = bus.driver.attach("stranger")
+        await settled()
+        for can_id in range(20):
+            stranger.send(Frame(can_id, b"\x01a", extended=True, fd=True))
+            await settled()
+        assert len(bus.packets) == 20
+        assert link.timer() is None, "nothing is kept of those to whom nothing is sent"
+
+    play(scene)
+
+
 def test_what_is_held_back_counts_as_queued_and_gets_room_again() -> None:
     async def scene(bus: Bus) -> None:
         link = bus.agent()

@@ -16,7 +16,7 @@ from msbot.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMast
 from msbot.link.can.peer_framing import Codec
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import FIRST, LAST, Frame
-from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, Beacon, CanIds, beacon_frame, read_join
+from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, NODES, Beacon, CanIds, beacon_frame, join_frame, read_join
 from msbot.link.can.protocol.join_master import HEARD_S, LISTEN_S
 from msbot.link.can.protocol.node_ids import MemoryNodeIds
 from msbot.link.can.sim.driver import SimBusDriver
@@ -179,6 +179,21 @@ def test_parts_come_back_by_themselves_when_the_master_restarts() -> None:
             part.link.send(b"again", MASTER)
         await asyncio.sleep(0.1)
         assert len(again.packets) == 5
+
+    play(scene)
+
+
+def test_whoever_loses_the_address_to_another_part_is_told_of_as_gone() -> None:
+    async def scene(robot: Robot) -> None:
+        master = robot.master()
+        crowd = robot.driver.attach("crowd")
+        await asyncio.sleep(0.5)
+        for number in range(NODES + 1):
+            crowd.send(join_frame(b"crowd" + number.to_bytes(3, "big"), 0, CanIds()))
+            await asyncio.sleep(0.02)
+        gone = [peer for _, signal, peer, words in master.signals if words == "its address was given to another part"]
+        assert gone == [master.signals[-1][2]]
+        assert master.told(Signal.PEER_GONE) == ["its address was given to another part"]
 
     play(scene)
 

@@ -4,11 +4,12 @@ import asyncio
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.link import BaseLink, LinkInfo, Signal
+from msbot.errors import ConfigError, LinkDown
+from msbot.link import BaseLink, LinkInfo, Peer, Signal
 from msbot.link.relay import PartsRelay
 from msbot.part import HelloWorld
 from msbot.part.join.joining import JoinState
+from msbot.runtime.virtual_time import run_virtual
 from tests.link.relay.stage import Stage, play
 
 
@@ -160,3 +161,37 @@ def test_a_way_with_tiny_packets_is_refused_with_a_sentence() -> None:
             PartsRelay(lambda _: NarrowLink(), NarrowLink(), name="pi", say=print)  # type: ignore[arg-type, return-value]
 
     asyncio.run(main())
+
+
+def test_a_way_that_cannot_be_opened_is_said_once_for_each_reason_and_tried_again() -> None:
+    class ClosedLink(BaseLink):
+        """A link whose network is not there yet."""
+
+        def __init__(self) -> None:
+            super().__init__(LinkInfo("closed:", 1000), remote=0)
+            self.reasons = ["nobody answers", "no such network", "no such network", "no such network"]
+
+        def has_room(self, _peer: Peer) -> bool:
+            return False
+
+        def send(self, _packet: bytes, _peer: Peer) -> None:
+            raise LinkDown("it is not open")
+
+        async def run(self) -> None:
+            raise LinkDown(self.reasons.pop() if len(self.reasons) > 1 else self.reasons[0])
+
+    said: list[str] = []
+
+    async def main() -> None:
+        relay = PartsRelay(lambda _: NarrowLink(), ClosedLink(), name="pi", say=said.append)  # type: ignore[arg-type, return-value]
+        running = asyncio.get_running_loop().create_task(relay.run())
+        await asyncio.sleep(60.0)
+        running.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await running
+
+    run_virtual(main())
+    assert [words for words in said if words.startswith("no way")] == [
+        "no way to the master yet: no such network",
+        "no way to the master yet: nobody answers",
+    ]

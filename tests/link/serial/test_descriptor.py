@@ -74,6 +74,7 @@ async def test_what_the_other_end_does_not_take_waits_within_limits(ends: Ends) 
     assert came == b"".join(bytes([number % 251]) * 777 for number in range(sent)) + b"more"
     assert await protocol.calls.get() == "resume"
     assert transport.get_write_buffer_size() == 0
+    assert not asyncio.get_running_loop().remove_writer(ours.fileno()), "nothing is left that would wake the loop up"
     transport.abort()
     await protocol.lost
 
@@ -146,3 +147,57 @@ async def test_a_false_alarm_is_no_end(ends: Ends, monkeypatch: pytest.MonkeyPat
     assert await protocol.data.get() == b"x"
     transport.abort()
     await protocol.lost
+
+
+async def test_what_is_taken_in_small_pieces_comes_whole(ends: Ends) -> None:
+    ours, other = ends
+    for end in ends:
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)  # the smallest that there is
+    transport = DescriptorTransport(ours.fileno(), Recorder())
+    sent = bytes(number % 251 for number in range(300_000))
+    transport.write(sent)
+    came = b""
+    while len(came) < len(sent):
+        came += await asyncio.get_running_loop().sock_recv(other, 1000)
+    assert came == sent
+    transport.abort()
+
+
+@pytest.mark.parametrize(
+    ("limits", "pauses_above", "resumes_at"),
+    [({}, 65_536, 16_384), ({"high": 1000}, 1000, 250), ({"high": 1000, "low": 10}, 1000, 10), ({"high": 0}, 0, 0)],
+)
+async def test_writing_pauses_above_one_limit_and_goes_on_at_the_other(
+    ends: Ends, limits: dict[str, int], pauses_above: int, resumes_at: int
+) -> None:
+    ours, _other = ends
+    protocol = Recorder()
+    transport = DescriptorTransport(ours.fileno(), protocol)
+    transport.set_write_buffer_limits(**limits)
+    while transport.get_write_buffer_size() == 0:  # until the system takes no more
+        transport.write(b"x" * 100_000)
+        while not protocol.calls.empty():
+            protocol.calls.get_nowait()
+    transport._waiting[:] = b"x" * pauses_above
+    transport._is_paused = False
+    transport.write(b"")
+    assert protocol.calls.empty()
+    transport.write(b"x")
+    assert protocol.calls.get_nowait() == "pause"
+    _other.recv(1_000_000)
+    # As much is taken as there is room for: what is left decides.
+    transport._waiting[:] = b"x" * (resumes_at + 1)
+    taken = _taking(transport, 0)
+    assert taken == resumes_at + 1
+    assert protocol.calls.empty()
+    assert _taking(transport, 1) == resumes_at
+    assert protocol.calls.get_nowait() == "resume"
+    transport.abort()
+
+
+def _taking(transport: DescriptorTransport, octets: int) -> int:
+    """Have the system take so many; returns what waits then."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "write", lambda _descriptor, _waiting: octets)
+        transport._write_more()
+    return transport.get_write_buffer_size()

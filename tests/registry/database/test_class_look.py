@@ -28,6 +28,8 @@ def test_every_robot_is_counted_by_itself(registry: Registry, blueprint: Bluepri
         store.remember(uid, slot, replace(CLAIM, uid=uid))
         store.journal(changed(state, slot=slot, uid=uid, reason=f"line {number}"))
     registry.storage.flush()
+    empty = replace(small, robot=replace(small.robot, serial_number="empty"), slots=())
+    registry.robots.apply_blueprint(empty, library)
     edits = [Hand(registry).block(robot, "number", number, "hot", "Ann") for number in ("WXYZ", "VWXY")]
 
     look = {one.robot.serial_number: one for one in registry.robots.in_class()}
@@ -35,6 +37,7 @@ def test_every_robot_is_counted_by_itself(registry: Registry, blueprint: Bluepri
     first, second = look[robot.serial_number], look["small"]
     assert (first.slots, first.filled) == (3, 2)  # the third part is lost
     assert (second.slots, second.filled) == (1, 0)
+    assert (look["empty"].slots, look["empty"].filled, look["empty"].newest_edit) == (0, 0, 0)
     assert first.newest is not None
     assert (first.newest.robot, first.newest.event.reason) == (robot.name, "line 2")
     assert second.newest is None
@@ -44,6 +47,7 @@ def test_every_robot_is_counted_by_itself(registry: Registry, blueprint: Bluepri
     assert {one.robot.serial_number: one.newest_edit > edits[-1].id for one in registry.robots.in_class()} == {
         robot.serial_number: False,
         "small": True,
+        "empty": False,
     }
 
 

@@ -114,6 +114,7 @@ def test_the_writer_tries_again_by_itself(engine: Engine, path: Path) -> None:
         writer.put(last)
     assert stored.wait(10)
     writer.close()
+    assert not writer._thread.is_alive(), "whoever has closed it may take the file away"
     assert _lines(path) == [1]
 
 

@@ -140,6 +140,16 @@ def test_a_part_is_given_a_slot_and_whoever_was_there_is_not_any_more(
     assert store.placed_slot(SECOND) is None
 
 
+def test_a_part_that_was_given_a_slot_keeps_it_when_another_one_is_given_to_somebody_else(
+    registry: Registry, robot: RobotRecord, store: RobotStore
+) -> None:
+    Hand(registry).place(robot, FIRST, "right", "Ann")
+    edit = Hand(registry).place(robot, SECOND, "left", "Ann")
+    assert edit.placed == ((SECOND, "left"),)
+    assert [store.placed_slot(uid) for uid in (FIRST, SECOND)] == ["right", "left"]
+    assert [store.remembered_slot(uid) for uid in (FIRST, SECOND)] == ["right", "left"]
+
+
 def test_a_part_is_released(registry: Registry, robot: RobotRecord, store: RobotStore) -> None:
     assert Hand(registry).place(robot, FIRST, None, "Ann").words == "one belongs in no slot"
     assert store.remembered_slot(FIRST) is None

@@ -123,6 +123,7 @@ def test_a_renewed_lease_lasts(opened: Callable[[], Registry], blueprint: Bluepr
     registry = opened()
     lease = registry.runs.wait_for_lease(registry.robots.apply_blueprint(blueprint, library), nobody_waits)
     ended = threading.Event()
+    assert lease.left_s() <= master_lease.TTL_S - master_lease.HARD_S - master_lease.SOFT_S
     until = lease._valid_until
     while lease._valid_until == until:
         assert not ended.wait(0.05)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,9 +21,11 @@ from msbot.link.can.protocol.ids import (
     check_uid,
     is_joining,
     join_frame,
+    question_frame,
     read_assign,
     read_beacon,
     read_join,
+    read_question,
     read_stop,
     stop_frame,
     stop_words,
@@ -142,3 +146,17 @@ def test_a_uid_has_eight_bytes_not_all_zero(uid: bytes) -> None:
     with pytest.raises(LocalProtocolError):
         check_uid(uid)
     assert check_uid(UID) == UID
+
+
+@pytest.mark.parametrize("kind", ["remote", "error", "fd"])
+def test_a_frame_of_joining_or_stop_is_a_plain_data_frame(kind: str) -> None:
+    ids = CanIds()
+    for made, read in (
+        (join_frame(UID, 1, ids), read_join),
+        (assign_frame(Assign(UID, 5, 6, 0), ids), read_assign),
+        (beacon_frame(Beacon(5, 6, 7), ids), read_beacon),
+        (question_frame(9, ids), read_question),
+        (stop_frame(1, ids), read_stop),
+    ):
+        assert read(made, ids) is not None
+        assert read(replace(made, **{kind: True}), ids) is None

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import chain, repeat
+from itertools import repeat
 
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from msbot.link.can.protocol.bits import WireBit, arbitration_rank, frame_bits, wire_bits
 from msbot.link.can.protocol.frames import Frame, pad_fd
-from msbot.link.can.sim.model.arbitration import Attempt, Mail, Rates, SimNode, plan_attempt
+from msbot.link.can.sim.model.arbitration import Attempt, Mail, Rates, SimNode, fall_silent, plan_attempt
 from msbot.link.can.sim.model.error_counters import ErrorCounters, is_tail
 
 RATES = Rates(1.0, 1.0)
@@ -93,18 +93,31 @@ class PlainNode:
 
 def plain_length(frame: Frame, flip: int) -> int:
     """Bits until the bus is free, intermission included, with one sender, two receivers and one disturbed bit."""
-    bits = wire_bits(frame)[:-3]
-    nodes = [PlainNode(True), PlainNode(False), PlainNode(False)]
-    for index, bit in enumerate(chain(bits, repeat(WireBit(1, "IDLE"), 60))):
-        if index == len(bits):
-            for it in nodes:
-                it.mode = Mode.DONE if it.mode is Mode.FRAME else it.mode
-        if all(it.mode is Mode.DONE for it in nodes):
+    wire = wire_bits(frame)
+    return plain_bus([(PlainNode(True), wire), (PlainNode(False), wire), (PlainNode(False), wire)], flip=flip)
+
+
+def plain_bus(nodes: list[tuple[PlainNode, list[WireBit]]], *, flip: int = -1, leaves_at: int = -1) -> int:
+    """Bits until the bus is free, intermission included.
+
+    Args:
+        nodes: each with the frame it sends, or takes what it sees for.
+        flip: the bit that is disturbed.
+        leaves_at: the bit from which on the first node is not there any more.
+    """
+    wires = [[*wire[:-3], *repeat(WireBit(1, "IDLE"), 200)] for _, wire in nodes]
+    ends = [len(wire) - 3 for _, wire in nodes]
+    for index in range(min(map(len, wires))):
+        for (it, _), end in zip(nodes, ends, strict=True):
+            it.mode = Mode.DONE if it.mode is Mode.FRAME and index == end else it.mode
+        if index == leaves_at:
+            nodes[0][0].mode = Mode.DONE
+        if all(it.mode is Mode.DONE for it, _ in nodes):
             return index + 3
-        driven = [it.drive(bit) for it in nodes]
+        driven = [it.drive(wire[index]) for (it, _), wire in zip(nodes, wires, strict=True)]
         level = min(driven) ^ (index == flip)
-        for it, own in zip(nodes, driven, strict=True):
-            it.see(bit, own, level)
+        for (it, _), wire, own in zip(nodes, wires, driven, strict=True):
+            it.see(wire[index], own, level)
     raise AssertionError("the bus never gets free")
 
 
@@ -221,6 +234,35 @@ def test_two_frames_with_one_identifier_destroy_each_other() -> None:
     first, second = wire_bits(one), wire_bits(other)
     differ = next(i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a.level != b.level)
     assert planned.free_at <= differ + 1 + 12 + 8 + 3
+
+
+@given(classic_frames | fd_frames, st.binary(max_size=64), st.integers(0, 2))
+def test_a_conflict_of_two_frames_costs_what_the_plain_simulation_says(
+    frame: Frame, other_data: bytes, listeners: int
+) -> None:
+    other = replace(frame, data=pad_fd(other_data) if frame.fd else other_data[:8])
+    assume(wire_bits(frame) != wire_bits(other))
+    one, two = wire_bits(frame), wire_bits(other)
+    differ = next(at for at, (a, b) in enumerate(zip(one, two, strict=False)) if a.level != b.level)
+    assume(one[differ].field not in ("ID", "RTR", "SRR", "IDE", "RRS"))
+    seen = one if one[differ].level == 0 else two
+    nodes = [(PlainNode(True), one), (PlainNode(True), two)]
+    nodes += [(PlainNode(False), seen) for _ in range(listeners)]
+    planned = attempt([node("A", frame), node("B", other)], [node(f"L{number}") for number in range(listeners)])
+    assert planned.error == "two nodes sent different frames with one identifier"
+    assert planned.free_at == plain_bus(nodes)
+    assert sorted(counts(planned).values()) == [(0, 1)] * listeners + [(8, 0)] * 2
+
+
+@given(classic_frames | fd_frames, st.data())
+def test_a_sender_that_is_unplugged_costs_what_the_plain_simulation_says(frame: Frame, data: st.DataObject) -> None:
+    wire = wire_bits(frame)
+    leaves_at = data.draw(st.integers(1, len(wire) - 4))
+    planned = attempt([node("A", frame)], [node("B"), node("C")])
+    silent = fall_silent(planned, float(leaves_at), RATES, stuck=False)
+    nodes = [(PlainNode(True), wire), (PlainNode(False), wire), (PlainNode(False), wire)]
+    assert silent.free_at == plain_bus(nodes, leaves_at=leaves_at)
+    assert bool(silent.received) != bool(silent.failures)
 
 
 def test_a_passive_node_that_meets_its_own_identifier_gives_way_without_destroying() -> None:
