@@ -25,6 +25,8 @@ HANG_S = 20.0
 """Real seconds after which a case counts as one that never ends; one takes a few milliseconds."""
 SMALLER_TRIES = 600
 """Runs spent on making one finding small."""
+SMALLER_S = 60.0
+"""Real seconds spent on that: each run of a case that never ends takes `HANG_S`."""
 
 
 class Hang(BaseException):
@@ -106,12 +108,14 @@ def run_case(target: Target, case: Case) -> tuple[set[str], Finding | None]:
 
 
 def smaller(target: Target, finding: Finding, tries: int = SMALLER_TRIES) -> Finding:
-    """The same bug with fewer steps and octets, as far as `tries` runs lead."""
-    left = tries
+    """The same bug with fewer steps and octets, as far as `tries` runs lead, and `SMALLER_S`."""
+    left, until = tries, time.monotonic() + SMALLER_S
 
     def still_fails(case: Case) -> Finding | None:
         nonlocal left
-        left -= 1
+        left = left - 1 if time.monotonic() < until else 0
+        if left <= 0:
+            return None
         found = run_case(target, case)[1]
         return found if found is not None and found.signature == finding.signature else None
 

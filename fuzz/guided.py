@@ -18,6 +18,7 @@ from fuzz.case import Finding, Step, store
 
 FINDINGS = Path(__file__).parent / "findings"  # not from __main__, which loads msbot before it can be instrumented
 MOST_OCTETS = 8192
+"""Of an input, unless what is right is longer: a backup that is cut off is no database."""
 SLOW_S = 20
 
 
@@ -37,25 +38,25 @@ def main(arguments: list[str] | None = None) -> int:
     with atheris.instrument_imports(include=["msbot"]):
         from fuzz.targets.codec import _DECODERS as decoders
         from fuzz.targets.codec import CodecTarget
-        from fuzz.targets.parsers import PARSERS, ParserTarget
+        from fuzz.targets.parsers import PARSERS, ParserTarget, samples_of
     if options.parser not in (*PARSERS, *decoders):
         print(f"no such parser: {options.parser}; known: {', '.join((*PARSERS, *decoders))}", file=sys.stderr)
         return 2
     target = ParserTarget(options.parser) if options.parser in PARSERS else CodecTarget()
-    _run(atheris, options, target)
+    _run(atheris, options, target, samples_of(options.parser) if options.parser in PARSERS else ())
     return 0
 
 
-def _run(atheris: Any, options: argparse.Namespace, target: Any) -> None:  # noqa: ANN401 - atheris has no types
+def _run(atheris: Any, options: argparse.Namespace, target: Any, right: tuple[bytes, ...]) -> None:  # noqa: ANN401 - atheris has no types
     from random import Random
 
     random = Random(options.seed)
     corpus = Path(tempfile.mkdtemp(prefix="msbot-corpus-"))
-    for number in range(200):
-        (step,) = target.make(random)
-        if step.verb == options.parser:
-            (corpus / str(number)).write_bytes(step.data[:MOST_OCTETS])
-    words = [f"-max_total_time={options.seconds}", f"-max_len={MOST_OCTETS}", f"-timeout={SLOW_S}", "-verbosity=1",
+    made = [step.data for (step,) in (target.make(random) for _ in range(200)) if step.verb == options.parser]
+    most = max(MOST_OCTETS, *map(len, right), 0)
+    for number, octets in enumerate((*right, *made)):
+        (corpus / str(number)).write_bytes(octets[:most])
+    words = [f"-max_total_time={options.seconds}", f"-max_len={most}", f"-timeout={SLOW_S}", "-verbosity=1",
              f"-seed={options.seed}", "-print_final_stats=1"]  # fmt: skip
     atheris.Setup([sys.argv[0], *words, str(corpus)], _trier(target, options))
     atheris.Fuzz()

@@ -12,6 +12,7 @@ INTERESTING = (0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 23, 24, 31, 32, 63, 64, 127, 
 WIDE = (0, 1, 3, 4, 0xFF, 0x100, 0x7FFF, 0x8000, 0xFFFC, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 """Numbers of two or four octets at which something overflows."""
 LONGEST = 70_000
+"""Octets that a changed input may have, unless it was longer before."""
 MOST_STEPS = 200
 
 
@@ -20,7 +21,7 @@ def mutate_octets(random: Random, data: bytes, others: Sequence[bytes] = ()) -> 
     octets = bytearray(data)
     for _ in range(random.choice((1, 1, 1, 2, 2, 3, 5, 9))):
         _change(random, octets, others)
-    return bytes(octets[:LONGEST])
+    return bytes(octets[: max(LONGEST, len(data))])
 
 
 def _change(random: Random, octets: bytearray, others: Sequence[bytes]) -> None:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 from random import Random
 
 import pytest
 
+from fuzz import engine
 from fuzz.__main__ import main
 from fuzz.case import Case, Step, Violation, load
 from fuzz.corpus import packets
 from fuzz.engine import Hang, fuzz, run_case, time_limit
 from fuzz.mutate import mutate_case, mutate_octets
 from fuzz.targets import TARGETS
+from fuzz.targets.parser import file_of
+from fuzz.targets.parsers import PARSERS, samples_of
 from fuzz.virtual import play
 
 EXECUTIONS = {
@@ -83,6 +88,46 @@ def test_a_bug_is_found_made_small_stored_once_and_repeated(
     monkeypatch.setitem(TARGETS, "fragile", TARGETS["serial"])
     assert main(["--replay", str(path)]) == 0
     assert "nothing goes wrong any more" in capsys.readouterr().out
+
+
+def test_making_a_finding_small_ends_in_time_however_long_a_run_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, runs = 0.0, 0
+
+    class Endless(Fragile):
+        """Each run takes as long as it is allowed."""
+
+        def run(self, case: Case) -> Iterable[str]:
+            nonlocal now, runs
+            now, runs = now + engine.HANG_S, runs + 1
+            raise Hang("more than 20 s")
+
+    monkeypatch.setattr("fuzz.engine.time.monotonic", lambda: now)
+    report = fuzz(Endless(), seed=1, findings=tmp_path, executions=1)
+    assert len(report.files) == 1, "what was found is stored all the same"
+    assert runs <= 2 + engine.SMALLER_S / engine.HANG_S
+
+
+def test_backups_of_an_older_schema_leave_nothing_behind(tmp_path: Path) -> None:
+    """Each leaves a copy beside it; after thousands, looking for an unused name took most of the time."""
+    backup = tmp_path / "older.db"
+    backup.write_bytes(samples_of("backup")[0])
+    with closing(sqlite3.connect(backup)) as connection, connection:
+        (newest,) = connection.execute("SELECT version_num FROM alembic_version").fetchone()
+        connection.execute(f"UPDATE alembic_version SET version_num = '{int(newest) - 1:04}'")
+    for _ in range(2):
+        list(PARSERS["backup"].read(backup.read_bytes()))
+    place = file_of(b"", ".db")
+    assert [path.name for path in place.parent.iterdir() if path.name.startswith(place.name)] == [place.name]
+
+
+def test_what_is_long_stays_long_when_it_is_changed() -> None:
+    random = Random(3)
+    long = bytes(200_000)
+    changed = [mutate_octets(random, long, (b"x",)) for _ in range(200)]
+    assert max(map(len, changed)) <= len(long)
+    assert sum(len(one) == len(long) for one in changed) > 50
 
 
 def test_targets_are_listed_and_an_unknown_one_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -213,9 +213,11 @@ def _no_number(words: str) -> None:
 
 def _backup(octets: bytes) -> Iterable[str]:
     path = file_of(octets, ".db")
-    for ending in ("-wal", "-shm", "-journal"):
-        path.with_name(path.name + ending).unlink(missing_ok=True)
-    return (fault_of(str(path), needs_administrator=True)[:40],)
+    try:
+        return (fault_of(str(path), needs_administrator=True)[:40],)
+    finally:
+        for beside in path.parent.glob(f"{path.name}?*"):  # its journal, and a copy of each that was of an older schema
+            beside.unlink()
 
 
 @cache
