@@ -10,8 +10,9 @@ import logging
 
 import pytest
 from engineio.packet import MESSAGE, Packet
-from starlette.types import Message
+from starlette.types import Message, Receive, Send
 
+from msbot.runtime.pace import Pace
 from msbot.runtime.virtual_time import run_virtual
 from msbot.web.page_sockets import (
     BURST,
@@ -19,6 +20,7 @@ from msbot.web.page_sockets import (
     MOST_WAITING,
     MOST_WAITING_OCTETS,
     NONSENSE,
+    OCTETS,
     SAY_S,
     SEND_S,
     TOO_SLOW,
@@ -27,6 +29,10 @@ from msbot.web.page_sockets import (
     PageSocket,
     is_well_formed,
 )
+
+
+def socket_of(wire: Wire, pace: Pace | None = None) -> PageSocket:
+    return PageSocket(wire.receive, wire.send, pace or Pace(MESSAGES_PER_S, BURST), "ann")
 
 
 def said(text: str) -> Message:
@@ -55,7 +61,7 @@ def test_who_says_too_much_is_read_more_slowly_and_loses_nothing() -> None:
     async def scene() -> None:
         count = int(BURST) + 1000
         wire = Wire(*(f"4{number}" for number in range(count)))
-        socket = PageSocket(wire.receive, wire.send)
+        socket = socket_of(wire)
         started = asyncio.get_running_loop().time()
         heard = [(await socket.receive())["text"] for _ in range(count)]
         assert heard == [f"4{number}" for number in range(count)]
@@ -64,10 +70,74 @@ def test_who_says_too_much_is_read_more_slowly_and_loses_nothing() -> None:
     run_virtual(scene())
 
 
+def test_all_websockets_of_a_browser_are_read_as_fast_as_one_and_each_has_its_turn() -> None:
+    async def scene() -> None:
+        pace, heard = Pace(MESSAGES_PER_S, BURST), [0] * 10
+
+        async def listen(number: int) -> None:
+            wire = Wire(*["4x"] * 1000)
+            socket = socket_of(wire, pace)
+            while True:
+                await socket.receive()
+                heard[number] += 1
+
+        tasks = [asyncio.create_task(listen(number)) for number in range(10)]
+        await asyncio.sleep(10.0)
+        assert sum(heard) == pytest.approx(BURST + 10 * MESSAGES_PER_S, abs=10)
+        assert max(heard) - min(heard[1:]) <= BURST, "the burst is whose comes first; after that they take turns"
+        before = heard[:]
+        await asyncio.sleep(5.0)
+        assert [now - then for now, then in zip(heard, before, strict=True)] == [pytest.approx(100, abs=2)] * 10
+        other = PageSocket(*_ends(Wire("4x")), pace, "ben")
+        began = asyncio.get_running_loop().time()
+        assert (await other.receive())["text"] == "4x"
+        assert asyncio.get_running_loop().time() == began, "another browser does not wait"
+        for one in tasks:
+            one.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    run_virtual(scene())
+
+
+def _ends(wire: Wire) -> tuple[Receive, Send]:
+    return wire.receive, wire.send
+
+
+def test_a_websocket_that_waits_for_its_turn_can_be_ended() -> None:
+    async def scene() -> None:
+        pace = Pace(MESSAGES_PER_S, BURST)
+        pace.note("ann", asyncio.get_running_loop().time(), 100_000)
+        socket = socket_of(Wire("4x"), pace)
+        listening = asyncio.create_task(socket.receive())
+        await asyncio.sleep(1.0)
+        assert not listening.done()
+        socket.end()
+        began = asyncio.get_running_loop().time()
+        assert (await listening)["type"] == "websocket.disconnect"
+        assert asyncio.get_running_loop().time() == began
+
+    run_virtual(scene())
+
+
+def test_a_long_message_counts_as_many() -> None:
+    async def scene() -> None:
+        count = 20
+        wire = Wire(*["4" + "x" * (100 * OCTETS)] * count)
+        socket = socket_of(wire)
+        started = asyncio.get_running_loop().time()
+        for _ in range(count):
+            assert len((await socket.receive())["text"]) == 100 * OCTETS + 1
+        # The first six are within the burst; then each waits until the one before is made up for.
+        owed = (count - 1) * 101 + 1
+        assert asyncio.get_running_loop().time() - started == pytest.approx((owed - BURST) / MESSAGES_PER_S, rel=0.02)
+
+    run_virtual(scene())
+
+
 def test_who_does_not_take_what_is_sent_loses_the_connection() -> None:
     async def scene() -> None:
         wire = Wire()
-        socket = PageSocket(wire.receive, wire.send)
+        socket = socket_of(wire)
         listening = asyncio.create_task(socket.receive())
         started = asyncio.get_running_loop().time()
         with pytest.raises(OSError, match="closed"):
@@ -85,7 +155,7 @@ def test_who_does_not_take_what_is_sent_loses_the_connection() -> None:
 def test_what_waits_for_a_browser_is_bounded_and_its_end_frees_all_of_it() -> None:
     async def scene(octets: int, most: int) -> None:
         wire = Wire()
-        socket = PageSocket(wire.receive, wire.send)
+        socket = socket_of(wire)
         waiting = Outgoing(socket.end)
         sending = asyncio.create_task(socket.send({"type": "websocket.send", "text": "x"}))
         listening = asyncio.create_task(socket.receive())
@@ -122,7 +192,7 @@ def test_what_is_no_packet_ends_the_connection() -> None:
     async def scene() -> None:
         for text in ("", "x", "b", "9", "é"):
             wire = Wire(text)
-            assert (await PageSocket(wire.receive, wire.send).receive())["type"] == "websocket.disconnect"
+            assert (await socket_of(wire).receive())["type"] == "websocket.disconnect"
 
     run_virtual(scene())
 

@@ -11,18 +11,21 @@ import asyncio
 import logging
 import re
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Hashable, Mapping
 from typing import Any, cast
 
 from nicegui import core
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from msbot.runtime.pace import Pace
 from msbot.runtime.tally import Tally
 from msbot.web.access.guard import SOCKET_PATH
 
 MESSAGES_PER_S = 200.0
-"""What is read of one browser; a hand that draws moves some sixty times a second."""
+"""What is read of one browser in all its tabs; a hand that draws moves some sixty times a second."""
 BURST = 500.0
+OCTETS = 4096
+"""A message counts once more for each of so many: a long one takes as long to read as many short ones."""
 MOST_WAITING = 2000
 """Packets that may wait for one browser."""
 MOST_WAITING_OCTETS = 4 * 1024 * 1024
@@ -66,11 +69,18 @@ COMPLAINTS = BrowserComplaints()
 
 
 class PageSocket:
-    """One websocket of a page, between the server and engine.io."""
+    """One websocket of a page, between the server and engine.io.
 
-    def __init__(self, receive: Receive, send: Send) -> None:
+    Args:
+        receive: what the browser says.
+        send: to the browser.
+        pace: how much is read of a browser.
+        whose: the browser, which may have other websockets.
+    """
+
+    def __init__(self, receive: Receive, send: Send, pace: Pace, whose: Hashable) -> None:
         self._receive, self._send, self._clock = receive, send, asyncio.get_running_loop().time
-        self._credit, self._at = BURST, self._clock()
+        self._pace, self._whose = pace, whose
         self._is_over = False
         self._listening: asyncio.Timeout | None = None
         self._sending: asyncio.Timeout | None = None
@@ -88,18 +98,20 @@ class PageSocket:
         if self._is_over:
             return _OVER
         now = self._clock()
-        self._credit = min(BURST, self._credit + (now - self._at) * MESSAGES_PER_S) - 1.0
-        self._at = now
-        if self._credit < 0.0:
-            await asyncio.sleep(-self._credit / MESSAGES_PER_S)
+        wait_s = self._pace.wait_s(self._whose, now)
+        self._pace.note(self._whose, now)  # its turn is taken: others of this browser come after it
         try:
             async with asyncio.timeout(None) as self._listening:
+                if wait_s > 0.0:
+                    await asyncio.sleep(wait_s)
                 message = await self._receive()
         except TimeoutError:
             return _OVER
         finally:
             self._listening = None
         text = message.get("text")
+        if isinstance(text, str) and len(text) > OCTETS:
+            self._pace.note(self._whose, self._clock(), len(text) / OCTETS)
         if message["type"] == "websocket.receive" and isinstance(text, str) and text[:1] not in _PACKETS:
             COMPLAINTS.count(NONSENSE, "no packet")
             return _OVER
@@ -180,6 +192,7 @@ class PageSockets:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
+        self._pace = Pace(MESSAGES_PER_S, BURST)
         handlers = core.sio.eio.handlers
         core.sio.eio.on("connect", self._bounded(handlers["connect"]))
         core.sio.eio.on("message", self._heard(handlers["message"]))
@@ -190,8 +203,8 @@ class PageSockets:
         if scope["type"] != "websocket" or not scope["path"].startswith(SOCKET_PATH):
             await self._app(scope, receive, send)
             return
-        socket = PageSocket(receive, send)
-        scope.setdefault("state", {})[STATE] = socket
+        state = scope.setdefault("state", {})
+        socket = state[STATE] = PageSocket(receive, send, self._pace, id(state.get("session")))
         await self._app(scope, socket.receive, socket.send)
 
     @staticmethod

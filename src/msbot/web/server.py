@@ -15,6 +15,7 @@ import json
 import socket
 import ssl
 import sys
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from functools import partial
 from importlib.resources import files
@@ -39,6 +40,7 @@ from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.late_routes import LateRoutes
 from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
+from msbot.web.call_pace import CallPace
 from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.late_websocket import LateWebSocket, websocket_protocol
 from msbot.web.open_pages import OpenPages
@@ -217,7 +219,8 @@ class WebServer:
         pages = OpenPages(service.accounts)
         say_errors_once()
         guard = AccessGuard(
-            PageSockets(PageTurns(app)), service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
+            CallPace(PageSockets(PageTurns(app)), LATE_PATHS, STOP_PATH, time.monotonic),
+            service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
             beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None, api=app,
         )  # fmt: skip
         return uvicorn.Config(

@@ -221,11 +221,11 @@ class Accounts:
 
     def by_api_token(self, token: str) -> Session | None:
         """A temporary session for a program that shows a user's API token."""
-        name = self._token_users.get(digest_of(token))
+        name = self._token_users.get(digest := digest_of(token))
         if name is None:
             return None
         now = self._clock()
-        return Session(name, self._users[name].role, now, now)
+        return Session(name, self._users[name].role, now, now, program=digest)
 
     def sign_out(self, session: Session) -> None:
         """End a session."""

@@ -35,6 +35,8 @@ class Session:
     used_at: float
     key: str = ""
     """The SHA-256 of the cookie's word; empty for an API token."""
+    program: str = ""
+    """The SHA-256 of the API token; empty for a browser."""
     token: str = ""
     """The cookie's word; known only where the session began."""
     csrf: str = field(default_factory=lambda: secrets.token_urlsafe(24))
