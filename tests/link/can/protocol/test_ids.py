@@ -159,4 +159,5 @@ def test_a_frame_of_joining_or_stop_is_a_plain_data_frame(kind: str) -> None:
         (stop_frame(1, ids), read_stop),
     ):
         assert read(made, ids) is not None
-        assert read(replace(made, **{kind: True}), ids) is None
+        changed = replace(made, remote=kind == "remote", error=kind == "error", fd=kind == "fd")
+        assert read(changed, ids) is None
