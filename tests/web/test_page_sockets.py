@@ -12,7 +12,7 @@ import pytest
 from engineio.packet import MESSAGE, Packet
 from starlette.types import Message, Receive, Send
 
-from msbot.runtime.pace import Pace
+from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.virtual_time import run_virtual
 from msbot.web.page_sockets import (
     BURST,
@@ -31,8 +31,8 @@ from msbot.web.page_sockets import (
 )
 
 
-def socket_of(wire: Wire, pace: Pace | None = None) -> PageSocket:
-    return PageSocket(wire.receive, wire.send, pace or Pace(MESSAGES_PER_S, BURST), "ann")
+def socket_of(wire: Wire, pace: SteadyRate | None = None) -> PageSocket:
+    return PageSocket(wire.receive, wire.send, pace or SteadyRate(MESSAGES_PER_S, BURST), "ann")
 
 
 def said(text: str) -> Message:
@@ -72,7 +72,7 @@ def test_who_says_too_much_is_read_more_slowly_and_loses_nothing() -> None:
 
 def test_all_websockets_of_a_browser_are_read_as_fast_as_one_and_each_has_its_turn() -> None:
     async def scene() -> None:
-        pace, heard = Pace(MESSAGES_PER_S, BURST), [0] * 10
+        pace, heard = SteadyRate(MESSAGES_PER_S, BURST), [0] * 10
 
         async def listen(number: int) -> None:
             wire = Wire(*["4x"] * 1000)
@@ -105,7 +105,7 @@ def _ends(wire: Wire) -> tuple[Receive, Send]:
 
 def test_a_websocket_that_waits_for_its_turn_can_be_ended() -> None:
     async def scene() -> None:
-        pace = Pace(MESSAGES_PER_S, BURST)
+        pace = SteadyRate(MESSAGES_PER_S, BURST)
         pace.note("ann", asyncio.get_running_loop().time(), 100_000)
         socket = socket_of(Wire("4x"), pace)
         listening = asyncio.create_task(socket.receive())

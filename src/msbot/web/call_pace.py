@@ -14,8 +14,8 @@ from collections.abc import Callable, Hashable
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from msbot.runtime.pace import Pace
 from msbot.runtime.sentence import said
+from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.tally import Tally
 from msbot.web.access.sessions import Session
 from msbot.web.language import language_of
@@ -48,8 +48,8 @@ class CallPace:
         self._paths = paths
         self._but = but
         self._clock = clock
-        self._people = Pace(CALLS_PER_S, BURST)
-        self._addresses = Pace(ADDRESS_CALLS_PER_S, ADDRESS_BURST)
+        self._people = SteadyRate(CALLS_PER_S, BURST)
+        self._addresses = SteadyRate(ADDRESS_CALLS_PER_S, ADDRESS_BURST)
         self._told_at = -math.inf
         self.refused = Tally()
         """Calls that were not answered, by who has called too often."""
@@ -85,7 +85,7 @@ class CallPace:
             )  # fmt: skip
 
 
-def _first(one: tuple[float, Pace, str]) -> float:
+def _first(one: tuple[float, SteadyRate, str]) -> float:
     return one[0]
 
 
@@ -94,7 +94,7 @@ def _caller(session: Session) -> Hashable:
     return session.program or (session.key if session.guest_of else (session.name, session.is_lasting))
 
 
-async def _refuse(scope: Scope, send: Send, wait_s: float, pace: Pace, who: str) -> None:
+async def _refuse(scope: Scope, send: Send, wait_s: float, pace: SteadyRate, who: str) -> None:
     seconds, per_s = math.ceil(wait_s), f"{pace.per_s:g}"
     words = (
         said(

@@ -17,7 +17,7 @@ from typing import Any, cast
 from nicegui import core
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from msbot.runtime.pace import Pace
+from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.tally import Tally
 from msbot.web.access.guard import SOCKET_PATH
 
@@ -78,7 +78,7 @@ class PageSocket:
         whose: the browser, which may have other websockets.
     """
 
-    def __init__(self, receive: Receive, send: Send, pace: Pace, whose: Hashable) -> None:
+    def __init__(self, receive: Receive, send: Send, pace: SteadyRate, whose: Hashable) -> None:
         self._receive, self._send, self._clock = receive, send, asyncio.get_running_loop().time
         self._pace, self._whose = pace, whose
         self._is_over = False
@@ -192,7 +192,7 @@ class PageSockets:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._pace = Pace(MESSAGES_PER_S, BURST)
+        self._pace = SteadyRate(MESSAGES_PER_S, BURST)
         handlers = core.sio.eio.handlers
         core.sio.eio.on("connect", self._bounded(handlers["connect"]))
         core.sio.eio.on("message", self._heard(handlers["message"]))

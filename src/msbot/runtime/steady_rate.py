@@ -11,7 +11,7 @@ MOST_CALLERS = 1000
 """Callers whose calls are counted at a time: the one that has called longest ago is forgotten."""
 
 
-class Pace:
+class SteadyRate:
     """See the module's docstring.
 
     Args:

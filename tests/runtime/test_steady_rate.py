@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.runtime.pace import MOST_CALLERS, Pace
+from msbot.runtime.steady_rate import MOST_CALLERS, SteadyRate
 from msbot.web.access.sessions import MOST_SESSIONS
 
 
@@ -14,7 +14,7 @@ from msbot.web.access.sessions import MOST_SESSIONS
 def test_nobody_makes_more_calls_than_allowed_in_any_time_and_who_waits_is_let_in(
     calls: list[tuple[float, str]],
 ) -> None:
-    pace, now = Pace(2.0, 5.0), 0.0
+    pace, now = SteadyRate(2.0, 5.0), 0.0
     made: dict[str, list[float]] = {"a": [], "b": []}
     for pause_s, caller in calls:
         now += pause_s
@@ -39,14 +39,14 @@ def _fits(times: list[float], per_s: float, burst: float) -> bool:
 
 @given(st.floats(0.1, 1000.0), st.integers(1, 200))
 def test_who_keeps_to_the_rate_never_waits(per_s: float, calls: int) -> None:
-    pace = Pace(per_s, 1.0)
+    pace = SteadyRate(per_s, 1.0)
     for number in range(calls):
         assert pace.wait_s("a", number / per_s) == pytest.approx(0.0, abs=1e-6)
         pace.note("a", number / per_s)
 
 
 def test_the_callers_that_are_remembered_are_bounded_and_the_latest_are_kept() -> None:
-    pace = Pace(1.0, 1.0, most=3)
+    pace = SteadyRate(1.0, 1.0, most=3)
     for caller in "abcad":
         pace.note(caller, 0.0)
     assert [pace.wait_s(caller, 0.0) for caller in "abcd"] == [2.0, 0.0, 1.0, 1.0]
@@ -54,7 +54,7 @@ def test_the_callers_that_are_remembered_are_bounded_and_the_latest_are_kept() -
 
 
 def test_something_may_count_as_many_calls() -> None:
-    pace = Pace(2.0, 3.0)
+    pace = SteadyRate(2.0, 3.0)
     pace.note("a", 0.0, 10.0)
     assert pace.wait_s("a", 0.0) == 4.0
     assert pace.wait_s("a", 4.0) == 0.0
