@@ -199,9 +199,11 @@ def storms(numbers: tuple[int, ...]) -> list[str]:
         common = [*pinned(1), str(generator), "idle_heartbeat", "--agent", f"127.0.0.1:{STORM_PORT}", "--clients",
                   str(number), "--count", "1", "--timeout", "60"]  # fmt: skip
         with start_agent(STORM_PORT) as first:
-            wait_for(STORM_PORT)
-            subprocess.run([*common, "--no-close"], check=True, stdout=subprocess.DEVNULL)
-            first.kill()
+            try:
+                wait_for(STORM_PORT)
+                subprocess.run([*common, "--even", "--no-close"], check=True, stdout=subprocess.DEVNULL)
+            finally:
+                first.kill()
         with start_agent(STORM_PORT) as second:
             try:
                 words = ["--parallel", str(number), "--agent-pid", str(second.pid)]

@@ -32,6 +32,8 @@ from msbot.runtime.worker import Workshop
 
 LOOK_S: Final = 0.25
 """Period in which checks are looked at."""
+SETTLED_S: Final = 3.0
+"""After the start the first page comes first: reading all lessons takes as long. Who looks at them does not wait."""
 FILES_S: Final = 5.0
 """How old the lessons' texts may be, while somebody looks at them."""
 MOST_PEOPLE: Final = 100
@@ -88,7 +90,7 @@ class LessonDesk:
         self._workshop = Workshop()
         self._begun: _Begun | None = None
         self._is_busy = False
-        self._looked_at = self._running.now()
+        self._looked_at = float("-inf")
         self._wake = asyncio.Event()
         self._trouble = ""
         operations.lessons.use(self)
@@ -223,16 +225,23 @@ class LessonDesk:
 
     async def run(self) -> None:
         """Look at the checks of the lesson that runs, until cancelled."""
-        await asyncio.to_thread(self.shelf.refresh)
-        while True:
-            await self._wake.wait()
-            self._wake.clear()
-            while (begun := self._begun) is not None:
-                for check in begun.run.look(self._robot, self._running.now()):
-                    self._ticked(begun, check.name)
-                await asyncio.sleep(LOOK_S)
+        settling = self._running.loop.call_later(SETTLED_S, self._read_unless_read)
+        try:
+            while True:
+                await self._wake.wait()
+                self._wake.clear()
+                while (begun := self._begun) is not None:
+                    for check in begun.run.look(self._robot, self._running.now()):
+                        self._ticked(begun, check.name)
+                    await asyncio.sleep(LOOK_S)
+        finally:
+            settling.cancel()
 
     # How it works.
+
+    def _read_unless_read(self) -> None:
+        if not self.shelf.is_read:
+            self.look_again()
 
     def _need(self) -> _Begun:
         if self._begun is None:

@@ -43,6 +43,11 @@ class LessonShelf:
         self._easy: dict[tuple[str, str], tuple[Lesson, Lesson, Lesson]] = {}
         """Easy text, ordinary text, and what came of both: whoever shows it knows by the object whether it is new."""
 
+    @property
+    def is_read(self) -> bool:
+        """The files have been looked at."""
+        return self._lessons is not None
+
     def refresh(self) -> None:
         """Look at the files again. It reads from a disk: a robot's event loop has a thread do it."""
         lessons, translations = dict[str, Lesson | ConfigError](), dict[tuple[str, str], Lesson]()

@@ -47,12 +47,17 @@ class Learning:
         """What has ticked, who takes part, who asks for help."""
         return {"lesson": None} if self._desk is None else dict(self._desk.as_json())
 
-    def lessons(self, language: str = "en") -> tuple[list[Lesson], list[str]]:
-        """All lessons, in that language where there is a translation; and what is wrong with files that are none."""
+    def lessons(self, language: str = "en") -> tuple[list[Lesson], list[str]] | None:
+        """All lessons, in that language where there is a translation; and what is wrong with files that are none.
+
+        None: they are being read, ask again.
+        """
         if self._desk is None:
             return [], []
         self._desk.look_again()
         shelf = self._desk.shelf
+        if not shelf.is_read:
+            return None
         lessons, wrong = shelf.all()
         return [shelf.translated(lesson, language) for lesson in lessons], wrong
 
@@ -71,7 +76,10 @@ class Learning:
                 ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
                 self._ticks = now, ticks
             ticks = self._ticks[1]
-        rows = progress_of(ticks, self.lessons(language)[0])
+        if self._desk is not None and not self._desk.shelf.is_read:
+            await asyncio.to_thread(self._desk.shelf.refresh)
+        found = self.lessons(language)
+        rows = progress_of(ticks, [] if found is None else found[0])
         return rows if session.may(Right.ARRANGE) else [row for row in rows if row.person == session.name]
 
     async def done(self, session: Session, lesson: str, language: str) -> PersonInLesson:

@@ -231,7 +231,10 @@ class _Shelf:
 
     def _show(self) -> None:
         page, say = self._page, self._page.say
-        lessons, wrong = page.service.learning.lessons(page.reads)
+        found = page.service.learning.lessons(page.reads)
+        if found is None:
+            return
+        lessons, wrong = found
         nothing_runs = page.service.learning.lesson("en") is None
         self._panel.set_visibility(nothing_runs or not page.easy)
         seen = ([id(one) for one in lessons], wrong, nothing_runs)
