@@ -138,6 +138,8 @@ def test_of_a_ring_only_the_files_of_the_time_are_read_and_nothing_twice(tmp_pat
     assert values(found, "@late") == [10.0, 11.0, 12.0]
     assert values(read_curves(every, ["@late"]), "@late") == [float(second) for second in range(20)]
     assert ring_files(tmp_path / "nowhere") == []
+    (tmp_path / "begun").mkdir()
+    assert ring_files(tmp_path / "begun") == []  # the recorder has made its folder, and no file yet
 
 
 def test_too_much_is_refused_in_words(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,6 +75,8 @@ def ring_files(folder: Path, from_s: float | None = None, to_s: float | None = N
         return []  # nothing was recorded yet
     except OSError as error:
         raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
+    if not found:
+        return []  # its first file has not been begun yet
     begins = [file_began_s(segment.path.name) for segment in found]
     ends = [*begins[1:], float("inf")]
     return [
