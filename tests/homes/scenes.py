@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 
-from msbot import Colour, Count, HelloWorld, Level, Message, Text, Trigger, float32, int16, uint64
+from msbot import Colour, Count, HelloWorld, Level, Message, Switch, Text, Trigger, float32, int16, uint64
 from msbot.config import Options
 from tests.homes.world import PARTNER_UID, SLOT, SPARE_SLOT, Part, Robot, World
 
@@ -319,7 +319,7 @@ async def example(world: World) -> None:
     def tell(part: Part) -> None:
         for port, way, kind in world.robot.bindings:
             if way == "out":
-                hears(world, port, {"HelloWorld": HelloWorld, "Light": Light}[kind])(part)
+                hears(world, port, {"HelloWorld": HelloWorld, "Light": Light, "Switch": Switch}[kind])(part)
 
     partner = await begin(world, tell)
     for port, way, kind in world.robot.bindings:
@@ -348,6 +348,7 @@ SAFE = wired("power in Level", settings=(("power.safe.percent", "0"),))
 
 RING = replace(wired("out out HelloWorld", "in in HelloWorld"), name="MSBOT_MASTER")
 EXAMPLES = {
+    "00_blink": replace(wired("light out Switch", settings=(("period_s", "0.5"),)), number="BLINK-1"),
     "01_hello": replace(RING, number="ABCD"),
     "02_listen": replace(RING, number="EFGH"),
     "03_ring_member": replace(RING, number="WXYZ"),

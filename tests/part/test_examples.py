@@ -22,6 +22,7 @@ BINDINGS = {
     "ABCD": [publishes("out", "1_to_2"), subscribes("in", "3_to_1")],
     "EFGH": [publishes("out", "2_to_3"), subscribes("in", "1_to_2")],
     "WXYZ": [publishes("out", "3_to_1"), subscribes("in", "1_to_2")],
+    "BLINK-1": [publishes("light", "blink", "Switch")],
     "LUX-1": [publishes("light", "light", "Light")],
     "LAMP-1": [subscribes("dim", "dim", "Dim")],
     "FAN-5V": [subscribes("power", "power", "Level")],
@@ -72,7 +73,7 @@ async def test_every_example_joins_a_robot_and_ends_on_ctrl_c(tmp_path: Path) ->
         ]
         fetched = lambda: [kind for kind, _ in master.requests].count("configuration") == len(EXAMPLES)  # noqa: E731
         await until(fetched)
-        listener = processes[1].stdout
+        listener = processes[2].stdout
         assert listener is not None
         assert await asyncio.wait_for(listener.readline(), 20.0) == b"Publisher A(1) turn-on 3\n"
         for process in processes:

@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from msbot.web.pages.program import NEW
+from msbot.web.programs.browser_files import examples
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, free_port, new_page
@@ -218,4 +219,4 @@ def test_arrivals_shows_what_it_says_as_text_and_why_it_is_refused(visit: Callab
 
 def test_a_new_program_is_that_of_the_how_to() -> None:
     page = (Path(__file__).parents[3] / "docs/howto/add_a_part_type.md").read_text()
-    assert f"```python\n{NEW}```" in page
+    assert f"```python\n{examples()[NEW]}```" in page

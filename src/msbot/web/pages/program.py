@@ -32,24 +32,10 @@ from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.service import Service
 
 FIRST = "01_hello.py"
+"""What is opened first in the sample robot, whose slots the numbered examples are for."""
 PHONE = "phone.py"
 """The example that makes a part of the device itself."""
-NEW = """from msbot import Part, Switch
-
-part = Part("BLINK-1", describes="A light that blinks")
-part.publishes("light", Switch)
-on = False
-
-
-@part.every("period_s", default=0.5)
-def blink():
-    global on
-    on = not on
-    part.publish("light", Switch(on=on))
-
-
-part.run()
-"""
+NEW = "00_blink.py"
 """What a new program begins with: it works in every robot, because it describes itself (docs/howto/add_a_part_type.md)."""
 _MOST_MARKS = 20
 
@@ -153,11 +139,17 @@ class _Desk:
                 await self._show(name, source)
                 ui.notify(page.say("A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner))
                 return
-        wanted = name or (self._mine[0] if self._mine else FIRST)
+        wanted = name or self._first()
         if wanted not in (*self._mine, *examples()):
             ui.notify(page.say("There is no program {name}.", name=wanted), type="warning")
-            wanted = FIRST
+            wanted = self._first()
         await self._open(wanted)
+
+    def _first(self) -> str:
+        """The program that is opened unasked: the person's own, or an example that this robot has a place for."""
+        if self._mine:
+            return self._mine[0]
+        return FIRST if f'robot="{self._page.service.robot_name}"' in examples()[FIRST] else NEW
 
     async def _list(self) -> None:
         """What can be chosen: the person's own programs first."""
@@ -258,7 +250,7 @@ class _Desk:
 
     async def _new(self) -> None:
         await self._keep_if_changed()
-        await self._show(self._free_name("program"), ProgramSource(NEW))
+        await self._show(self._free_name("program"), ProgramSource(examples()[NEW]))
         await self._keep(self._name, quiet=True)
         self._choice.value = self._name
 
@@ -343,7 +335,7 @@ class _Desk:
                 if await page.do(deed) is not None:
                     self._kept = self._source
                     await self._list()
-                    await self._open(self._mine[0] if self._mine else FIRST)
+                    await self._open(self._first())
 
             with ui.element("div").classes("row"):
                 ui.button(page.say("Yes"), on_click=remove).props("color=negative")
