@@ -168,7 +168,6 @@ def test_a_finger_that_trembles_picks_a_port_and_one_that_swipes_moves_the_drawi
             finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x - step, "y": y + step / 9}]})
         finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
-    page.locator("[data-wired]").wait_for()
     port(page, "ear.loud").click(trial=True)  # it is in sight, stands still, and nothing lies over it
     touch(2, 3)
     expect(page.locator(".port.picked")).to_have_count(1)
