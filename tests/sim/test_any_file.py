@@ -17,7 +17,9 @@ from msbot.sim import message_class
 from msbot.sim.simulated_world import World
 
 TEXTS = [
-    entry.read_text() for entry in sorted((files("msbot.config.library") / "types").iterdir(), key=lambda e: e.name)
+    entry.read_text()
+    for entry in sorted((files("msbot.config.library") / "types").iterdir(), key=lambda e: e.name)
+    if entry.name.endswith(".toml")  # what has been read of them is kept in a folder beside them
 ]
 KEYS = [
     "follows", "scale", "offset", "divide_by", "start", "text", "random_every", "equals", "above", "negate", "function",
