@@ -134,7 +134,7 @@ class Tests:
         return sorted(order, key=order.__getitem__)
 
 
-def _mirrored(path: str) -> Path:
+def mirrored(path: str) -> Path:
     """The test file of that name."""
     return Path("tests", *Path(path).parts[1:]).with_name(f"test_{Path(path).name}")
 
@@ -142,16 +142,16 @@ def _mirrored(path: str) -> Path:
 def _is_mirror(path: str, test: str) -> bool:
     """Whether a test is in the folder that mirrors the file's, or in the one above it."""
     folder = Path(test.partition("::")[0]).parent
-    mirrored = _mirrored(path).parent
-    return folder in (mirrored, mirrored.parent) and len(folder.parts) > 1
+    own = mirrored(path).parent
+    return folder in (own, own.parent) and len(folder.parts) > 1
 
 
 def _near(path: str, test: str) -> int:
     """How alike the folders and names are."""
-    mirrored = _mirrored(path)
+    own = mirrored(path)
     there = Path(test.partition("::")[0])
-    alike = sum(one == other for one, other in zip(mirrored.parts, there.parts, strict=False))
-    return alike + 2 * (mirrored.name == there.name)
+    alike = sum(one == other for one, other in zip(own.parts, there.parts, strict=False))
+    return alike + 2 * (own.name == there.name)
 
 
 def limited(tests: list[str], seconds: dict[str, float], most: int, files: int) -> list[str]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.link import open_link
+from msbot.link import LinkInfo, open_link
 from msbot.link.link_schemes import parse_host_and_port
 from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink, WebSocketClientLink
 from msbot.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
@@ -163,3 +163,21 @@ def test_an_address_of_a_page_that_makes_no_sense_is_refused(
 def test_the_page_serves_parts_by_itself() -> None:
     with pytest.raises(ConfigError, match="the page serves parts by itself wherever it is served"):
         open_link("ws://127.0.0.1:8080", serve=True)
+
+
+@pytest.mark.parametrize(
+    ("address", "serve", "info"),
+    [
+        ("udp:h:1", False, LinkInfo("udp:h:1", 65_507, None, False, False, True)),
+        ("udp:h:1", True, LinkInfo("udp:h:1", 65_507, None, False, False, True)),
+        ("tcp:h:1", False, LinkInfo("tcp:h:1", 65_535, None, False, False, False)),
+        ("tcp:h:1", True, LinkInfo("tcp:h:1", 65_535, None, False, False, False)),
+        ("ws://h:1", False, LinkInfo("ws://h:1", 65_535, None, False, False, False)),
+        ("serial:/dev/a", False, LinkInfo("serial:/dev/a", 65_535, 115_200, False, False, False)),
+        ("serial:/dev/a?baudrate=9600", True, LinkInfo("serial:/dev/a", 65_535, 9_600, False, False, False)),
+        ("sim:x", True, LinkInfo("sim:x", 4_096, 500_000, True, False, False)),
+    ],
+)
+def test_what_a_link_says_of_itself(address: str, serve: bool, info: LinkInfo, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MSBOT_TOKEN", "msbot_x")
+    assert open_link(address, serve=serve).info == info

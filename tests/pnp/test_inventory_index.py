@@ -41,6 +41,12 @@ def end(index: InventoryIndex, record: InventoryRecord) -> None:
     index.detach(record)
 
 
+def test_a_session_shows_its_own_key_unless_told_otherwise_and_nobody_probes_it() -> None:
+    assert (PartSession(7, "peer", 0.0).client_key, PartSession(7, "peer", 0.0).patience_s) == (7, 0.0)
+    other = PartSession(7, "peer", 0.0, client_key=9, patience_s=2.5)
+    assert (other.key, other.client_key, other.patience_s) == (7, 9, 2.5)
+
+
 def test_a_lease_is_never_0_and_never_one_that_is_in_use() -> None:
     index = index_of(7, 0, 7, 8)
     first, second = enter(index, 1), enter(index, 2)

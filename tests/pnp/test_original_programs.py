@@ -196,6 +196,22 @@ def test_a_program_that_samples_keep_from_asking_stays_active_without_a_flicker(
     play(scene, sample_store())
 
 
+def test_a_program_that_was_late_and_is_heard_again_is_active_again() -> None:
+    async def scene(robot: Robot, aa: Program, bb: Program) -> None:
+        changes: list[tuple[PartState, str]] = []
+        await asyncio.sleep(3.5)
+        robot.inventory.on_event(lambda event: changes.append((event.to_state, event.reason)))
+        bb.is_held_up, bb.wire.disturbance.drop = True, 1.0
+        await asyncio.sleep(1.9)
+        assert [state for state, _ in changes] == [PartState.LATE]
+        bb.wire.disturbance.drop = 0.0
+        await asyncio.sleep(2.5)
+        assert [state for state, _ in changes] == [PartState.LATE, PartState.ACTIVE]
+        assert changes[1][1].startswith("heard again after ")
+
+    play(scene, sample_store())
+
+
 def test_when_the_binding_changes_the_old_topic_is_closed_at_once_and_opened_again_when_it_is_back() -> None:
     store = sample_store()
 

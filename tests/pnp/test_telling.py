@@ -213,6 +213,36 @@ def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
     run_virtual(scene())
 
 
+def test_a_part_that_restarts_while_stop_holds_has_to_confirm_again() -> None:
+    async def scene() -> None:
+        robot = Robot(sample_store())
+        part = Visitor(robot, 0xA1)
+
+        async def play() -> None:
+            verdict = await part.claim("ABCD", 1)
+            assert verdict is not None
+            robot.service.stop_all("ann", "", 0)
+            await part.ask(plug.StoppedBeat(lease=verdict.lease, number=1).encode())
+
+            def confirmed_and_silent() -> tuple[list[str], tuple[str, ...]]:
+                status = robot.service.stop.status()
+                return [one.part for one in status.confirmed], status.silent
+
+            assert confirmed_and_silent() == (["AA"], ())
+            again = await part.claim("ABCD", 1)
+            assert again is not None
+            assert again.lease == verdict.lease, "it only says again who it is"
+            assert confirmed_and_silent() == (["AA"], ())
+            claim = plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=2)
+            reply = await part.ask(claim.encode())
+            assert reply is not None
+            assert confirmed_and_silent() == ([], ("AA",))
+
+        await with_robot(robot, part, play=play)
+
+    run_virtual(scene())
+
+
 def test_stop_is_repeated_with_every_beat_and_go_with_the_next_three() -> None:
     async def scene() -> None:
         robot = Robot(sample_store())

@@ -113,6 +113,17 @@ def test_an_older_database_is_copied_within_and_brought_up_to_date(
         open_registry(database)
 
 
+def test_a_copy_within_takes_no_name_that_is_in_use(database: str, engine: Engine, tmp_path: Path) -> None:
+    taken = [f"msbot_schema{NOW}_{number}_backup" for number in (1, 3)]
+    with engine.begin() as connection:
+        for name in taken:
+            connection.execute(text(f"CREATE SCHEMA {name}"))
+    open_registry(database, migrations=_migrations(tmp_path, NEXT)).close()
+    with engine.connect() as connection:
+        names = "SELECT DISTINCT table_schema FROM information_schema.tables WHERE table_schema LIKE '%_backup'"
+        assert connection.execute(text(names)).all() == [(f"msbot_schema{NOW}_2_backup",)]
+
+
 def test_columns_have_comments(clean_server_database: str) -> None:
     engine = make_engine(parse_address(clean_server_database), busy_timeout_s=1, read_only=True)
     query = "SELECT count(*) FROM pg_description JOIN pg_class ON objoid = oid WHERE relname = 'edits' AND objsubid > 0"

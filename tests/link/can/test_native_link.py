@@ -469,6 +469,24 @@ def test_a_short_circuit_is_told_and_the_robot_recovers_by_itself() -> None:
     play(scene)
 
 
+def test_a_master_is_up_again_as_soon_as_its_controller_is_back_on_the_bus() -> None:
+    async def scene(robot: Robot) -> None:
+        master = robot.master()
+        robot.driver.attach("monitor")
+        beacons: list[float] = []
+        master.link.on_frame(lambda now, _where, _frame: beacons.append(now))
+        await asyncio.sleep(2.5)
+        robot.driver.short_circuit()
+        await asyncio.sleep(2.0)
+        robot.driver.repair()
+        await asyncio.sleep(8.0)
+        downs = master.told_at(Signal.LINK_DOWN)
+        assert downs
+        assert master.told_at(Signal.LINK_UP)[1:] == [min(at for at in beacons if at > down) for down in downs]
+
+    play(scene)
+
+
 def test_foreign_traffic_is_counted_and_harms_nobody() -> None:
     async def scene(robot: Robot) -> None:
         master = robot.master()

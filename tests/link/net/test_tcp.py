@@ -361,3 +361,20 @@ async def test_ending_while_it_is_being_opened_leaves_nothing_behind() -> None:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
     gc.collect()
+
+
+async def test_a_connection_that_is_still_being_opened_is_closed_with_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    opening: asyncio.Queue[socket.socket] = asyncio.Queue()
+
+    async def never(_make: object, connection: socket.socket) -> None:
+        opening.put_nowait(connection)
+        await asyncio.get_running_loop().create_future()
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "connect_accepted_socket", never)
+    server = TcpServerLink("127.0.0.1", 0)
+    async with running(server):
+        _, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        connection = await opening.get()
+        assert connection.fileno() >= 0
+    assert connection.fileno() == -1, "not left to the garbage collector"
+    writer.close()

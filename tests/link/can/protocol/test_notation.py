@@ -65,7 +65,7 @@ def test_a_can_fd_frame_takes_64_octets() -> None:
 def test_a_hint_is_given_where_it_helps() -> None:
     with pytest.raises(ConfigError, match="CAN FD is written with two #"):
         parse_frame("123#001122334455667788")
-    for text in ("123#0011223344556677_8", "800#0011223344556677"):
+    for text in ("123#0011223344556677_8", "800#0011223344556677", "40000000#0011223344556677"):
         with pytest.raises(ConfigError) as refused:
             parse_frame(text)
         assert "two #" not in str(refused.value)
