@@ -1,9 +1,10 @@
 """The agent under load over UDP on this machine: the loads of a C generator, beside the genuine agent's figures.
 
-    python bench/agent.py [--quick] [--write]
+    python bench/agent.py [--quick] [--write] [--against CHECKOUT [--pairs N]]
 
 Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each. `--write` puts the table into
-docs/explain/performance.md.
+docs/explain/performance.md. `--against` runs the agent of another checkout and this one in turn, a second each, and
+prints both: what a computer can do changes from day to day, what one version does beside another does not.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ SOURCE = Path(__file__).with_name("xrce_load.c")
 PAGE = Path(__file__).parent.parent / "docs/explain/performance.md"
 PING = bytes.fromhex("80000000 02010800 000afffd 02000000")
 BEGIN, END = "<!-- bench/agent.py begins -->", "<!-- bench/agent.py ends -->"
+PAIRS_BEGIN, PAIRS_END = "<!-- bench/agent.py --against begins -->", "<!-- bench/agent.py --against ends -->"
+CPU_KEY = "agent_cpu_us_per_msg"
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,24 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true", help="one run of 1 s instead of three of 3 s")
     options.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    options.add_argument("--against", type=Path, metavar="CHECKOUT", help="compare with the version in this folder")
+    options.add_argument("--pairs", type=int, default=5, help="with --against: how often both run (default: 5)")
     chosen = options.parse_args()
-    runs, seconds = (1, 1) if chosen.quick else (3, 3)
     generator = build_generator()
+    if chosen.against:
+        if not (chosen.against / "src/msbot").is_dir():
+            sys.exit(f"{chosen.against} is no checkout of MsBOT: there is no src/msbot in it")
+        lines = compare(generator, chosen.against, max(1, chosen.pairs))
+        marks = PAIRS_BEGIN, PAIRS_END
+    else:
+        lines = measure(generator, *((1, 1) if chosen.quick else (3, 3)))
+        marks = BEGIN, END
+    if chosen.write:
+        write(lines, *marks)
+
+
+def measure(generator: Path, runs: int, seconds: int) -> list[str]:
+    """All loads beside the genuine agent's figures: the lines of the table, printed as they come."""
     lines = [
         f"{describe_machine()}; agent on one core, generator on the other; median of {runs} run(s) of {seconds} s, "
         "64-byte payload. Spread: (largest - smallest) / median. The genuine agent's figures (C++, Release, "
@@ -92,8 +110,32 @@ def main() -> None:
         line = row(load, [run(generator, load, seconds) for _ in range(runs)])
         print(line, flush=True)
         lines.append(line)
-    if chosen.write:
-        write(lines)
+    return lines
+
+
+def compare(generator: Path, other: Path, pairs: int) -> list[str]:
+    """All loads with the agent of another checkout and with this one in turn: the lines of the table."""
+    version = subprocess.run(
+        ["git", "-C", str(other), "log", "-1", "--format=%cs, %h"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    lines = [
+        f"{describe_machine()}; agent on one core, generator on the other; the version before ({version or other.name})"
+        f" and this one in turn, {pairs} pairs of 1 s each; medians, and the median of the pairs' ratios.",
+        "",
+        "| load | per second before | after | ratio | p50 µs before | after "
+        "| agent CPU µs before | after | ratio | wrong |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    print("\n".join(lines), flush=True)
+    for load in LOADS:
+        before, after = [], []
+        for _ in range(pairs):
+            before.append(run(generator, load, 1, checkout=other))
+            after.append(run(generator, load, 1))
+        line = pair_row(load, before, after)
+        print(line, flush=True)
+        lines.append(line)
+    return lines
 
 
 def build_generator() -> Path:
@@ -111,9 +153,9 @@ def build_generator() -> Path:
 Result = dict[str, float]
 
 
-def run(generator: Path, load: Load, seconds: int, *options: str) -> Result:
+def run(generator: Path, load: Load, seconds: int, *options: str, checkout: Path | None = None) -> Result:
     """One run against a fresh agent, which is started with these options besides."""
-    with agent(*options) as (port, pid):
+    with agent(*options, checkout=checkout) as (port, pid):
         arguments = [*load.arguments.split(), "--agent", f"127.0.0.1:{port}", "--agent-pid", str(pid)]
         done = subprocess.run(
             [*pinned(1), str(generator), *arguments, "--duration", str(seconds)],
@@ -129,10 +171,10 @@ def run(generator: Path, load: Load, seconds: int, *options: str) -> Result:
 
 
 @contextlib.contextmanager
-def agent(*options: str) -> Iterator[tuple[int, int]]:
+def agent(*options: str, checkout: Path | None = None) -> Iterator[tuple[int, int]]:
     """`msbot agent udp4` on a free port and a core of its own: (port, process)."""
     port = free_port()
-    process = start_agent(port, *options)
+    process = start_agent(port, *options, checkout=checkout)
     try:
         wait_for(port)
         yield port, process.pid
@@ -148,11 +190,12 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def start_agent(port: int, *options: str) -> subprocess.Popen[bytes]:
-    """`msbot agent udp4` on a core of its own; the caller ends it."""
+def start_agent(port: int, *options: str, checkout: Path | None = None) -> subprocess.Popen[bytes]:
+    """`msbot agent udp4`, of this version or of that in another checkout, on a core of its own; the caller ends it."""
     return subprocess.Popen(
         [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1", *options],
         stdout=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str((checkout or SOURCE.parent.parent).resolve() / "src")},
     )
 
 
@@ -184,9 +227,8 @@ def row(load: Load, results: list[Result]) -> str:
     p50, p99 = (
         statistics.median(result[f"{load.latency_key}_{name}_us"] for result in results) for name in ("p50", "p99")
     )
-    cpu = statistics.median(result.get("agent_cpu_us_per_msg", 0.0) for result in results)
-    wrong = {name: int(sum(result.get(name, 0) for result in results)) for name in PROBLEMS}
-    said = ", ".join(f"{count} {name}" for name, count in wrong.items() if count) or "nothing"
+    cpu = statistics.median(result.get(CPU_KEY, 0.0) for result in results)
+    said = problems(results)
     peer = "-" if load.peer_rate is None else f"{load.peer_rate:,.0f}"
     peer_cpu = "-" if load.peer_cpu_us is None else f"{load.peer_cpu_us:g}"
     ratio = "-" if load.peer_rate is None else f"{rate / load.peer_rate:.2f}"
@@ -196,12 +238,40 @@ def row(load: Load, results: list[Result]) -> str:
     )
 
 
-def write(lines: list[str]) -> None:
-    """Put the table between the marks of the page."""
+def pair_row(load: Load, before: list[Result], after: list[Result]) -> str:
+    """A line of the comparison."""
+
+    def medians(key: str) -> tuple[float, float, float]:
+        """Of a figure: before, after, and of the ratios of the pairs."""
+        pairs = [(old.get(key, 0.0), new.get(key, 0.0)) for old, new in zip(before, after, strict=True)]
+        ratios = [new / old for old, new in pairs if old] or [float("nan")]
+        return (
+            statistics.median(old for old, _ in pairs),
+            statistics.median(new for _, new in pairs),
+            statistics.median(ratios),
+        )
+
+    rate, rate_now, rate_ratio = medians(load.rate_key)
+    p50, p50_now, _ = medians(f"{load.latency_key}_p50_us")
+    cpu, cpu_now, cpu_ratio = medians(CPU_KEY)
+    return (
+        f"| {load.name} | {rate:,.0f} | {rate_now:,.0f} | {rate_ratio:.2f} | {p50:.0f} | {p50_now:.0f} "
+        f"| {cpu:.1f} | {cpu_now:.1f} | {cpu_ratio:.2f} | before: {problems(before)}; after: {problems(after)} |"
+    )
+
+
+def problems(results: list[Result]) -> str:
+    """What went wrong in these runs, in words."""
+    wrong = {name: int(sum(result.get(name, 0) for result in results)) for name in PROBLEMS}
+    return ", ".join(f"{count} {name}" for name, count in wrong.items() if count) or "nothing"
+
+
+def write(lines: list[str], begin: str, end: str) -> None:
+    """Put the table between two marks of the page."""
     text = PAGE.read_text()
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
-    PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+    before, rest = text.split(begin)
+    after = rest.split(end)[1]
+    PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(lines) + f"\n\n{end}{after}")
 
 
 if __name__ == "__main__":
