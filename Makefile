@@ -1,9 +1,12 @@
 # The two commands a new user needs:  make demo   and   make test.
 # Everything runs from .venv, which sets itself up with the versions of constraints.txt.
 
-# The system's Python, also when .venv is activated: pip is in that one only.
-PYTHON ?= $(shell PATH=$$(printf %s "$$PATH" | sed 's,$(CURDIR)/.venv/bin:,,g'); for p in python3 python3.13 python3.12 python3.11; do \
-	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && command -v $$p && break; done)
+# A Python with pip, the system's before that of an environment which happens to be activated; .venv has none.
+PYTHON ?= $(shell all=$$(printf %s "$$PATH" | sed 's,$(CURDIR)/.venv/bin:,,g'); \
+	system=$$(printf %s "$$all" | sed "s,$${VIRTUAL_ENV:-$(CURDIR)/.venv}/bin:,,g"); \
+	for needed in 'import pip, sys' 'import sys'; do for PATH in "$$system" "$$all"; do \
+	for p in python3 python3.13 python3.12 python3.11; do command -v $$p >/dev/null 2>&1 && \
+	$$p -c "$$needed; sys.exit(sys.version_info < (3, 11))" 2>/dev/null && command -v $$p && exit; done; done; done)
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
