@@ -2,6 +2,9 @@
 
 Only the first submessage of such a message counts, and only these three are answered (seen on the wire). A
 CREATE_CLIENT inside a session is ignored.
+
+DEVIATION: a network may copy a login, and the copy come when the session is in use. Between stock peers it starts the
+streams over. A client of MsBOT numbers its logins (`ClientSession.connect`), so that a copy is known for one.
 """
 
 from __future__ import annotations
@@ -51,6 +54,10 @@ HARD_LIVELINESS = "uxr_hl"
 SHARED_MEMORY = "uxr_sm"
 """Property "1" of a client that does not want its own samples back."""
 
+RECENT_LOGINS = 4
+"""How many logins of a client are remembered by their numbers."""
+LATE_LOGIN = "login that came late: its client has logged in again since"
+
 _MIN_DEAD_AFTER_S = 0.1
 _MAX_DEAD_AFTER_S = 3600.0
 """A client silent for an hour is probed, whatever it asked for; C clients ask for at most 1000 s."""
@@ -89,11 +96,14 @@ class Handshake:
             return None
         match submessage:
             case CreateClient() if header.session_id in (SESSION_NONE, SESSION_NONE_KEYED):
+                known = self._heard_before(port, peer, submessage, header.sequence_nr)
+                if known is not None:
+                    return self._answer_again(port, header, submessage, is_latest=known.logins[0] == header.sequence_nr)
                 wait_s = self._wait_s(port, peer, submessage, now)
                 if wait_s:
                     port.dropped.count("login put off: many join at once")
                     return _come_back(header, submessage, wait_s)
-                status = self._log_in(port, peer, submessage, now)
+                status = self._log_in(port, peer, submessage, now, header.sequence_nr)
                 return _status_agent(header, submessage, StatusAgent(status))
             case GetInfo():
                 # A client that asks with a session id other than its present one is unknown, so that it logs in again.
@@ -128,7 +138,23 @@ class Handshake:
             return 0.0
         return self._queue.wait_s((link.info.name, peer), (link.info.name, link.origin(peer)), now)
 
-    def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> Status:
+    def _heard_before(self, port: ServedLink, peer: Peer, request: CreateClient, number: int) -> Proxy | None:
+        """The session whose client has sent this very login before, told by its number; None: it is a new one."""
+        known = port.clients.get(peer)
+        if known is None or known.gone is not None or known.info.client_key != request.client_key:
+            return None
+        return known if number in known.logins else None
+
+    def _answer_again(
+        self, port: ServedLink, header: Header, request: CreateClient, *, is_latest: bool
+    ) -> bytes | None:  # fmt: skip
+        """The answer to a copy of a login. To start the streams over once more would lose what is on its way."""
+        if is_latest:
+            return _status_agent(header, request, StatusAgent(Status.OK_MATCHED))
+        port.dropped.count(LATE_LOGIN)
+        return None
+
+    def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float, number: int) -> Status:
         owner = port.clients.get(peer)
         if owner is not None and owner.info.client_key != request.client_key:
             self._end_session(owner, said("another client logged in from its address"))
@@ -147,6 +173,7 @@ class Handshake:
         key = self._clients.free_key(info.key) if known is None else known.info.key
         if key != info.key:
             info = replace(info, key=key)
+        logins = () if known is None else known.logins
         if known is not None and known.session.session_id == request.session_id:
             known.log_in_again(info, min(request.mtu, link.info.mtu), now)
         else:
@@ -163,6 +190,7 @@ class Handshake:
                 self._queue.enter(known, (link.info.name, origin), now)
             if others:
                 self._rivals.begin(known, others, (link.info.name, origin), now)
+        known.logins = (number, *logins[: RECENT_LOGINS - 1]) if number else ()
         self._clients.place(known, port, peer)
         self._gate.joined(info)
         known.recheck()

@@ -53,7 +53,7 @@ class Proxy:
     __slots__ = (
         "__weakref__", "_dead_after_s", "_endpoints", "_gate", "_gone_at", "_guard", "_opened_at", "_probes",
         "_settings", "_surroundings", "_timed", "_tree", "_turn", "bytes_in", "bytes_out", "clock", "dropped",
-        "gone", "info", "is_blocked", "is_marked", "is_over", "key", "limit", "max_requests", "outbox",
+        "gone", "info", "is_blocked", "is_marked", "is_over", "key", "limit", "logins", "max_requests", "outbox",
         "own_filter", "place", "refused", "replies", "session", "space", "transit",
     )  # fmt: skip
 
@@ -84,6 +84,8 @@ class Proxy:
         """Whether the session has ended: deleted by the client, or given up by the agent."""
         self.gone: str | None = None
         """Why the client has gone, in the link's words, while it may still come back."""
+        self.logins: tuple[int, ...] = ()
+        """The numbers of its latest logins, newest first; none for clients that number none."""
         self.limit: Limit | None = None
         """Its limit, while it sends more than its share; see `msbot.agent.fair_share`."""
         self.bytes_in = self.bytes_out = 0

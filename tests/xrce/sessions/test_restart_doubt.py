@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.messages.ids import STREAM_RELIABLE
+from msbot.xrce.messages.ids import STREAM_RELIABLE, Status
 from msbot.xrce.messages.message import Heartbeat
 from msbot.xrce.sessions.restart_doubt import RestartDoubt
 
@@ -42,9 +42,21 @@ def doubt_of(sender: Sender) -> RestartDoubt:
 def test_as_many_answers_are_explained_as_logins_were_sent(tries: int, answers: int) -> None:
     doubt = doubt_of(Sender())
     for _ in range(2):
-        doubt.begin()
+        doubt.begin(Status.OK)
         explained = [True, *(doubt.is_explained(tries) for _ in range(answers - 1))]
         assert explained == [number < tries for number in range(answers)]
+
+
+@given(st.lists(st.sampled_from((Status.OK, Status.OK_MATCHED, Status.ERR_DENIED)), min_size=1, max_size=6))
+def test_an_agent_that_knows_a_copy_of_the_login_for_one_leaves_no_doubt_nor_does_a_refusal(
+    answers: list[Status],
+) -> None:
+    doubt = doubt_of(Sender())
+    for _ in range(2):  # the next login begins with doubt again
+        doubt.begin(answers[0])
+        for index, status in enumerate(answers[1:], 1):
+            knows = Status.OK_MATCHED in answers[: index + 1]
+            assert doubt.is_ruled_out(status) == (knows or status is Status.ERR_DENIED)
 
 
 @given(sent=st.integers(0, 0xFFFF), now=st.floats(0, 1e6))

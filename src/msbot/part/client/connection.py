@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 from collections.abc import Callable
 from random import Random
 
@@ -45,7 +46,7 @@ _log = logging.getLogger(__name__)
 class Connection:
     """Keeps a session open (see the module's docstring); `session` may be used while `state` is CONNECTED.
 
-    Link, key, settings, clock and random generator are those of `Client`.
+    Link, key, settings, clock, random generator and numbers of logins are those of `Client`.
 
     Args:
         on_state: (state, reason in words) at every change.
@@ -63,6 +64,7 @@ class Connection:
         settings: ClientSettings,
         epoch_ns: Callable[[], int],
         random: Random,
+        login_number: Callable[[], int],
         on_state: Callable[[ConnectionState, str], None],
         on_signal: SignalHandler,
         on_event: Callable[[ClientEvent, float], None],
@@ -85,6 +87,7 @@ class Connection:
         self._before_sending = before_sending
         self._epoch_ns = epoch_ns
         self._random = random
+        self._login_number = login_number
         self._watch = Watch(quiet_s=settings.quiet_s, ping_s=settings.ping_s, pings=settings.pings)
         self._turn = Turn(self._flush)
         self._scope: asyncio.Timeout | None = None
@@ -236,7 +239,8 @@ class Connection:
         if self.state is ConnectionState.CONNECTING and self._lost_at is None:
             self._lost_at = now + self.settings.lost_after_s
         self.session = self._new_session()
-        self.session.connect(now)
+        # A bus repeats no packet, and compresses a login without a number best.
+        self.session.connect(now, 0 if self.link.info.shared_bus else self._login_number())
         self._turn.book()
 
     def _set_state(self, state: ConnectionState, reason: str) -> None:
@@ -371,3 +375,8 @@ class Connection:
 def _properties(settings: ClientSettings) -> tuple[tuple[str, str], ...]:
     """What the login says of the client; nothing by default, as C clients do."""
     return (*((ASKS_AGAIN,) if settings.asks_again else ()), *(() if settings.echo else (NO_ECHO,)))
+
+
+def drawn_number() -> int:
+    """A number for a login that hardly any other login of this client has, now or before the program was restarted."""
+    return int.from_bytes(os.urandom(2), "big") or 1

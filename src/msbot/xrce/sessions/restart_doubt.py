@@ -6,11 +6,14 @@ repetition explains restarts the input, as long as neither end has taken anythin
 whether a further answer is the copy of an old one or means that a late login has reached the agent, and to guess wrong
 either way stops or loses samples. So the agent is asked: a HEARTBEAT that goes back to message 0 is answered with the
 number that the agent expects, and only if that is 0 again, it has restarted.
+
+An agent that knows the numbers of logins (`ClientSession.connect`) answers the copies of one with OK_MATCHED, and
+starts nothing over. Once it has said so, there is no doubt.
 """
 
 from __future__ import annotations
 
-from msbot.xrce.messages.ids import STREAM_RELIABLE
+from msbot.xrce.messages.ids import STREAM_RELIABLE, Status
 from msbot.xrce.messages.message import Heartbeat
 from msbot.xrce.streams.session_output import SessionOutput
 
@@ -18,17 +21,24 @@ from msbot.xrce.streams.session_output import SessionOutput
 class RestartDoubt:
     """Counts the answers to a login, and asks the agent where they leave a doubt."""
 
-    __slots__ = ("_answers", "_sender", "ask_at")
+    __slots__ = ("_answers", "_knows_numbers", "_sender", "ask_at")
 
     def __init__(self, sender: SessionOutput) -> None:
         self._sender = sender
         self._answers = 0
+        self._knows_numbers = False
         self.ask_at: float | None = None
         """When to call `ask` again; None: there is no doubt."""
 
-    def begin(self) -> None:
+    def begin(self, status: int) -> None:
         """The login was answered for the first time."""
         self._answers = 1
+        self._knows_numbers = status == Status.OK_MATCHED
+
+    def is_ruled_out(self, status: int) -> bool:
+        """Note the status of a further answer; True: the agent has not started over because of this login."""
+        self._knows_numbers |= status == Status.OK_MATCHED
+        return self._knows_numbers or status >= Status.ERR_DDS_ERROR
 
     def end(self) -> None:
         """The session is over, or begins anew."""
