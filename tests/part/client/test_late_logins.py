@@ -29,17 +29,17 @@ class Echoes:
         self._copies = copies
         self._lost: list[float] = []
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:  # noqa: ARG002
+    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
         return packet[4] == 0x04 if inward else packet[0] == SESSION_NONE and packet[4] == 0
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
+    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         if not inward:
             self._lost += [now + after / 1000 for after, is_lost in self._copies if is_lost]
             return [0.0, *(after / 1000 for after, _ in self._copies)]
         # The hub takes no time: an answer comes at the time of its login.
         return [] if any(abs(now - at) < 1e-6 for at in self._lost) else [0.0]
 
-    def free_at(self, peer: Peer, now: float) -> float:  # noqa: ARG002
+    def free_at(self, peer: Peer, now: float) -> float:
         return now
 
 
