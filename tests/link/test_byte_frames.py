@@ -71,6 +71,15 @@ def test_serial_size_limits(size: int) -> None:
         encode_serial(bytes(size), 0, 0)
 
 
+@pytest.mark.parametrize("size", [1, 65535])
+def test_the_largest_and_the_smallest_packet_pass(size: int) -> None:
+    packet = bytes(range(256)) * 256
+    packet = packet[:size]
+    assert SerialReceiver(0).receive(encode_serial(packet, 255, 0)) == [(255, packet)]
+    assert SerialReceiver(0, max_packet=size).receive(encode_serial(packet, 1, 0)) == [(1, packet)]
+    assert TcpReceiver().receive(encode_tcp(packet)) == [packet]
+
+
 @given(st.lists(st.binary(max_size=50)), st.integers(1, 7))
 def test_tcp_survives_any_chunks_and_skips_empty_packets(sent: list[bytes], chunk: int) -> None:
     receiver = TcpReceiver()

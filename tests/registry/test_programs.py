@@ -69,3 +69,21 @@ def test_nobody_has_programs_without_end_and_they_go_with_their_owner(registry: 
     ):
         with pytest.raises(NotThere, match=r"ann has no program 'p1.py'"):
             deed("ann", "p1.py")
+
+
+def test_what_was_changed_last_comes_first_and_nothing_of_a_removed_program_is_left(registry: Registry) -> None:
+    kept = registry.programs
+    for name in ("one.py", "two.py", "one.py"):
+        kept.keep("ann", name, ProgramSource(f"{name} {len(kept.of('ann'))}"))
+    word = kept.share("ann", "two.py")
+    (first, second) = kept.of("ann")
+    assert (first.name, first.share, second.name, second.share) == ("one.py", "", "two.py", word)
+    (newest, oldest) = kept.versions("ann", "one.py")
+    assert (newest.saved_ns, oldest.saved_ns < second.changed_ns) == (first.changed_ns, True)
+    kept.keep("ann", "two.py", kept.source("ann", "two.py"))
+    assert [one.name for one in kept.of("ann")] == ["one.py", "two.py"], "it is unchanged"
+    for name in ("one.py", "two.py"):
+        kept.remove("ann", name)
+        assert kept.keep("ann", name, ProgramSource("anew")) == 1, "the database gives the same id again"
+    with pytest.raises(NotThere):
+        kept.shared(word)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import socket
 import struct
 from pathlib import Path
@@ -118,3 +119,130 @@ def test_the_error_counters_of_a_controller() -> None:
     assert found is not None
     assert (found.transmit_errors, found.receive_errors) == (130, 4)
     assert found.totals == CanTotals(9, 8, 7, 6, 5, 4)
+
+
+class Route:
+    """A socket to the kernel that keeps what is asked, and answers as the test says."""
+
+    answer = b""
+    asked: list[bytes]
+
+    def __init__(self) -> None:
+        self.asked = []
+
+    def __call__(self, family: int, kind: int, protocol: int) -> Route:
+        assert (family, kind, protocol) == (socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE)
+        self.is_open = True
+        return self
+
+    def __enter__(self) -> Route:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.is_open = False
+
+    def settimeout(self, seconds: float) -> None:
+        self.patience_s = seconds
+
+    def send(self, message: bytes) -> None:
+        self.asked.append(message)
+
+    def recv(self, size: int) -> bytes:
+        assert size >= len(self.answer)
+        return self.answer
+
+
+@pytest.fixture
+def route(monkeypatch: pytest.MonkeyPatch) -> Route:
+    found = Route()
+    monkeypatch.setattr(socket, "socket", found)
+    return found
+
+
+def acknowledgement(number: int) -> bytes:
+    """NLMSG_ERROR as linux/netlink.h has it, without the message that it answers."""
+    return struct.pack("=IHHII", 20, 2, 0, 1, 0) + struct.pack("=i", -number)
+
+
+@needs_netlink
+def test_the_question_for_an_interface_as_the_kernel_reads_it(route: Route) -> None:
+    route.answer = VIRTUAL
+    found = find_interface("vcan0")
+    assert found is not None
+    assert found.name == "vcan0"
+    (asked,) = route.asked
+    name = struct.pack("=HH", 10, 3) + b"vcan0\0\0\0"  # IFLA_IFNAME; its length without the padding
+    body = struct.pack("=BxHiII", 0, 0, 0, 0, 0) + name
+    assert asked == struct.pack("=IHHII", 16 + len(body), 18, 0x01, 1, 0) + body  # RTM_GETLINK, NLM_F_REQUEST
+    assert not route.is_open
+    assert route.patience_s > 0
+
+
+@needs_netlink
+def test_the_order_to_restart_a_controller_as_the_kernel_reads_it(route: Route) -> None:
+    route.answer = acknowledgement(0)
+    restart_controller(7)
+    (asked,) = route.asked
+    restart = struct.pack("=HHI", 8, 7, 1)  # IFLA_CAN_RESTART
+    about = struct.pack("=HH", 7, 1) + b"can\0" + struct.pack("=HH", 4 + len(restart), 2) + restart
+    body = struct.pack("=BxHiII", 0, 0, 7, 0, 0) + struct.pack("=HH", 4 + len(about), 18) + about
+    assert asked == struct.pack("=IHHII", 16 + len(body), 16, 0x05, 1, 0) + body  # RTM_NEWLINK, with NLM_F_ACK
+
+
+@needs_netlink
+@pytest.mark.parametrize(
+    ("number", "is_raised"),
+    [(errno.ENODEV, False), (errno.EINVAL, False), (errno.ERANGE, False), (errno.EPERM, True), (errno.EBUSY, True)],
+)
+def test_an_interface_that_is_not_there_is_none_and_other_refusals_are_raised(
+    number: int, is_raised: bool, route: Route
+) -> None:
+    route.answer = acknowledgement(number)
+    if is_raised:
+        with pytest.raises(OSError, match=os.strerror(number)) as caught:
+            find_interface("can0")
+        assert caught.value.errno == number
+    else:
+        assert find_interface("can0") is None
+    with pytest.raises(OSError, match=os.strerror(number)):
+        restart_controller(1)
+
+
+@needs_netlink
+def test_only_can_interfaces_are_listed_and_none_where_the_kernel_is_silent(
+    route: Route, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(socket, "if_nameindex", lambda: [(1, "lo"), (2, "vcan0")])
+    for route.answer, names in ((LOOPBACK, []), (VIRTUAL, ["vcan0", "vcan0"]), (acknowledgement(errno.EPERM), [])):
+        assert [one.name for one in can_interfaces()] == names
+
+
+def test_an_interface_of_which_little_is_known() -> None:
+    assert parse_interface(answer()) == CanInterface("", 9, is_can=True, is_up=False, mtu=0, kind="", bitrate=None,
+        data_bitrate=None, state=None, restart_ms=0, listen_only=False, transmit_errors=None, receive_errors=None,
+        totals=None)  # fmt: skip
+    ethernet = answer(
+        attribute(18, attribute(1, b"dummy\0") + attribute(2, attribute(1, bytes(32))) + attribute(3, bytes(24))),
+        link_type=1, flags=0x41,
+    )  # fmt: skip
+    found = parse_interface(ethernet)
+    assert found is not None
+    assert (found.is_can, found.is_up, found.kind, found.bitrate, found.totals) == (False, True, "dummy", None, None)
+    no_settings = attribute(18, attribute(2, attribute(5, struct.pack("=II", 2, 0)) + attribute(4, b"\1\0\0")))
+    found = parse_interface(answer(no_settings, flags=0x40))
+    assert found is not None
+    assert (found.is_up, found.listen_only, found.state) == (False, False, None)
+    assert parse_interface(struct.pack("=IHHII", 16, 17, 0, 1, 0) + answer()[16:]) is None, "RTM_DELLINK"
+
+
+def test_attributes_end_where_a_length_makes_no_sense() -> None:
+    empty = struct.pack("=HH", 4, 77)
+    wrong = struct.pack("=HH", 3, 77)
+    mtu = attribute(4, struct.pack("=I", 72))
+    for before, expected in ((b"", 72), (empty, 72), (wrong, 0)):
+        found = parse_interface(answer(before, mtu))
+        assert found is not None
+        assert found.mtu == expected
+    assert [CanInterface("x", 1, is_can=True, is_up=True, mtu=mtu).fd for mtu in (16, 71, 72, 73)] == [
+        False, False, True, True,
+    ]  # fmt: skip

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.bits import wire_bits
+from msbot.link.can.protocol.bits import WireBit, wire_bits
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.sim.model.error_counters import DOMINANT, RECESSIVE, ErrorCounters, is_tail, noticed_at
 
@@ -107,3 +110,66 @@ def test_an_error_is_noticed_within_seven_bits_or_behind_the_ack(broken: int, le
     else:
         assert broken < noticed
         assert noticed <= broken + 7 or FRAME[noticed].field == "ACK DELIMITER"
+
+
+@pytest.mark.parametrize(
+    ("transmit", "receive", "state"),
+    [
+        (127, 127, BusState.ACTIVE), (128, 127, BusState.PASSIVE), (127, 128, BusState.PASSIVE),
+        (255, 0, BusState.PASSIVE), (0, 300, BusState.PASSIVE),
+    ],
+)  # fmt: skip
+def test_a_controller_is_passive_above_127(transmit: int, receive: int, state: BusState) -> None:
+    counters = ErrorCounters(transmit, receive)
+    assert counters.state is state
+    assert counters.active is (state is BusState.ACTIVE)
+
+
+@pytest.mark.parametrize(("before", "off"), [(247, False), (248, True)])
+def test_a_controller_is_off_above_255_and_stays_off(before: int, off: bool) -> None:
+    counters = ErrorCounters(before)
+    counters.transmit_failed()
+    counters.transmit_succeeded()
+    assert (counters.off, counters.state is BusState.OFF) == (off, off)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0, 0), (1, 0), (127, 126), (128, 119), (200, 119)])
+def test_a_received_frame_counts_down(before: int, after: int) -> None:
+    counters = ErrorCounters(receive=before)
+    counters.receive_succeeded()
+    assert counters.receive == after
+
+
+def seen_wrong_at(bits: Sequence[WireBit], broken: int, broken_level: int, level: int) -> int | None:
+    """A second, plain receiver: writes all levels down first, then asks of each bit whether it breaks a rule."""
+    levels = [bit.level for bit in bits[: max(0, broken)]] + [broken_level] * (broken >= 0)
+    levels += [level] * (len(bits) - len(levels))
+    for index in range(max(0, broken), len(bits)):
+        field = bits[index].field
+        before = [at for at in range(index) if levels[at] != bits[at].level and not is_tail(bits[at])]
+        if field == "ACK DELIMITER" and before:
+            return index  # its own CRC is another one
+        if field in ("CRC DELIMITER", "ACK DELIMITER", "EOF"):
+            wrong = levels[index] == DOMINANT
+        elif field in ("ACK", "INTERMISSION"):
+            wrong = False
+        elif bits[index].fixed:
+            wrong = index > 0 and levels[index] == levels[index - 1]
+        else:
+            wrong = index >= 5 and len(set(levels[index - 5 : index + 1])) == 1
+        if wrong:
+            return index
+    return None
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        Frame(0x555, b"\x55" * 2), Frame(0), Frame(0x7FF, b"\xff\xff"), Frame(0x123, remote=True),
+        Frame(0x1ABCDEF0, b"\x0f", extended=True), Frame(0x0F0, b"\x00\x81", fd=True),
+    ],
+)  # fmt: skip
+def test_a_broken_frame_is_noticed_where_a_plain_receiver_does(frame: Frame) -> None:
+    bits = wire_bits(frame)
+    for broken, first, level in product(range(-1, len(bits)), (DOMINANT, RECESSIVE), (DOMINANT, RECESSIVE)):
+        assert noticed_at(bits, broken, first, level) == seen_wrong_at(bits, broken, first, level), (broken, first)
