@@ -11,7 +11,8 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Iterator
-from functools import wraps
+from enum import Enum, auto
+from functools import cache, wraps
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -53,14 +54,39 @@ def _look(what: str) -> None:
         asyncio.get_running_loop()
     except RuntimeError:
         return
-    ours = (PRODUCT, *ONLOOKERS)
-    files = [file for file in _callers(sys._getframe(1)) if any(map(file.is_relative_to, ours))]
-    asker = next(file for file in files if not file.is_relative_to(PRODUCT / "registry") and file != Path(__file__))
-    if not any(map(asker.is_relative_to, ONLOOKERS)) and NO_ROBOT_RUNS not in files:
-        raise LoopHeldUp(f"{asker.relative_to(PRODUCT)} has the event loop wait for: {what}")
+    asker = ""
+    for file in _callers(sys._getframe(1)):
+        whose = _whose(file)
+        if whose is Whose.NO_ROBOT or (whose is Whose.ONLOOKER and not asker):
+            return
+        if whose is Whose.ROBOT:
+            asker = asker or file
+    raise LoopHeldUp(f"{Path(asker).relative_to(PRODUCT)} has the event loop wait for: {what}")
 
 
-def _callers(frame: FrameType | None) -> Iterator[Path]:
+class Whose(Enum):
+    """Whose a file of a caller is."""
+
+    ROBOT = auto()
+    NO_ROBOT = auto()
+    ONLOOKER = auto()
+    ASKED = auto()
+    """The registry itself, which does what others ask for, and this file."""
+    OTHERS = auto()
+
+
+@cache
+def _whose(file: str) -> Whose:
+    """Found out once for each file: there are a dozen of them below every statement of every test."""
+    path = Path(file)
+    if path in (Path(__file__), NO_ROBOT_RUNS):
+        return Whose.NO_ROBOT if path == NO_ROBOT_RUNS else Whose.ASKED
+    if path.is_relative_to(PRODUCT):
+        return Whose.ASKED if path.is_relative_to(PRODUCT / "registry") else Whose.ROBOT
+    return Whose.ONLOOKER if any(map(path.is_relative_to, ONLOOKERS)) else Whose.OTHERS
+
+
+def _callers(frame: FrameType | None) -> Iterator[str]:
     while frame is not None:
-        yield Path(frame.f_code.co_filename)
+        yield frame.f_code.co_filename
         frame = frame.f_back

@@ -25,10 +25,10 @@ from fuzz.virtual import play
 EXECUTIONS = {
     "agent": 40,
     "client": 150,
-    "part": 20,
+    "part": 12,
     "can": 200,
     "socketcan": 150,
-    "simbus": 60,
+    "simbus": 40,
     "codec": 4000,
     "compact": 2000,
     "serial": 400,

@@ -33,7 +33,7 @@ def test_many_parts_at_once(rates: Rates, size: int, limit_s: float, tmp_path: P
 
 
 def test_120_parts_at_500_kbit_s_at_once_and_at_rest(tmp_path: Path) -> None:
-    found = outcome(Rates(500_000), 120, tmp_path, rest_s=5.0, seed=2)
+    found = outcome(Rates(500_000), 120, tmp_path, rest_s=2.5, seed=2)
     assert found.last_s < 3.0
     assert found.load < 0.08
 

@@ -59,7 +59,7 @@ def test_nothing_committed_is_lost_when_the_process_is_killed(
 ) -> None:
     assert blueprint.source is not None
     dice = Random(9)
-    for _ in range(4):
+    for _ in range(tries(2, 10)):
         stored = _run_and_kill(blueprint.source, path, dice.randint(1, 12))
         with closing(sqlite3.connect(path)) as connection:
             assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
@@ -74,10 +74,10 @@ def test_nothing_committed_is_lost_when_the_process_is_killed(
             assert [len(store.configuration(slot.name).bindings) for slot in store.slots()] == [2, 2, 2]
 
 
-@pytest.mark.parametrize("seed", range(tries(2, 4)))
+@pytest.mark.parametrize("seed", range(tries(1, 4)))
 def test_masters_are_killed_during_swaps_and_edits(tmp_path: Path, seed: int) -> None:
     """See `killing.py`."""
-    kills = tries(20, 50)
+    kills = tries(24, 50)
     command = [sys.executable, "-W", "error", "-m", "tests.registry.killing", str(tmp_path), str(seed), str(kills)]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     found = json.loads(done.stdout)

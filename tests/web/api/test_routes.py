@@ -268,7 +268,7 @@ def test_the_api_never_fails_whatever_it_is_asked(site: Site, mode: GenerationMo
             continue  # the only wrong name in a path is one that is too long; generators need seconds to find it
 
         @settings(
-            max_examples=4 if mode is GenerationMode.POSITIVE else 2,
+            max_examples=2,  # the simplest one and another; `fuzz/targets/page.py` asks for more, without a socket
             suppress_health_check=list(HealthCheck),
             database=None,
         )
