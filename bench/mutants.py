@@ -190,6 +190,9 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.source = folder / "src"
         shutil.copytree(ROOT / "src", self.source, symlinks=True)
+        for beside in ROOT.iterdir():  # lessons, examples: what a source tree has beside `src`
+            if beside.is_dir() and beside.name != "src" and not beside.name.startswith("."):
+                (folder / beside.name).symlink_to(beside)
         subprocess.run([sys.executable, "-m", "compileall", "-q", str(self.source)], check=True)
         self._output = folder / "output"
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
@@ -217,7 +220,7 @@ class Copy:
             return self.run(found, usual_s) if found and len(found) < len(tests) else ("survived", "")
         if status == FELL and "PytestUnraisableExceptionWarning" in said:
             return "killed", "what is left behind at the end"  # pytest itself does not get over several of these
-        failed = [line for line in said.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+        failed = [line for line in said.splitlines() if line.startswith(("FAILED ", "ERROR tests/"))]
         if status not in (1, 2, 4) or "ERROR: file or directory not found" in said:
             raise SystemExit(f"pytest ends with {status}: {said[-2000:]}")
         return "killed", failed[0].split(" - ")[0].split(" ", 1)[1] if failed else "msbot cannot be imported"

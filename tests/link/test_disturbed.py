@@ -116,6 +116,22 @@ def test_packets_arrive_when_they_are_due_and_the_rest_when_the_treatments_end(s
     play(scene())
 
 
+def test_the_timer_of_a_packet_that_was_carried_early_leaves_the_next_one_alone() -> None:
+    async def scene() -> None:
+        wire, one, other = Wire(), Script(), Script()
+        link = DisturbedLink(wire, one, other)
+        one.now = (2.0,)
+        link.send(b"early", "peer")
+        await asyncio.sleep(1.0)
+        link.remove(one)
+        other.now = (5.0,)
+        link.send(b"late", "peer")
+        await asyncio.sleep(10.0)
+        assert wire.got == [(1.0, b"early"), (6.0, b"late")]
+
+    play(scene())
+
+
 @pytest.mark.parametrize("in_bursts", [False, True])
 @pytest.mark.parametrize("is_attached", [False, True])
 def test_a_late_packet_is_a_burst_of_its_own_on_links_that_have_bursts(in_bursts: bool, is_attached: bool) -> None:

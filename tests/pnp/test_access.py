@@ -184,3 +184,19 @@ def test_peers_that_never_log_in_are_forgotten() -> None:
     for peer in range(2000):
         door.access.peer_joined(PART.link, peer, door.rig.now)
     assert len(door.access._plugs) == 1024
+
+
+def test_a_part_that_sends_too_much_is_limited_each_time_and_journaled_once_a_minute() -> None:
+    door = Door()
+    door.let_in()
+
+    def told() -> list[str]:
+        return [event.reason for event in door.rig.events if event.reason.startswith("sends ")]
+
+    words = "sends 1234 packets a second, more than its share of 50: the rest is not read"
+    for later, times in ((0.0, 1), (0.1, 1), (59.8, 1), (0.2, 2), (59.9, 2)):
+        door.rig.now += later
+        assert door.access.limits(PART, 1234.4, 50.2)
+        assert told() == [words] * times
+    assert not door.access.limits(SERVICE, 1e6, 1.0)
+    assert told() == [words] * 2

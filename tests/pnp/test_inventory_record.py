@@ -162,3 +162,12 @@ def test_pieces_of_a_sentence_count_in_order_from_the_first(runs: list[tuple[int
                 sentence = "".join(pieces)
             assert record.trouble == sentence
     assert record.trouble == sentence
+
+
+@pytest.mark.parametrize("trouble", ["", "no sensor"])
+@pytest.mark.parametrize("state", [PartState.REFUSED, PartState.STANDBY, PartState.ACTIVE])
+def test_why_a_part_has_gone_is_told_with_what_explains_it(state: PartState, trouble: str) -> None:
+    record = InventoryRecord(7, "peer", THESIS_TIMING, 5.0)
+    record.state, record.reason, record.trouble = state, "no slot fits", trouble
+    because = "; it was refused: no slot fits" if state is PartState.REFUSED else ""
+    assert record.with_what_was_said("gone") == "gone" + (f"; it said: {trouble}" if trouble else because)

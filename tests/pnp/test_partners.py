@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from hypothesis import given
+from hypothesis import strategies as st
+
 from msbot.config import PartType, Slot
-from msbot.pnp import Configuration, SlotBinding
+from msbot.pnp import THESIS_TIMING, Configuration, PartState, SlotBinding
+from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.partners import Partners
 from tests.pnp.robot import Rig, sample_store
 
 AA, BB, CC, DD = 0xAA, 0xBB, 0xCC, 0xDD
@@ -100,3 +107,66 @@ def test_rights_and_events_are_told_first() -> None:
     rig.inventory.on_event(lambda _: told.append("event"))
     rig.leave(AA)
     assert told == ["rights", "event", "partner"]
+
+
+@dataclass(frozen=True)
+class Use:
+    """What a part publishes and reads; nothing as long as it is not registered."""
+
+    state: PartState
+    is_held: bool
+    out: frozenset[str]
+    into: frozenset[str]
+
+    def publishes(self, topic: str) -> bool:
+        return self.is_in and not self.is_held and topic in self.out
+
+    def reads(self, topic: str) -> bool:
+        return self.is_in and topic in self.into
+
+    @property
+    def is_in(self) -> bool:
+        return self.state in (PartState.ACTIVE, PartState.LATE)
+
+    @property
+    def is_there(self) -> bool:
+        return any(self.publishes(topic) or self.reads(topic) for topic in "abc")
+
+
+OUT = Use(PartState.LEFT, False, frozenset(), frozenset())
+TOPICS = st.frozensets(st.sampled_from("abc"), max_size=2)
+STATES = st.sampled_from([PartState.ACTIVE, PartState.ACTIVE, PartState.LATE, PartState.STANDBY, PartState.LOST])
+TURNS = st.dictionaries(
+    st.integers(1, 4), st.builds(Use, STATES, st.sampled_from([False, False, True]), TOPICS, TOPICS)
+)
+
+
+@given(st.lists(TURNS, min_size=2, max_size=6))
+def test_who_was_there_before_and_reads_is_told_what_has_changed_within_a_turn(turns: list[dict[int, Use]]) -> None:
+    partners = Partners()
+    records = {key: InventoryRecord(key, "peer", THESIS_TIMING, 0.0) for key in range(1, 5)}
+    uses = dict.fromkeys(records, OUT)
+    for turn in turns:
+        before, uses = uses, {**uses, **turn}
+        for key, use in turn.items():
+            record = records[key]
+            record.state, record.is_held = use.state, use.is_held
+            record.configuration = Configuration(1, "AA", tuple(
+                SlotBinding(f"{topic} {publishes}", topic, "HelloWorld", publishes=publishes)
+                for topics, publishes in ((use.out, True), (use.into, False))
+                for topic in sorted(topics)
+            ))  # fmt: skip
+            partners.touch(record)
+            partners.touch(record)
+        had, has = (
+            {topic for topic in "abc" if any(use.publishes(topic) for use in all_of.values())}
+            for all_of in (before, uses)
+        )
+        told = [
+            (key, topic, topic in has)
+            for topic in had ^ has
+            for key, use in uses.items()
+            if use.reads(topic) and before[key].is_there
+        ]
+        assert sorted(partners.settle()) == sorted(told)
+        assert {topic for topic in "abc" if partners.has_publisher(topic)} == has

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from dataclasses import dataclass
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from msbot.link.net.connection_budget import IDLE_S, ConnectionBudget
 
@@ -48,3 +53,78 @@ def test_who_speaks_is_put_out_only_when_idle_for_long_and_the_idlest_first() ->
         budget.remove(each, "here")
     assert len(budget) == 0
     assert not budget.is_full("here")
+
+
+MOST, OF_ADDRESS = 5, 3
+
+
+class PlainBudget:
+    """The same as one list of connections in the order in which they were opened or first spoke."""
+
+    def __init__(self) -> None:
+        self.silent: list[Fake] = []
+        self.speaking: list[Fake] = []
+        self.looked_at = -math.inf
+
+    def of(self, address: str) -> list[Fake]:
+        return [one for one in (*self.silent, *self.speaking) if one.address == address]
+
+    def is_full(self, address: str) -> bool:
+        return len(self.silent) + len(self.speaking) >= MOST or len(self.of(address)) >= OF_ADDRESS
+
+    def who_makes_room(self, address: str, now: float) -> list[Fake]:
+        """All that may; of two addresses with as many silent ones, and of two that were last heard together, either."""
+        has_its_share = len(self.of(address)) >= OF_ADDRESS
+        silent, speaking = self.silent, self.speaking
+        if has_its_share:
+            silent, speaking = ([one for one in group if one.address == address] for group in (silent, speaking))
+        firsts = {one.address: one for one in reversed(silent)}
+        if firsts:
+            sizes = Counter(one.address for one in silent)
+            return [one for name, one in firsts.items() if sizes[name] == max(sizes.values())]
+        if now < self.looked_at + 1.0:
+            return []
+        self.looked_at = now
+        oldest = min((one.heard_at or 0.0 for one in speaking), default=now)
+        return [one for one in speaking if one.heard_at == oldest and now - oldest > IDLE_S]
+
+
+@settings(max_examples=200)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["add", "settle", "settle", "spoke", "remove", "ask", "ask"]), st.integers(0, 4),
+            st.sampled_from(["one", "one", "two", "three"]), st.sampled_from([0.0, 0.5, 1.0, 1.0, IDLE_S, IDLE_S + 1]),
+        ),
+        min_size=5, max_size=40,
+    )
+)  # fmt: skip
+def test_whatever_comes_and_goes_the_right_one_makes_room(steps: list[tuple[str, int, str, float]]) -> None:
+    budget: ConnectionBudget[Fake] = ConnectionBudget(MOST, OF_ADDRESS)
+    plain = PlainBudget()
+    now = 0.0
+    for what, which, address, later in steps:
+        now += later
+        open_now = [*plain.silent, *plain.speaking]
+        connection = open_now[which % len(open_now)] if open_now else Fake("nobody")
+        if what in ("add", "settle") and not plain.is_full(address):
+            connection = Fake(address)
+            plain.silent.append(connection)
+            budget.add(connection, address)
+        if what in ("spoke", "settle"):
+            if connection in plain.silent:
+                plain.silent.remove(connection)
+                plain.speaking.append(connection)
+            budget.spoke(connection, connection.address)
+            connection.heard_at = now
+        if what == "remove":
+            budget.remove(connection, connection.address)
+            plain.silent = [one for one in plain.silent if one is not connection]
+            plain.speaking = [one for one in plain.speaking if one is not connection]
+        elif what == "ask":
+            expected = plain.who_makes_room(address, now)
+            found = budget.who_makes_room(address, now)
+            assert found in expected or (found is None and not expected)
+        assert len(budget) == len(plain.silent) + len(plain.speaking)
+        for each in ("one", "two", "three"):
+            assert budget.is_full(each) is plain.is_full(each)

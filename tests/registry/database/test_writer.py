@@ -196,6 +196,7 @@ def test_flush_gives_up_in_time(writer: Writer) -> None:
     writer.put(slow)
     assert started.wait(10)
     assert not writer.flush(timeout_s=0)
+    assert writer.fault is None, "it is asked, and has not been silent for long"
     go_on.set()
     assert writer.flush()
 

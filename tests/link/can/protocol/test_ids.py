@@ -141,6 +141,19 @@ def test_bases_can_be_moved_but_not_onto_each_other() -> None:
             CanIds(**bad)
 
 
+@pytest.mark.parametrize(
+    ("stop", "is_free"),
+    [(0x0FF, True), (0x100, True), (0x101, False), (0x178, False), (0x179, True), (0x6FF, True), (0x700, False),
+     (0x7FF, True), (0x800, False), (-1, False)],
+)  # fmt: skip
+def test_up_and_down_take_the_120_identifiers_above_their_bases(stop: int, is_free: bool) -> None:
+    if is_free:
+        assert CanIds(stop=stop).stop == stop
+    else:
+        with pytest.raises(ConfigError, match="identifier bases"):
+            CanIds(stop=stop)
+
+
 @pytest.mark.parametrize("uid", [b"", b"1234567", b"123456789", NOBODY])
 def test_a_uid_has_eight_bytes_not_all_zero(uid: bytes) -> None:
     with pytest.raises(LocalProtocolError):
