@@ -2,7 +2,9 @@
 
 import dataclasses
 
-from msbot.registry.records import PartRecord, uid_text
+import pytest
+
+from msbot.registry.records import PartRecord, ValueRecord, uid_text
 
 PART = PartRecord("R", b"", "ABCD", "ABCD-local", "AA", "active", "because", "udp", 1, 2)
 
@@ -17,3 +19,15 @@ def test_a_uid_is_16_digits_and_no_uid_is_empty() -> None:
     assert uid_text(bytes.fromhex("00112233445566ff")) == "00112233445566ff"
     assert uid_text(b"") == ""
     assert uid_text(bytes(8)) == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "default", "text", "value"),
+    [
+        ("text", "", " a b ", " a b "), ("int", 0, " 7 ", 7), ("float", 0.0, " 7.5 ", 7.5), ("float", 0.0, "7", 7),
+        ("bool", False, " Yes ", True),
+    ],
+)  # fmt: skip
+def test_blanks_around_a_value_count_in_texts_only(kind: str, default: object, text: str, value: object) -> None:
+    record = ValueRecord("p", kind, "", None, None, default, default, "library", "", 0, "")  # type: ignore[arg-type]
+    assert record.read(text) == value

@@ -207,6 +207,19 @@ def test_stop_is_sent_several_times_and_with_every_beat() -> None:
     play(scene)
 
 
+def test_the_stop_after_65535_others_is_said_with_number_1_as_0_means_none() -> None:
+    async def scene(stage: Stage) -> None:
+        for _ in range(COUNTS - 1):
+            stage.link.send_stop(7)
+        stage.way.taken()
+        stage.hear(RelayBeat(3, 0, ""))
+        assert stage.way.taken() == [Heard(3, 0, 65535, 7)]
+        stage.link.send_stop(8)
+        assert stage.way.taken() == [Heard(0, 0, 1, 8)] * STOP_TIMES
+
+    play(scene)
+
+
 def test_what_happens_to_a_part_is_told() -> None:
     async def scene(stage: Stage) -> None:
         stage.signals()

@@ -298,3 +298,23 @@ async def test_ending_while_a_port_is_being_opened_leaves_nothing_behind(board: 
 
 async def test_usb_ports_are_listed_by_their_lasting_names() -> None:
     assert all(isinstance(port, str) for port in await serial.usb_ports())
+
+
+@pytest.mark.parametrize("chosen", [{}, {"flow_control": False}, {"flow_control": True}])
+@pytest.mark.parametrize("kind", [SerialClientLink, SerialServerLink])
+async def test_a_port_uses_rts_and_cts_only_when_it_is_asked_to(
+    kind: type[SerialClientLink | SerialServerLink], chosen: dict[str, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = asyncio.get_running_loop().create_future()
+
+    async def create(_loop: object, _make: object, port: str, **settings: object) -> None:
+        if not opened.done():
+            opened.set_result((port, settings))
+        raise FileNotFoundError(errno.ENOENT, "not there")
+
+    monkeypatch.setattr(serialx, "create_serial_connection", create)
+    ports = "/dev/ttyTEST" if kind is SerialClientLink else ["/dev/ttyTEST"]
+    serving = asyncio.create_task(kind(ports, baudrate=9600, **chosen).run())  # type: ignore[arg-type]
+    assert await opened == ("/dev/ttyTEST", {"baudrate": 9600, "rtscts": chosen.get("flow_control", False)})
+    serving.cancel()
+    await asyncio.gather(serving, return_exceptions=True)

@@ -157,6 +157,15 @@ def test_old_answers_give_way_to_new_ones() -> None:
     assert counters.dropped == {ANSWERS_FULL: 1}
 
 
+def test_after_a_reset_every_stream_counts_from_0_again() -> None:
+    sender, _ = make_sender()
+    for _ in range(2):
+        sender.send_unacknowledged(b"a", 1)
+        reliable(sender, 0x80, b"b")
+        assert hexes(sender.pull(0.0)) == ["8101000061", "8180000062"]
+        sender.reset()
+
+
 def test_reset_begins_anew_and_names_the_streams_that_had_no_room() -> None:
     sender, _ = make_sender(window=1)
     reliable(sender, 0x80, b"a", b"b")
