@@ -154,6 +154,25 @@ def test_room_is_checked_and_told() -> None:
     with_port(scene, queue_frames=3)
 
 
+def test_who_had_no_room_when_the_bus_was_left_or_a_peer_is_forgotten_is_told_when_there_is_room() -> None:
+    def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
+        bus.room = 0
+        port.queue.put(7, [Frame(number) for number in range(4)])
+        port.queue.put(8, [Frame(9)])
+        bus.state(BusState.OFF, "too many errors", 1.0)
+        port.pump(1.0)
+        assert ("room", 7) not in owner.told, "off the bus nobody can send"
+        bus.state(BusState.ACTIVE, "", 2.0)
+        assert owner.told[-2:] == ["up", ("room", 7)]
+        port.queue.put(8, [Frame(number) for number in range(4)])
+        port.queue.clear(8)
+        port.tell_room()
+        assert owner.told[-1] == ("room", 8)
+        assert ("room", 8) not in owner.told[:-1]
+
+    with_port(scene, queue_frames=3)
+
+
 def test_stop_is_sent_three_times_and_heard_once() -> None:
     def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
         port.send_stop(1)

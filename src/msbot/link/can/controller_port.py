@@ -90,7 +90,12 @@ class CanPort:
             bus.send(frame)
             if self.frame_tap is not None:
                 self.frame_tap(now, "here", frame)
-        if queue.roomy:
+        self.tell_room()
+
+    def tell_room(self) -> None:
+        """Tell who has room again; off the bus, where nothing can be sent, this waits until it is up."""
+        queue = self.queue
+        if queue.roomy and self.is_up:
             roomy, queue.roomy = queue.roomy, []
             for peer in roomy:
                 self._owner.room_again(peer)
@@ -181,6 +186,7 @@ class CanPort:
         if not self.is_up:
             self.is_up = True
             self._owner.bus_up(now)
+            self.tell_room()
             self.arm()
 
     def _go_down(self, reason: str, now: float) -> None:

@@ -213,6 +213,7 @@ class CanMasterLink(NativeEnd):
         self._wires[node_id] = self._new_wire(self._ids.down + node_id, event.use)
         self._members[node_id] = self._join.members[node_id]
         self._signal_handler(Signal.PEER_JOINED, node_id, f"UID {event.uid.hex()}", now)
+        self._port.tell_room()
 
 
 class CanPartLink(NativeEnd):

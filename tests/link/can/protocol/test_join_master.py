@@ -209,6 +209,16 @@ def test_newcomers_that_say_nothing_make_room_for_each_other_and_one_that_speaks
     assert join.members[1].uid == UID
 
 
+def test_a_newcomer_that_only_asks_again_and_again_makes_room_as_well() -> None:
+    join = master(caps=CAN_FD)
+    for number in range(1, NODES + 1):
+        join.receive(join_frame(uid(number), 0, IDS), 0.0)
+    for number in range(1, NODES + 1):  # some ask as they did, some offer something else
+        join.receive(join_frame(uid(number), number & CAN_FD, IDS), 0.9)
+    assert join.receive(join_frame(UID, 0, IDS), 0.95) == [NodeRefused(UID)]
+    assert join.receive(join_frame(UID, 0, IDS), 1.1) == [NodeEvicted(1, uid(1)), NodeJoined(1, UID, 0)]
+
+
 def test_when_120_live_parts_hold_all_addresses_the_next_is_refused() -> None:
     join = master()
     full_house(join, 1.0)

@@ -101,7 +101,8 @@ class JoinedPart:
     uid: bytes
     use: int
     heard_at: float
-    """When its last frame came; set by the link, which sees the data frames."""
+    """When its last frame came; set by the link, which sees the data frames. Of a newcomer that has sent no data: when
+    it got its address, however often it has asked since."""
     spoke: bool = False
     """Whether it has sent data since it joined: another JOIN then means that it has restarted."""
 
@@ -254,14 +255,16 @@ class MasterJoin:
             return [NodeRefused(uid)]
         events: list[MasterEvent] = []
         member = self.members.get(node_id)
+        is_known = self.node_ids.find(uid) is not None
+        heard_at = member.heard_at if member is not None and member.uid == uid and not is_known else now
         if member is not None and member.uid == uid and member.use == use and not member.spoke:
-            member.heard_at = now
+            member.heard_at = heard_at
             return events  # the same JOIN again: our answer was still on its way
         if member is not None and member.uid != uid:
             events.append(NodeEvicted(node_id, member.uid))
-        if self.node_ids.find(uid) is not None:
+        if is_known:
             self.node_ids.keep(node_id, uid)
-        self.members[node_id] = JoinedPart(uid, use, now)
+        self.members[node_id] = JoinedPart(uid, use, heard_at)
         return [*events, NodeJoined(node_id, uid, use)]
 
     def _address(self, uid: bytes, now: float) -> int | None:

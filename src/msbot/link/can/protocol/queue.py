@@ -78,11 +78,14 @@ class FrameQueue:
         if not lane:
             return 0
         self._turns.remove(peer)
+        if len(lane) >= self._limit:
+            self.roomy.append(peer)
         return len(lane)
 
     def clear_all(self) -> int:
         """Forget everything; returns how many frames there were."""
         waiting = len(self)
+        self.roomy += [peer for peer, lane in self._lanes.items() if len(lane) >= self._limit]
         self._lanes.clear()
         self._turns.clear()
         self._urgent.clear()
