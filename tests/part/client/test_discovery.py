@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
+import os
 import socket
 from collections.abc import AsyncIterator
 
@@ -15,7 +17,7 @@ from msbot.agent import DiscoveryResponder
 from msbot.agent.discovery import DISCOVERY_GROUP
 from msbot.errors import LinkDown
 from msbot.part import FoundAgent, find_agents
-from msbot.part.client.discovery import read_answer
+from msbot.part.client.discovery import _Search, read_answer
 from msbot.xrce.messages import (
     OBJECT_AGENT,
     REQUEST_DISCOVERY,
@@ -87,6 +89,41 @@ async def test_an_agent_that_serves_this_machine_only_does_not_answer_others() -
 
     responder._drain(FromOutside())  # type: ignore[arg-type]  # has all that is needed
     assert sent == []
+
+
+class Answering:
+    """A socket by hand: each `recvfrom` gives the next of these, and the last one for ever."""
+
+    def __init__(self, *results: OSError | tuple[bytes, tuple[str, int]]) -> None:
+        self._results = list(results)
+        self.calls = 0
+
+    def recvfrom(self, size: int) -> tuple[bytes, tuple[str, int]]:
+        self.calls += 1
+        assert self.calls <= 1000, "the loop would stand still"
+        result = self._results.pop(0) if len(self._results) > 1 else self._results[0]
+        if isinstance(result, OSError):
+            raise result
+        return result
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.ENETDOWN, errno.ENOBUFS, errno.EBADF], ids=errno.errorcode.get)
+async def test_a_socket_that_fails_for_good_does_not_keep_the_loop(number: int) -> None:
+    search = _Search(None)
+    sock = Answering(OSError(number, os.strerror(number)))
+    search.drain(sock)  # type: ignore[arg-type]  # has all that is needed
+    assert sock.calls == 1
+    assert search.found == {}
+
+
+async def test_answers_that_come_without_end_leave_others_their_turn_and_one_after_an_error_is_taken() -> None:
+    answer = next(line.packet for line in load("udp_ex_discovery_unicast") if not line.from_client)
+    search = _Search(None)
+    sock = Answering(ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused"), (answer, (LOCAL, 7400)))
+    for _ in range(2):  # the loop calls again as long as something waits
+        search.drain(sock)  # type: ignore[arg-type]
+    assert len(search.found) == 1
+    assert sock.calls < 1000
 
 
 async def test_nobody_is_found_where_nobody_is() -> None:

@@ -34,6 +34,8 @@ MULTICAST = ("239.255.0.2", 7400)
 
 _LOOPBACK = "127.0.0.1"
 _DATAGRAM_MAX = 2048
+_PER_TURN = 64
+"""Answers that are read in one turn of the loop; others have their turn in between."""
 _CONFIGURATION_AND_ACTIVITY = 3
 
 
@@ -114,15 +116,16 @@ class _Search:
         self._enough = enough
 
     def drain(self, sock: socket.socket) -> None:
-        """Take all waiting answers."""
-        while True:
+        """Take waiting answers; for the rest of them, the loop calls again."""
+        for _ in range(_PER_TURN):
             try:
                 packet, sender = sock.recvfrom(_DATAGRAM_MAX)
             except BlockingIOError:
                 return
             except OSError as error:
+                # Of an earlier question, or a socket that fails for good: then the search ends with its time.
                 _log.debug("asked in vain: %s", error)
-                continue
+                return
             agent = read_answer(packet, sender[0])
             # An agent that is asked on several interfaces answers on each, with the same addresses.
             if agent is not None and agent.addresses not in self.found:
