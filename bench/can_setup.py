@@ -81,7 +81,7 @@ async def component(rates: Rates, framing: str, **callbacks: Callable[..., None]
             settings=ClientSettings(mtu=4092),
             epoch_ns=lambda: 0,
             random=Random(1),
-            **callbacks,  # type: ignore[arg-type]  # none of them gives numbers to logins
+            **callbacks,
         )
     else:
         codec = CODEC if framing == COMPRESSED else None

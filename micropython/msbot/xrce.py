@@ -7,7 +7,6 @@ late packet of the old one can be mistaken for one of the new. Times are millise
 of their message (docs/reference/can.md, "Request ids by rule").
 """
 
-import random
 import struct
 
 from micropython import const
@@ -43,8 +42,6 @@ _CONNECTED = const(1)
 _LOST = const(2)
 _CLOSING = const(3)
 _CLOSED = const(4)
-
-_MATCHED = const(1)  # the status OK_MATCHED: what was asked for is there already
 
 
 def submessage(kind, payload, flags=1):
@@ -92,7 +89,6 @@ class Client:
         self._turn = self._logins = self._session = 0
         self._request_id = 9
         self._lost_at = self._close_at = None
-        self._is_counted = False
         self._begin(0)
 
     # The session.
@@ -151,9 +147,6 @@ class Client:
         self._begin(now)
         self._session = 0x81 + (self._logins & 1)
         self._tries = self._answers = 0
-        self._is_counted = False
-        # Tells this login from others, so that the agent knows a late copy of it for one; a bus makes no copies.
-        self._number = 0 if self.link.shared else random.getrandbits(16)
         self._login_at = now
 
     def _begin(self, now):
@@ -311,8 +304,8 @@ class Client:
             self._login_at = now + login
             if not self._out:  # otherwise the link has not even taken the last one
                 self._tries += 1
-                message = b"\0\1\x10\0XRCE\1\0\1\x0f" + struct.pack(">IBB", self.key, self._session, 0)
-                self._put(struct.pack("<HH", 0x80, self._number) + message + struct.pack("<H", self.link.mtu - 4))
+                message = b"\x80\0\0\0\0\1\x10\0XRCE\1\0\1\x0f" + struct.pack(">IBB", self.key, self._session, 0)
+                self._put(message + struct.pack("<H", self.link.mtu - 4))
         if self._beat_at is not None and now >= self._beat_at and not self._out:
             self._beat_at = None
             self._resent = []
@@ -430,8 +423,6 @@ class Client:
             self.dropped += 1
 
     def _take_login_answer(self, status, now):
-        if status == _MATCHED:
-            self._is_counted = True  # the agent knows the numbers of logins, and starts nothing over for a copy
         if self._state in (_CONNECTING, _LOST):
             self._lost_at = None
             if status & 0x80:
@@ -446,7 +437,7 @@ class Client:
             self._request_id = 9
             self._ping_at = now + self._times[3]
             self.owner.connected(now)
-        elif self._state == _CONNECTED and not (status & 0x80 or self._is_counted):
+        elif self._state == _CONNECTED and not status & 0x80:
             # Every login that reaches the agent restarts its streams, so its next messages are numbered from 0 again.
             # Once something was taken, this may as well be a copy of the first answer: the agent is asked.
             taken = self._first or self._handled != 0xFFFF

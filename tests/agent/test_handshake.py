@@ -8,11 +8,11 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from msbot.agent import Agent, AgentSettings, ClientInfo, Gate, OpenGate
-from msbot.agent.handshake import LATE_LOGIN, RECENT_LOGINS, dead_after_s, wants_echo
+from msbot.agent.handshake import LATE_LOGIN, LONGEST_NUMBER, RECENT_LOGINS, dead_after_s, wants_echo
 from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
 from msbot.xrce import Status
-from msbot.xrce.messages import CreateClient, Header, encode_message
+from msbot.xrce.messages import CreateClient, Header, LoginProperty, encode_message
 from tests.agent.wiring import FakeLink, serving
 
 PING = "80 00 00 00 02 01 08 00 00 0a ff fd 02 00 00 00"
@@ -110,14 +110,14 @@ def test_answer_to_login_copies_stream_and_number() -> None:
     run(scenario)
 
 
-def numbered(number: int, **login_of: str) -> bytes:
-    """A login with a number, as clients of MsBOT send it."""
-    return login(header=octets("80 00").hex() + number.to_bytes(2, "little").hex(), **login_of)
+def numbered(number: str, key: int = 0xAABBCCDD, session: int = 0x81) -> bytes:
+    """A login with a number, as parts of MsBOT send it."""
+    request = CreateClient(key, session, 512, (("uxr_sm", "1"), (LoginProperty.NUMBER, number)))
+    return encode_message(Header(0x80), [request], pad_end=False)
 
 
-def answered(number: int, status: Status, session: int = 0x81) -> str:
-    numbers = number.to_bytes(2, "little").hex()
-    return plain(f"{session:02x} 00 {numbers} 04 01 0b 00 {status:02x} 00 58 52 43 45 01 00 01 0f 00")
+def answered(status: Status, session: int = 0x81) -> str:
+    return plain(f"{session:02x} 00 00 00 04 01 0b 00 {status:02x} 00 58 52 43 45 01 00 01 0f 00")
 
 
 async def is_started_over(dialogue: Dialogue, peer: str = "client") -> bool:
@@ -129,13 +129,13 @@ async def is_started_over(dialogue: Dialogue, peer: str = "client") -> bool:
 
 def test_a_copy_of_a_login_with_a_number_is_answered_and_starts_nothing_over() -> None:
     async def scenario(dialogue: Dialogue) -> None:
-        assert await dialogue.say(numbered(7)) == [answered(7, Status.OK)]
+        assert await dialogue.say(numbered("7")) == [answered(Status.OK)]
         await dialogue.say(PARTICIPANT.format(session=0x81, number=0, flags=1))
         for _ in range(2):
-            assert await dialogue.say(numbered(7)) == [answered(7, Status.OK_MATCHED)]
+            assert await dialogue.say(numbered("7")) == [answered(Status.OK_MATCHED)]
             assert not await is_started_over(dialogue)
         # A program that starts again draws another number; a C client has none, so each of its logins is a new one.
-        assert await dialogue.say(numbered(8)) == [answered(8, Status.OK)]
+        assert await dialogue.say(numbered("8")) == [answered(Status.OK)]
         assert await is_started_over(dialogue)
         for _ in range(2):
             await dialogue.say(PARTICIPANT.format(session=0x81, number=0, flags=1))
@@ -150,31 +150,40 @@ def test_a_copy_of_a_login_with_a_number_is_answered_and_starts_nothing_over() -
 def test_an_older_login_that_comes_after_a_newer_one_is_not_obeyed(again: str) -> None:
     async def scenario(dialogue: Dialogue) -> None:
         session = int(again, 16)
-        await dialogue.say(numbered(7))
-        assert await dialogue.say(numbered(8, session=again)) == [answered(8, Status.OK, session)]
+        await dialogue.say(numbered("7"))
+        assert await dialogue.say(numbered("8", session=session)) == [answered(Status.OK, session)]
         packet = PARTICIPANT.format(session=session, number=0, flags=1)
         assert (await dialogue.say(packet))[0].startswith(f"{again} 80 00 00 05 01 06 00")
-        assert await dialogue.say(numbered(7)) == []
+        assert await dialogue.say(numbered("7")) == []
         (client,) = dialogue.agent.clients()
         assert client.session_id == session
         assert len(client.objects) == 1
         assert dialogue.agent.dropped() == {LATE_LOGIN: 1}
         # It is known as long as the session knows it; then it is a login like any other.
         for number in range(9, 9 + RECENT_LOGINS):
-            await dialogue.say(numbered(number, session=again))
-        assert await dialogue.say(numbered(7)) == [answered(7, Status.OK)]
+            await dialogue.say(numbered(str(number), session=session))
+        assert await dialogue.say(numbered("7")) == [answered(Status.OK)]
+
+    run(scenario)
+
+
+def test_a_number_that_is_too_long_is_none() -> None:
+    async def scenario(dialogue: Dialogue) -> None:
+        for number, second in (("7" * LONGEST_NUMBER, Status.OK_MATCHED), ("7" * (LONGEST_NUMBER + 1), Status.OK)):
+            assert await dialogue.say(numbered(number)) == [answered(Status.OK)]
+            assert await dialogue.say(numbered(number)) == [answered(second)]
 
     run(scenario)
 
 
 def test_a_login_is_a_copy_only_from_its_own_address_and_key() -> None:
     async def scenario(dialogue: Dialogue) -> None:
-        await dialogue.say(numbered(7))
+        await dialogue.say(numbered("7"))
         await dialogue.say(PARTICIPANT.format(session=0x81, number=0, flags=1))
-        assert await dialogue.say(numbered(7), "elsewhere") == [answered(7, Status.OK)]
+        assert await dialogue.say(numbered("7"), "elsewhere") == [answered(Status.OK)]
         assert await is_started_over(dialogue, "elsewhere")
-        other = numbered(7, key="aa bb cc de")
-        assert await dialogue.say(other, "elsewhere") == [answered(7, Status.OK)]
+        other = numbered("7", key=0xAABBCCDE)
+        assert await dialogue.say(other, "elsewhere") == [answered(Status.OK)]
         assert [client.key for client in dialogue.agent.clients()] == [0xAABBCCDE]
 
     run(scenario)

@@ -270,33 +270,6 @@ def test_a_further_answer_to_the_login_may_be_a_copy_so_the_agent_is_asked(was_r
     assert any(packet[8:10] == "00" and "58524345" in packet for packet in sent) is was_restarted, "logs in again"
 
 
-def test_an_agent_that_knows_the_login_by_its_number_has_not_started_over() -> None:
-    class Heard(Pipe):
-        def write(self, packet: bytes) -> bool:
-            sent.append(packet)
-            return True
-
-    sent: list[bytes] = []
-    numbers = []
-    for _ in range(20):
-        part = micro.load("part").Part("TEST-1")
-        micro.load("errors").listen(lambda *_: None)
-        pipe = Heard()
-        part.begin(micro.load("links").PacketLink(pipe), 0)
-        part.step(0)
-        numbers.append(sent[-1][2:4])
-        for packet in (LOGIN_ANSWER, bytes.fromhex("810000000a0105000100000080")):
-            pipe.incoming.append(packet)
-            part.step(0)
-        sent.clear()
-        for packet in (LOGIN_ANSWER[:8] + b"\1" + LOGIN_ANSWER[9:], LOGIN_ANSWER):
-            pipe.incoming.append(packet)
-            part.step(0)
-            part.step(1)
-        assert not any(packet[:1] == b"\x81" and packet[4] == 0x0B for packet in sent), "a question without a doubt"
-    assert len(set(numbers)) > 10, "a program that starts again has another number"
-
-
 submessages = st.builds(
     lambda kind, flags, body, more: bytes((kind, flags, len(body) & 0xFF, more)) + body + bytes(-len(body) & 3),
     st.integers(0, 16),

@@ -4,7 +4,7 @@ Only the first submessage of such a message counts, and only these three are ans
 CREATE_CLIENT inside a session is ignored.
 
 DEVIATION: a network may copy a login, and the copy come when the session is in use. Between stock peers it starts the
-streams over. A client of MsBOT numbers its logins (`ClientSession.connect`), so that a copy is known for one.
+streams over. A part of MsBOT numbers its logins (`LoginProperty.NUMBER`), so that a copy is known for one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from msbot.link import Peer
 from msbot.runtime.sentence import said
 from msbot.xrce import Status
 from msbot.xrce.messages import (
-    ASKS_AGAIN,
     COOKIE,
     SESSION_NONE,
     SESSION_NONE_KEYED,
@@ -37,6 +36,7 @@ from msbot.xrce.messages import (
     GetInfo,
     Header,
     Info,
+    LoginProperty,
     ObjectKind,
     StatusAgent,
     StatusReply,
@@ -48,14 +48,10 @@ from msbot.xrce.messages import (
 
 logger = logging.getLogger(__name__)
 
-HARD_LIVELINESS = "uxr_hl"
-"""Property: the silence in milliseconds after which the client wants to be probed."""
-
-SHARED_MEMORY = "uxr_sm"
-"""Property "1" of a client that does not want its own samples back."""
-
 RECENT_LOGINS = 4
 """How many logins of a client are remembered by their numbers."""
+LONGEST_NUMBER = 8
+"""In octets; a longer number is none."""
 LATE_LOGIN = "login that came late: its client has logged in again since"
 
 _MIN_DEAD_AFTER_S = 0.1
@@ -96,14 +92,15 @@ class Handshake:
             return None
         match submessage:
             case CreateClient() if header.session_id in (SESSION_NONE, SESSION_NONE_KEYED):
-                known = self._heard_before(port, peer, submessage, header.sequence_nr)
+                number = login_number(submessage)
+                known = self._heard_before(port, peer, submessage, number)
                 if known is not None:
-                    return self._answer_again(port, header, submessage, is_latest=known.logins[0] == header.sequence_nr)
+                    return self._answer_again(port, header, submessage, is_latest=known.logins[0] == number)
                 wait_s = self._wait_s(port, peer, submessage, now)
                 if wait_s:
                     port.dropped.count("login put off: many join at once")
                     return _come_back(header, submessage, wait_s)
-                status = self._log_in(port, peer, submessage, now, header.sequence_nr)
+                status = self._log_in(port, peer, submessage, now, number)
                 return _status_agent(header, submessage, StatusAgent(status))
             case GetInfo():
                 # A client that asks with a session id other than its present one is unknown, so that it logs in again.
@@ -138,7 +135,7 @@ class Handshake:
             return 0.0
         return self._queue.wait_s((link.info.name, peer), (link.info.name, link.origin(peer)), now)
 
-    def _heard_before(self, port: ServedLink, peer: Peer, request: CreateClient, number: int) -> Proxy | None:
+    def _heard_before(self, port: ServedLink, peer: Peer, request: CreateClient, number: str) -> Proxy | None:
         """The session whose client has sent this very login before, told by its number; None: it is a new one."""
         known = port.clients.get(peer)
         if known is None or known.gone is not None or known.info.client_key != request.client_key:
@@ -154,7 +151,7 @@ class Handshake:
         port.dropped.count(LATE_LOGIN)
         return None
 
-    def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float, number: int) -> Status:
+    def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float, number: str) -> Status:
         owner = port.clients.get(peer)
         if owner is not None and owner.info.client_key != request.client_key:
             self._end_session(owner, said("another client logged in from its address"))
@@ -224,7 +221,7 @@ class Handshake:
 def dead_after_s(request: CreateClient, default_s: float) -> float:
     """The silence after which the client is probed: its `uxr_hl`, or the default when that is absent or not a
     number."""
-    text = dict(request.properties or ()).get(HARD_LIVELINESS, "")
+    text = dict(request.properties or ()).get(LoginProperty.HARD_LIVELINESS, "")
     if not (text.isascii() and text.isdigit() and len(text) <= 9):
         return default_s
     return min(max(int(text) / 1000, _MIN_DEAD_AFTER_S), _MAX_DEAD_AFTER_S)
@@ -232,7 +229,7 @@ def dead_after_s(request: CreateClient, default_s: float) -> float:
 
 def wants_echo(request: CreateClient) -> bool:
     """Whether the client wants to receive the samples it published itself."""
-    return dict(request.properties or ()).get(SHARED_MEMORY) != "1"
+    return dict(request.properties or ()).get(LoginProperty.SHARED_MEMORY) != "1"
 
 
 def _check(request: CreateClient) -> Status:
@@ -246,9 +243,15 @@ def _check(request: CreateClient) -> Status:
     return Status.OK
 
 
+def login_number(request: CreateClient) -> str:
+    """What tells this login from the client's others; empty: nothing, as in logins of C clients."""
+    number = dict(request.properties or ()).get(LoginProperty.NUMBER, "")
+    return number if len(number) <= LONGEST_NUMBER else ""
+
+
 def _come_back(header: Header, request: CreateClient, wait_s: float) -> bytes | None:
     """Stock clients give up when they are refused. So they get no answer, and repeat the login."""
-    if ASKS_AGAIN not in (request.properties or ()):
+    if dict(request.properties or ()).get(LoginProperty.ASKS_AGAIN) != "1":
         return None
     tenths = min(255, math.ceil(wait_s * 10))
     return _status_agent(header, request, StatusAgent(Status.ERR_RESOURCES, tenths))

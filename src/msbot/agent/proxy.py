@@ -84,7 +84,7 @@ class Proxy:
         """Whether the session has ended: deleted by the client, or given up by the agent."""
         self.gone: str | None = None
         """Why the client has gone, in the link's words, while it may still come back."""
-        self.logins: tuple[int, ...] = ()
+        self.logins: tuple[str, ...] = ()
         """The numbers of its latest logins, newest first; none for clients that number none."""
         self.limit: Limit | None = None
         """Its limit, while it sends more than its share; see `msbot.agent.fair_share`."""

@@ -141,7 +141,7 @@ class FedAgent:
         self._client = Client(
             way,
             key=int.from_bytes(os.urandom(4), "big") | 1,
-            settings=replace(ClientSettings.for_link(way.info), echo=False, asks_again=True),
+            settings=replace(ClientSettings.for_link(way.info), echo=False, asks_again=True, numbers_logins=True),
             on_state=self._master_changed,
             on_topic=lambda object_id, _, payload: self.bridge.arrived(object_id, payload),
             on_reply=lambda _, __, octets: self.gate.receive(octets, self._loop.time()),

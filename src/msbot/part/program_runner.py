@@ -173,6 +173,8 @@ class ProgramRunner:
         # Not derived from the UID: two devices with the same UID must be seen as two (else they would silently take
         # over each other's session).
         key = random.randrange(1, 1 << 32)
+        # On a bus a login is one compressed frame, and nothing copies it.
+        has_room = not link.info.shared_bus
         claim = ClaimMessage(
             part_number=identity.part_number,
             local_name=identity.local_name,
@@ -184,7 +186,8 @@ class ProgramRunner:
                 Client,
                 link,
                 key=key,
-                settings=settings or replace(ClientSettings.for_link(link.info), asks_again=not link.info.shared_bus),
+                settings=settings
+                or replace(ClientSettings.for_link(link.info), asks_again=has_room, numbers_logins=has_room),
                 epoch_ns=epoch_ns,
                 random=random,
                 on_signal=self._signal_received,

@@ -30,7 +30,7 @@ def play(scenario: Scenario, settings: ClientSettings | None = None) -> list[tup
 
     async def main() -> None:
         link = HandLink()
-        client = HearingClient(link, key=0xAABBCCDD, settings=settings, login_number=lambda: 0)
+        client = HearingClient(link, key=0xAABBCCDD, settings=settings)
         loop = asyncio.get_running_loop()
         client.on_state = lambda state, reason: changes.append((round(loop.time(), 3), state.value, reason))
         running = loop.create_task(client.run())

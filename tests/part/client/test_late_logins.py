@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from msbot.link import Link, Peer
 from msbot.link.disturbed import DisturbedLink
+from msbot.part.client.settings import ClientSettings
 from msbot.xrce.messages import SESSION_NONE
 from tests.effort import tries
 from tests.hearing_client import HearingClient
@@ -56,7 +57,7 @@ def test_copies_of_logins_that_come_late_lose_and_double_nothing(
 
     async def scenario(bench: Bench) -> None:
         a, b = (
-            HearingClient(echoing(bench.hub.connect(), copies), key=key)
+            HearingClient(echoing(bench.hub.connect(), copies), key=key, settings=ClientSettings(numbers_logins=True))
             for key, copies in ((1, of_writer), (2, of_reader))
         )
         bench.tasks += [asyncio.get_running_loop().create_task(client.run()) for client in (a, b)]

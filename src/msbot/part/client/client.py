@@ -13,7 +13,7 @@ from random import Random
 from msbot.errors import LinkFull, LocalProtocolError, RequestError
 from msbot.link import Link, SignalHandler
 from msbot.part.client.agent_watch import Stall
-from msbot.part.client.connection import Connection, drawn_number
+from msbot.part.client.connection import Connection
 from msbot.part.client.entities import Entity, EntityTable, RunningRead
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.runtime.lazy_dataclass import dataclass
@@ -77,7 +77,6 @@ class Client:
         settings: ClientSettings | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
         random: Random | None = None,
-        login_number: Callable[[], int] = drawn_number,
         on_state: Callable[[ConnectionState, str], None] = _unheard,
         on_signal: SignalHandler = _unheard,
         on_topic: Callable[[int, int, bytes], None] = _unheard,
@@ -96,8 +95,6 @@ class Client:
             settings: periods and limits; by default those that suit the link.
             epoch_ns: wall clock for time synchronisation, in ns since 1970.
             random: spreads out the retries of refused clients.
-            login_number: gives each login its number, 1 to 0xFFFF, not the same after a restart; see
-                `ClientSession.connect`.
             on_state: (state, reason in words) at every change.
             on_signal: the link's signals, after the client took them in.
             on_topic: (object id of the reader, request id of the read, payload).
@@ -125,7 +122,6 @@ class Client:
             settings=self.settings,
             epoch_ns=epoch_ns,
             random=random or Random(key),
-            login_number=login_number,
             on_state=on_state,
             on_signal=on_signal,
             on_event=self._event_received,

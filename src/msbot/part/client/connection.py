@@ -26,7 +26,7 @@ from msbot.part.client.agent_watch import Watch, WatchStep
 from msbot.part.client.loop_turn import News, Turn
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.xrce import ClientSession, ClientSessionSettings, Status
-from msbot.xrce.messages import ASKS_AGAIN, NO_ECHO, status_words
+from msbot.xrce.messages import LoginProperty, status_words
 from msbot.xrce.sessions import (
     ClientEvent,
     Connected,
@@ -46,7 +46,7 @@ _log = logging.getLogger(__name__)
 class Connection:
     """Keeps a session open (see the module's docstring); `session` may be used while `state` is CONNECTED.
 
-    Link, key, settings, clock, random generator and numbers of logins are those of `Client`.
+    Link, key, settings, clock and random generator are those of `Client`.
 
     Args:
         on_state: (state, reason in words) at every change.
@@ -64,7 +64,6 @@ class Connection:
         settings: ClientSettings,
         epoch_ns: Callable[[], int],
         random: Random,
-        login_number: Callable[[], int],
         on_state: Callable[[ConnectionState, str], None],
         on_signal: SignalHandler,
         on_event: Callable[[ClientEvent, float], None],
@@ -87,7 +86,6 @@ class Connection:
         self._before_sending = before_sending
         self._epoch_ns = epoch_ns
         self._random = random
-        self._login_number = login_number
         self._watch = Watch(quiet_s=settings.quiet_s, ping_s=settings.ping_s, pings=settings.pings)
         self._turn = Turn(self._flush)
         self._scope: asyncio.Timeout | None = None
@@ -239,8 +237,7 @@ class Connection:
         if self.state is ConnectionState.CONNECTING and self._lost_at is None:
             self._lost_at = now + self.settings.lost_after_s
         self.session = self._new_session()
-        # A bus repeats no packet, and compresses a login without a number best.
-        self.session.connect(now, 0 if self.link.info.shared_bus else self._login_number())
+        self.session.connect(now)
         self._turn.book()
 
     def _set_state(self, state: ConnectionState, reason: str) -> None:
@@ -373,10 +370,12 @@ class Connection:
 
 
 def _properties(settings: ClientSettings) -> tuple[tuple[str, str], ...]:
-    """What the login says of the client; nothing by default, as C clients do."""
-    return (*((ASKS_AGAIN,) if settings.asks_again else ()), *(() if settings.echo else (NO_ECHO,)))
-
-
-def drawn_number() -> int:
-    """A number for a login that hardly any other login of this client has, now or before the program was restarted."""
-    return int.from_bytes(os.urandom(2), "big") or 1
+    """What a login says of the client; nothing by default, as C clients do."""
+    properties: list[tuple[str, str]] = []
+    if settings.asks_again:
+        properties.append((LoginProperty.ASKS_AGAIN, "1"))
+    if settings.numbers_logins:  # no other login has it, now or before the program was restarted
+        properties.append((LoginProperty.NUMBER, os.urandom(4).hex()))
+    if not settings.echo:
+        properties.append((LoginProperty.SHARED_MEMORY, "1"))
+    return tuple(properties)

@@ -43,6 +43,9 @@ class ClientSettings:
     asks_again: bool = False
     """Whether the login says that this client understands being told when to ask again, where many join at once; else
     the login is octet for octet that of a C client, and an agent without a free place does not answer it."""
+    numbers_logins: bool = False
+    """Whether each login carries a number of its own, so that an agent of MsBOT knows a copy that the network made and
+    that comes late: else that starts the session's streams over, and what is under way may be lost."""
     echo: bool = True
     """Whether samples of its own writers come to its own readers, as in C clients."""
     reopen_s: float = 1.0

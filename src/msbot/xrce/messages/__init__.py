@@ -2,10 +2,8 @@
 
 from msbot.xrce.messages.cdr import CdrReader, CdrWriter
 from msbot.xrce.messages.ids import (
-    ASKS_AGAIN,
     COOKIE,
     FIRST_REQUEST,
-    NO_ECHO,
     OBJECT_AGENT,
     REQUEST_DISCOVERY,
     SESSION_DEFAULT,
@@ -16,6 +14,7 @@ from msbot.xrce.messages.ids import (
     STREAM_RELIABLE,
     VERSION,
     Format,
+    LoginProperty,
     ObjectKind,
     SubmessageId,
     kind_of,
@@ -53,10 +52,8 @@ from msbot.xrce.messages.message import (
 )
 
 __all__ = [
-    "ASKS_AGAIN",
     "COOKIE",
     "FIRST_REQUEST",
-    "NO_ECHO",
     "OBJECT_AGENT",
     "REQUEST_DISCOVERY",
     "SESSION_DEFAULT",
@@ -82,6 +79,7 @@ __all__ = [
     "Info",
     "Locator",
     "LocatorFormat",
+    "LoginProperty",
     "ObjectKind",
     "ObjectVariant",
     "ReadData",

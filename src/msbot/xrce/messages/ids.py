@@ -6,7 +6,7 @@ big-endian number of their octets: key `aa bb cc dd` is 0xAABBCCDD, object `00 1
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 COOKIE = b"XRCE"
 """First octets of a CREATE_CLIENT and of a STATUS_AGENT (XRCE 1.0 §7.8.2)."""
@@ -14,13 +14,6 @@ VERSION = b"\x01\x00"
 """Protocol version 1.0."""
 VENDOR = b"\x01\x0f"
 """Vendor id of eProsima, whose dialect this is (the thesis builds on its client and agent)."""
-
-ASKS_AGAIN = ("msbot_asks_again", "1")
-"""Property of a client that asks again: when refused for lack of resources, it reads the implementation octet in
-STATUS_AGENT as the tenths of a second to wait (MsBOT's own; agents ignore properties they do not know)."""
-
-NO_ECHO = ("uxr_sm", "1")
-"""Property of a client that does not want its own samples back (seen on the wire)."""
 
 SESSION_NONE_KEYED = 0x00
 """No session yet; the client key follows in the header."""
@@ -50,6 +43,21 @@ FIRST_REQUEST = 10
 """Clients count their requests from here, and start here again after 65535 (seen on the wire)."""
 FIRST_RULED_REQUEST = 0x8000
 """Request ids from this one up follow from the rest of their message, for clients that use `write_request_id`."""
+
+
+class LoginProperty(StrEnum):
+    """Names of what a login says of its client; an agent ignores those it does not know. "1" means yes."""
+
+    HARD_LIVELINESS = "uxr_hl"
+    """Milliseconds of silence after which the client is given up (seen on the wire)."""
+    SHARED_MEMORY = "uxr_sm"
+    """The client does not want its own samples back (seen on the wire)."""
+    ASKS_AGAIN = "msbot_asks_again"
+    """MsBOT's own: the client asks again. When refused for lack of resources, it reads the implementation octet in
+    STATUS_AGENT as the tenths of a second to wait."""
+    NUMBER = "msbot_login"
+    """MsBOT's own: up to 8 letters and digits that tell this login from the client's others, also those before a
+    restart, so that the agent knows a copy for one."""
 
 
 class SubmessageId(IntEnum):

@@ -112,8 +112,8 @@ class ClientSession(Session[ClientEvent]):
         self._time_asked_ns: int | None = None
         outside = SESSION_NONE if session_id >= SESSION_NONE else SESSION_NONE_KEYED
         self._outside = Header(outside, client_key=client_key)
-        self._login = CreateClient(client_key, session_id, self.mtu, options.login_properties)
-        self._login_header = self._outside
+        login = CreateClient(client_key, session_id, self.mtu, options.login_properties)
+        self._login = encode_message(self._outside, [login], pad_end=False)
         self._logout = Delete(REQUEST_LOGOUT, OBJECT_CLIENT).encode()
 
     @property
@@ -121,14 +121,12 @@ class ClientSession(Session[ClientEvent]):
         """Where the session stands."""
         return self._state
 
-    def connect(self, now: float, number: int = 0) -> None:
-        """Log in, or log in again; ends with Connected or ConnectFailed. What is booked or unacknowledged is forgotten.
+    def connect(self, now: float) -> None:
+        """Log in, or log in again; ends with Connected or ConnectFailed.
 
-        `number` (16 bits) tells this login from the client's others, also those before a restart, so that an agent may
-        know a copy for one. It stands in the header, where stream NONE has no use for it; 0 = none, as C clients.
+        Everything that was booked or is unacknowledged is forgotten.
         """
         self._restart_streams()
-        self._login_header = Header(self._outside.session_id, STREAM_NONE, number, self._outside.client_key)
         self._begin(ClientState.CONNECTING, now)
 
     def close(self, now: float) -> None:
@@ -259,7 +257,7 @@ class ClientSession(Session[ClientEvent]):
 
     def _ask_again(self) -> None:
         if self._state is ClientState.CONNECTING:
-            self._sender.put_answer(encode_message(self._login_header, [self._login], pad_end=False))
+            self._sender.put_answer(self._login)
         else:
             self._sender.answer(self._logout)
 

@@ -7,7 +7,7 @@ whether a further answer is the copy of an old one or means that a late login ha
 either way stops or loses samples. So the agent is asked: a HEARTBEAT that goes back to message 0 is answered with the
 number that the agent expects, and only if that is 0 again, it has restarted.
 
-An agent that knows the numbers of logins (`ClientSession.connect`) answers the copies of one with OK_MATCHED, and
+An agent that knows the numbers of logins (`LoginProperty.NUMBER`) answers the copies of one with OK_MATCHED, and
 starts nothing over. Once it has said so, there is no doubt.
 """
 
