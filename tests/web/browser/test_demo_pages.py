@@ -380,6 +380,7 @@ def test_a_form_wires_parts_to_a_board_and_sees_pins_that_are_taken_or_cannot(bl
     # The drawer under the form is still there; Back closes the form only, and then the drawer.
     page.get_by_role("button", name="Choose part and pins: part_3").click()
     expect(page.get_by_text("What is wired to front board: part_3")).to_be_visible()
+    page.wait_for_function("history.state.msbot.open.length === 2")  # a moment after it is seen
     page.go_back()
     expect(page.get_by_text("What is wired to front board: part_3")).to_have_count(0)
     expect(page.get_by_label(re.compile("^part_2"))).to_be_visible()

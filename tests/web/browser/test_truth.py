@@ -57,30 +57,60 @@ def test_an_actuator_without_its_partner_shows_its_safe_value(page: Page) -> Non
     expect(lamp).not_to_contain_text("partner lost")
 
 
+HAS_ENTRY = "(history.state || {}).msbot?.open.length"
+"""Whether Back closes something: a moment after it is seen, when the robot's next word has come."""
+
+
 def test_stop_is_reachable_with_the_drawer_open_and_back_closes_the_drawer(page: Page, demo: Site) -> None:
     page.get_by_role("button", name="Open slot fan").click()
     expect(page.get_by_role("heading", name="fan")).to_be_visible()
     page.locator("#ms-stop").click()  # fails when something lies over it
     expect(page.locator("#ms-stop-says")).to_contain_text("STOP")
+    page.wait_for_function(HAS_ENTRY)
     page.go_back()
     expect(page.get_by_role("heading", name="fan")).to_have_count(0)
     expect(page.get_by_role("button", name="Open slot fan")).to_be_visible()
     press_go(page)
 
 
+IS_OPEN = "ids => String(((history.state || {}).msbot || {open: []}).open) === String(ids)"
+"""Whether these are open, as the browser's history has it."""
+
+
 def test_back_closes_one_thing_after_another_however_they_were_closed_and_opened(page: Page, demo: Site) -> None:
     go(page, f"{demo.base}/bus")
-    is_open = "ids => String(((history.state || {}).msbot || {open: []}).open) === String(ids)"
     page.evaluate("[91, 92, 93].forEach(id => msbot.opened(id)); msbot.closed(92)")
-    page.go_back()  # closes 93, and passes the place where 92 was
-    page.wait_for_function(is_open, arg=[91])
     page.go_back()
-    page.wait_for_function(is_open, arg=[])
-    page.evaluate("msbot.opened(91); msbot.closed(91); msbot.opened(92)")  # before the history has gone back
-    page.wait_for_function(is_open, arg=[92])
+    page.wait_for_function(IS_OPEN, arg=[91])
     page.go_back()
-    page.wait_for_function(is_open, arg=[])
+    page.wait_for_function(IS_OPEN, arg=[])
+    page.evaluate("msbot.opened(91); msbot.closed(91); msbot.opened(92)")
+    page.wait_for_function(IS_OPEN, arg=[92])
+    page.go_back()
+    page.wait_for_function(IS_OPEN, arg=[])
+    page.evaluate(
+        "window.steps = 0; addEventListener('popstate', () => steps++);"
+        "msbot.opened(91); msbot.opened(92); msbot.closed(92)"
+    )
+    page.go_back()
+    page.wait_for_function(IS_OPEN, arg=[])
+    assert page.evaluate("steps") == 1, "a step of ours would become one with a Back of that moment, which were lost"
     assert page.url == f"{demo.base}/bus"
+    page.evaluate("msbot.opened(91); msbot.closed(91)")
+    page.go_back()  # nothing is open
+    expect(page).to_have_url(f"{demo.base}/")
+
+
+def test_back_knows_what_is_closed_as_soon_as_it_is_seen(page: Page) -> None:
+    page.get_by_role("button", name="Open slot fan").click()
+    page.wait_for_function(HAS_ENTRY)
+    page.evaluate(
+        "() => { const closed = msbot.closed; msbot.closed = (id) => {"
+        " window.wasSeen = document.querySelector('.ms-drawer') !== null; closed(id); }; }"
+    )
+    page.get_by_role("dialog").get_by_role("button", name="Close").click()
+    page.wait_for_function(IS_OPEN, arg=[])
+    assert page.evaluate("wasSeen"), "while it goes, and not when the robot has heard that it has gone"
 
 
 def test_stop_is_reachable_over_dialogs_toasts_and_the_menu(phone: Page, demo: Site) -> None:
@@ -107,6 +137,7 @@ def test_a_click_on_a_toast_is_for_what_is_under_it_and_one_on_its_button_for_th
     assert words is not None
     page.mouse.click(words["x"] + 4, words["y"] + 4)
     expect(page.get_by_role("dialog")).to_be_visible()  # the drawer of the card that lies there
+    page.wait_for_function(HAS_ENTRY)
     page.go_back()
     close.click()
     expect(close).to_have_count(0)

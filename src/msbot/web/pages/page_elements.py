@@ -24,12 +24,10 @@ def set_html(element: ui.html, content: Markup) -> None:
 def show_dialog(dialog: ui.dialog, address: str = "") -> None:
     """Open a dialog that goes for good when it is closed, also by Back."""
 
-    def closed() -> None:
-        ui.run_javascript(f"msbot.closed({dialog.id})")
-        dialog.delete()
-
     ui.on(f"ms_close_{dialog.id}", dialog.close)
-    dialog.on("hide", closed)
+    # As soon as it goes: a Back that comes before it has gone is for what lies under it.
+    dialog.on("before-hide", js_handler=f"() => msbot.closed({dialog.id})")
+    dialog.on("hide", dialog.delete)
     dialog.open()
     ui.run_javascript(f"msbot.opened({dialog.id}, {address!r})")
 

@@ -94,25 +94,27 @@ const msbot = (() => {
     event.stopImmediatePropagation();
   }
 
-  // Drawers and dialogs: Back closes the one on top before it leaves the page. Each has an entry in the history, which
-  // says what was open then. One that is closed by its button leaves its entry, at once or when Back comes to it.
+  // Drawers and dialogs: Back closes the one on top before it leaves the page. What is open has an entry in the history,
+  // as deep as it lies. What is closed by its button leaves its entry to the next that is opened, or to Back: we never go
+  // back on our own while something is open, which a Back of the person's at that moment would become one with.
   const closers = [], addresses = new Map();
-  let leaving = 0;  // history.back() comes later than it is called; more may have been opened until then
-  function entry() {  // a page that was loaded before had the same numbers
+  let depth = 0, bare = location.href;
+  function entry() {  // one of a page that was loaded before had the same numbers
     const found = history.state && history.state.msbot;
-    return found && found.page === performance.timeOrigin ? found.open : [];
+    return found && found.page === performance.timeOrigin ? found : null;
   }
-  function enter() {
-    history.pushState({ msbot: { page: performance.timeOrigin, open: [...closers] } }, "", addresses.get(closers.at(-1)));
-  }
-  function leave() {
-    leaving += 1;
-    history.back();
+  function mark(isNew) {
+    const state = { ...history.state, msbot: { page: performance.timeOrigin, depth, open: [...closers] } };
+    history[isNew ? "pushState" : "replaceState"](state, "", closers.length ? addresses.get(closers.at(-1)) : bare);
   }
   function opened(id, address) {
+    if (!closers.length) bare = location.href;
+    if (!entry()) mark(false);
     closers.push(id);
     addresses.set(id, address || location.href);
-    enter();
+    const isNew = closers.length > depth;
+    if (isNew) depth += 1;
+    mark(isNew);
   }
   function forget(at) {
     const [id] = closers.splice(at, 1);
@@ -123,22 +125,22 @@ const msbot = (() => {
     const at = closers.lastIndexOf(id);
     if (at < 0) return;
     forget(at);
-    if (!leaving && entry().at(-1) === id) leave();
+    mark(false);
   }
-  function back() {
-    const open = entry();
-    if (leaving) {
-      leaving -= 1;
-      if (closers.length && !open.includes(closers.at(-1))) return enter();  // it was opened meanwhile
-    } else {
-      while (closers.length && !open.includes(closers.at(-1))) emitEvent(`ms_close_${forget(closers.length - 1)}`);
-    }
-    if (open.length && !closers.includes(open.at(-1))) leave();
+  function passed() {  // Back or Forward, or a link into the page, which makes an entry of its own
+    const before = depth, found = entry();
+    depth = found ? found.depth : 0;
+    const isBack = depth < before;
+    if (found && isBack && !closers.length) history.go(-depth - 1);  // there is nothing to close: it means the page
+    if (!closers.length) return;
+    const most = Math.min(depth, isBack ? closers.length - 1 : closers.length);
+    while (closers.length > most) emitEvent(`ms_close_${forget(closers.length - 1)}`);
+    mark(false);
   }
 
   addEventListener("click", refuse, true);
   addEventListener("keydown", key, true);
-  addEventListener("popstate", back);
+  addEventListener("popstate", passed);
   addEventListener("online", ask);
   addEventListener("pageshow", () => { look(); ask(); });
   addEventListener("pagehide", () => window.socket && socket.emit("left", { client_id: window.clientId }));
