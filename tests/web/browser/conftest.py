@@ -20,6 +20,8 @@ from tests.e2e.processes import Process, running
 ARGUMENTS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
+    "--process-per-site",  # a person's tabs are one process, with one compiled program
+    "--disable-audio-output",  # it is muted, and would be mixed all the same
     "--js-flags=--no-opt --no-maglev",  # pages are left before compiling them twice pays
 ]  # fmt: skip
 PATIENCE_MS = 60_000
@@ -150,11 +152,10 @@ def tab(signed_in: BrowserContext) -> Page:
 
 
 @pytest.fixture
-def blank(tab: Page) -> Iterator[Page]:
-    """It, empty."""
+def blank(tab: Page) -> Page:
+    """It, wherever it was: what a test opens takes its place. An empty page in between would be a process more."""
     tab.set_viewport_size({"width": 1280, "height": 900})
-    yield tab
-    tab.goto("about:blank")
+    return tab
 
 
 @pytest.fixture
