@@ -8,10 +8,12 @@ standard error; when something fails, the last lines of pip tell what.
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
 from collections import deque
+from pathlib import Path
 
 PACKAGE = re.compile(r"^\s*(?:Collecting|Requirement already satisfied:) ([\w.-]+)")
 PHASES = {"Installing collected packages": "installing them, which takes half of the time",
@@ -38,6 +40,7 @@ def main(python: str, *wanted: str) -> int:
                 if line.startswith(begin):
                     say(words)
     if not pip.returncode:
+        point_without_letters(Path(python).parents[1])
         say(COMPILING)
         # pip does this for what it installs, but not for what is used where it lies; the first start would take twice
         # as long. A folder that cannot be written to is no reason to fail.
@@ -47,6 +50,19 @@ def main(python: str, *wanted: str) -> int:
     if pip.returncode:
         sys.stderr.write("".join(lines) + "\nThe set-up failed; the lines above are pip's.\n")
     return pip.returncode
+
+
+def point_without_letters(environment: Path) -> None:
+    """Let the environment find MsBOT by a path relative to itself.
+
+    pip writes the whole path. Python before 3.13 reads it in the letters of the locale, so that with LC_ALL=C no
+    program of an environment in a folder like `Tür 1` would start.
+    """
+    for pointer in environment.glob("lib/python*/site-packages/_editable_impl_msbot.pth"):
+        # Python completes the path without looking at links, and so does this.
+        lines = pointer.read_text(encoding="utf-8").splitlines()
+        relative = [os.path.relpath(line, os.path.abspath(pointer.parent)) for line in lines if line]
+        pointer.write_text("\n".join(relative) + "\n", encoding="utf-8")
 
 
 _last = ""
