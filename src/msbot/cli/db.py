@@ -89,6 +89,7 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 
     address = db or database_beside(DEFAULT_BLUEPRINT)
     words = without_password(address)
+    upkeep.find_backup(file)  # before anybody is asked
     if not yes:
         click.confirm(f"Put the content of {file} in place of all that {words} has?", abort=True)
     kept = upkeep.restore(file, address)

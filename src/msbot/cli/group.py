@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 import click
@@ -12,6 +13,10 @@ from msbot.cli import CHANGING, COMMANDS
 from msbot.cli.first_page import SUMMARY
 from msbot.errors import MsbotError
 from msbot.runtime.made_to_stay import made_to_stay
+from msbot.runtime.printable import printable, whole
+
+LONGEST_NAME = 100
+"""Of a name in a sentence, in letters."""
 
 
 class LazyGroup(click.Group):
@@ -52,9 +57,28 @@ def msbot() -> None:
 
 
 def run() -> None:
-    """Run what the command line says."""
+    """Run what the command line says; a mistake of the user's ends in one sentence and status 2."""
     try:
         msbot(prog_name="msbot")
     except MsbotError as error:
-        click.echo(f"msbot: {error}", err=True)
-        sys.exit(2)
+        words = str(error)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        # A name that was given on the command line: nobody may look into its folder, or it is too long.
+        words = f"{name_in_words(error.filename)}: {error.strerror}"
+    except UnicodeEncodeError as error:
+        if error.reason != "surrogates not allowed":
+            raise
+        wrong = next((text for text in sys.argv if whole(text) != text), error.object)
+        words = f"{name_in_words(wrong)} is not UTF-8, as names and texts must be"
+    else:
+        return
+    click.echo(f"msbot: {words}", err=True)
+    sys.exit(2)
+
+
+def name_in_words(name: object) -> str:
+    """A name as it can be printed anywhere: no control characters, no octets that are no letters, not too long."""
+    text = printable(os.fsdecode(name) if isinstance(name, bytes | os.PathLike) else str(name))
+    return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}... ({len(text)} letters)"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import json
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,18 @@ DEFAULT_BLUEPRINT = Path("robot.toml")
 DEFAULT_LINK = "udp:127.0.0.1:8888"
 
 _C = TypeVar("_C", bound=Callable[..., object])
+
+
+class FiniteRange(click.FloatRange):
+    """A number in a range; `nan`, which is in none and yet below and above nothing, and `inf` are refused."""
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number, or click's error."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is no number that could be used here.", param, ctx)
+        return number
+
 
 library_option = click.option(
     "--library", "folders", multiple=True, type=click.Path(path_type=Path),

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.agent.serving import Wishes, discovery_for, serve, wished_master
-from msbot.cli.options import metrics_option, space_option
+from msbot.cli.options import FiniteRange, metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_options
 from msbot.errors import ConfigError
 from msbot.link import Link, open_link
@@ -57,7 +57,7 @@ def common_options(function: Command) -> Command:
     @click.option("-v", "--verbose", type=click.IntRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
                   default=DEFAULT_VERBOSE, show_default=True,
                   help="0 says nothing, 2 errors, 4 who comes and goes, 5 more, 6 every packet.")  # fmt: skip
-    @click.option("--dead-after", metavar="SECONDS", type=click.FloatRange(min=0.1),
+    @click.option("--dead-after", metavar="SECONDS", type=FiniteRange(min=0.1),
                   help="Silence after which a client is asked three times, and then removed; without it silent "
                   "clients stay, unless they ask for it themselves (uxr_hl).")  # fmt: skip
     @click.option("--master", metavar="ADDRESS", help="Bring the clients as parts to the robot's master at ADDRESS, "
@@ -169,6 +169,9 @@ def port_names(ports: tuple[str, ...], list_file: Path | None) -> list[str]:
     names = text.replace(",", " ").split()
     if not names:
         raise ConfigError("no serial port is named: `ls /dev/serial/by-id` shows what is plugged in")
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise ConfigError(f"{', '.join(twice)}: a serial port is opened once, name it once")
     return names
 
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 import click
 
 from msbot.cli.bus.frame_filter import FilterType, FrameFilter
-from msbot.cli.options import DEFAULT_BLUEPRINT, json_option, library_option
+from msbot.cli.options import DEFAULT_BLUEPRINT, FiniteRange, json_option, library_option
 from msbot.link.can.sim import DEFAULT_NAME
 
 _C = TypeVar("_C", bound=Callable[..., object])
@@ -146,7 +146,7 @@ def dump(
 @click.argument("bus")
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True)
 @click.option("--repeat", type=click.IntRange(min=1), default=1, show_default=True, help="Send all of them so often.")
-@click.option("--period", type=click.FloatRange(min=0.0), default=1.0, show_default=True,
+@click.option("--period", type=FiniteRange(min=0.0), default=1.0, show_default=True,
               help="Seconds from one time to the next.")  # fmt: skip
 def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
     """Send each FRAME on BUS, and wait until it was acknowledged.

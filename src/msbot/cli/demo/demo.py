@@ -28,7 +28,7 @@ from msbot.cli.demo.notes import Notes
 from msbot.cli.demo.plain_lines import event_words, status_words
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
 from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, world_options
-from msbot.cli.options import lessons_option, metrics_option, space_option
+from msbot.cli.options import FiniteRange, lessons_option, metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
@@ -94,7 +94,7 @@ class _Options:
 @click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
               help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
 @click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
-@click.option("--seconds", type=click.FloatRange(min=0.1), help="End by itself after that time.")
+@click.option("--seconds", type=FiniteRange(min=0.1), help="End by itself after that time.")
 @click.option(
     "--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo".'
 )

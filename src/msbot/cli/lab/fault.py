@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.options import answer_options, json_option, robot_options
+from msbot.cli.options import FiniteRange, answer_options, json_option, robot_options
 
 
 @click.group("fault")
@@ -27,12 +27,12 @@ def command() -> None:
 @click.option("--jitter", type=float, metavar="MS", help="delay: up to so many milliseconds more, by chance.")
 @click.option("--port", default="", metavar="PORT", help="stuck, drift: only this port of the part.")
 @click.option("--number", default="", metavar="NUMBER", help="wrong-number: the part number of the wrong part.")
-@click.option("--after", type=click.FloatRange(0, 3600), default=0.0, metavar="SECONDS", help="Not before that time.")
-@click.option("--for", "for_s", type=click.FloatRange(0.1, 3600), metavar="SECONDS",
+@click.option("--after", type=FiniteRange(0, 3600), default=0.0, metavar="SECONDS", help="Not before that time.")
+@click.option("--for", "for_s", type=FiniteRange(0.1, 3600), metavar="SECONDS",
               help="How long it is there; 60 if left out.")  # fmt: skip
 @click.option("--when", default="", metavar="CONDITION",
               help="Begin when this holds: 'fan is active', 'knob.level > 60', 'load > 40'.")  # fmt: skip
-@click.option("--chance", type=click.FloatRange(0, 1), metavar="P", help="Begin in each second with this probability.")
+@click.option("--chance", type=FiniteRange(0, 1), metavar="P", help="Begin in each second with this probability.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
 @click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
 @answer_options

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.cli.options import DEFAULT_LINK, robot_options
+from msbot.cli.options import DEFAULT_LINK, FiniteRange, robot_options
 from msbot.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ NOTICEABLE_S = 0.1
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--slot", "slots", multiple=True, metavar="SLOT",
               help="Whose part is replayed; may be given several times; not needed if there is one.")  # fmt: skip
-@click.option("--speed", type=click.FloatRange(SLOWEST, FASTEST), default=1.0, show_default=True,
+@click.option("--speed", type=FiniteRange(SLOWEST, FASTEST), default=1.0, show_default=True,
               help="How many times as fast as it was; 0.5 is half as fast.")  # fmt: skip
-@click.option("--from", "from_s", type=click.FloatRange(min=0), metavar="SECONDS",
+@click.option("--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS",
               help="From this time in the recording on.")  # fmt: skip
-@click.option("--to", "to_s", type=click.FloatRange(min=0), metavar="SECONDS", help="Until this time in the recording.")
+@click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Until this time in the recording.")
 @click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
               help="The way to the master.")  # fmt: skip
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.change.robot_access import perform
-from msbot.cli.options import library_option, robot_options
+from msbot.cli.options import FiniteRange, library_option, robot_options
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.runtime.lazy_dataclass import dataclass
 
@@ -42,10 +42,10 @@ class _Wish:
 
 @click.command("plot")
 @click.argument("what", nargs=-1, metavar="[FILE.mcap] [CURVE]...")
-@click.option("--seconds", type=click.FloatRange(min=1), metavar="N",
+@click.option("--seconds", type=FiniteRange(min=1), metavar="N",
               help=f"The last N seconds of the robot that runs here; {SECONDS:g} unless given.")  # fmt: skip
-@click.option("--from", "from_s", type=click.FloatRange(min=0), metavar="SECONDS", help="Of a file: from this time on.")
-@click.option("--to", "to_s", type=click.FloatRange(min=0), metavar="SECONDS", help="Of a file: until this time.")
+@click.option("--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS", help="Of a file: from this time on.")
+@click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Of a file: until this time.")
 @click.option("--watch", is_flag=True, help="Draw again every second, until Ctrl-C.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE",
               help="A picture (.png, .svg, .pdf) or a table (.csv) instead of letters.")  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from msbot.cli.change.robot_access import perform, running_master
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options
+from msbot.cli.options import DEFAULT_BLUEPRINT, FiniteRange, database_beside, json_option, robot_options
 from msbot.cli.record.ring_folders import rings_left
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
@@ -33,7 +33,7 @@ def command() -> None:
 
 @command.command("save")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--last", "last_s", type=click.FloatRange(min=0.1), metavar="SECONDS", help="Only so much.")
+@click.option("--last", "last_s", type=FiniteRange(min=0.1), metavar="SECONDS", help="Only so much.")
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None) -> None:
     """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from msbot.cli.options import json_option
+from msbot.cli.options import FiniteRange, json_option
 from msbot.school.access import AccessBook
 
 SECONDS = 3.0
@@ -14,7 +14,7 @@ SECONDS = 3.0
 
 @click.command("find")
 @click.argument("class_name", metavar="[CLASS]", required=False, default="")
-@click.option("--seconds", type=click.FloatRange(0.5, 60.0), default=SECONDS, show_default=True,
+@click.option("--seconds", type=FiniteRange(0.5, 60.0), default=SECONDS, show_default=True,
               help="How long to listen.")  # fmt: skip
 @json_option
 def find(class_name: str, seconds: float, *, as_json: bool) -> None:

@@ -86,17 +86,26 @@ def back_up(address: str, target: Path) -> int:
     return rows
 
 
-def restore(source: Path, address: str) -> Path | None:
-    """Replace the content of a database by that of a backup; returns a copy of the old content if it had robots.
+def find_backup(source: Path) -> None:
+    """See that there is a file that may be a backup.
 
     Raises:
-        RegistryError: the backup or the database cannot be used, or a master is running one of its robots.
+        RegistryError: there is none, or it cannot be read.
     """
     if not source.exists():
         raise RegistryError(
             said("there is no backup {source}: name a file that `msbot db backup` has written", source=source)
         )
     check_file(parse_address(source), create=False, read_only=True)
+
+
+def restore(source: Path, address: str) -> Path | None:
+    """Replace the content of a database by that of a backup; returns a copy of the old content if it had robots.
+
+    Raises:
+        RegistryError: the backup or the database cannot be used, or a master is running one of its robots.
+    """
+    find_backup(source)
     with tempfile.TemporaryDirectory(prefix="msbot-restore-") as folder:
         copy = Path(folder) / source.name
         make_private(copy)

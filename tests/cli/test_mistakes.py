@@ -1,0 +1,103 @@
+"""Names and numbers on the command line that cannot be used: one sentence and status 2, never a traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from msbot.cli.agent.agent import port_names
+from msbot.cli.agent.serving import LARGEST_REFERENCES, read_references
+from msbot.cli.db import command as db
+from msbot.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
+from msbot.cli.options import FiniteRange
+from msbot.errors import ConfigError, RegistryError
+
+
+def answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: BaseException) -> str:
+    """What is said when a command fails with this error."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(LazyGroup, "__call__", fail)
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_a_file_that_cannot_be_looked_at_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = answer(capsys, monkeypatch, PermissionError(13, "Permission denied", "/root/robot.db"))
+    assert said == "msbot: /root/robot.db: Permission denied\n"
+
+
+def test_a_name_that_is_too_long_is_said_in_short(tmp_path: Path) -> None:
+    name = "x" * 5000
+    done = subprocess.run(
+        [sys.executable, "-m", "msbot", "export", "--db", name],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == f"msbot: {'x' * LONGEST_NAME}... (5000 letters): File name too long\n"
+
+
+def test_a_name_that_is_no_utf8_is_said(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "msbot", "library", "search", b"caf\xe9"],
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"}, cwd=tmp_path, capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == b"msbot: caf? is not UTF-8, as names and texts must be\n"
+
+
+def test_what_no_user_has_caused_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    for error in (OSError(5, "Input/output error"), UnicodeEncodeError("ascii", "\xe9", 0, 1, "range")):
+
+        def fail(*_: object, error: Exception = error, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr(LazyGroup, "__call__", fail)
+        with pytest.raises(type(error)):
+            run()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("a\x1b[2Jb", "a?[2Jb"), (b"caf\xe9", "caf?"), (Path("robot.db"), "robot.db"), (7, "7")],
+)
+def test_a_name_in_a_sentence_can_be_printed_anywhere(name: object, words: str) -> None:
+    assert name_in_words(name) == words
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e400"])
+def test_a_number_that_is_none_is_refused(number: str) -> None:
+    with pytest.raises(click.BadParameter):
+        FiniteRange(min=-1.0).convert(float(number), None, None)
+    assert FiniteRange(min=-1.0).convert(2.5, None, None) == 2.5
+
+
+def test_a_serial_port_is_named_once() -> None:
+    assert port_names(("/dev/a /dev/b", "/dev/c"), None) == ["/dev/a", "/dev/b", "/dev/c"]
+    with pytest.raises(ConfigError, match=r"^/dev/a: a serial port is opened once"):
+        port_names(("/dev/a,/dev/b", "/dev/a"), None)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="there is no /dev/zero here")
+def test_profiles_without_an_end_are_not_read_to_the_end() -> None:
+    with pytest.raises(ConfigError, match=f"/dev/zero is larger than {LARGEST_REFERENCES:,} characters"):
+        read_references(Path("/dev/zero"))
+
+
+def test_nobody_is_asked_about_a_backup_that_is_not_there(tmp_path: Path) -> None:
+    result = CliRunner().invoke(db, ["restore", str(tmp_path / "none.db")], input="y\n")
+    assert isinstance(result.exception, RegistryError)
+    assert "there is no backup" in str(result.exception)
+    assert result.output == ""
