@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -61,6 +62,64 @@ def test_each_robot_says_for_itself_how_it_went() -> None:
     assert seen == [StepState.WORKING], "nothing is done twice"
 
 
+def test_robots_of_one_database_take_turns_and_others_do_not_wait() -> None:
+    """A master that runs waits for the lock of its database's file only a moment, and a slow disk holds it longer."""
+    both, begun, goes_on = threading.Barrier(2), threading.Event(), threading.Event()
+    inside: list[str] = []
+
+    def first() -> RobotChange:
+        inside.append("A")
+        both.wait(20)
+        assert goes_on.wait(20)
+        inside.append("a")
+        return RobotChange("done", 1)
+
+    def second() -> RobotChange:
+        inside.append("B")
+        begun.set()
+        return RobotChange("done", 2)
+
+    def elsewhere() -> RobotChange:
+        both.wait(20)  # together with the first
+        return RobotChange("done", 3)
+
+    jobs = [RobotJob("A", first, "one.db"), RobotJob("B", second, "one.db"), RobotJob("C", elsewhere, "two.db")]
+    run = RollOutRun("robot.toml", jobs, turn_s=20)
+    threads = [threading.Thread(target=run.do, args=(number,)) for number in (0, 2, 1)]
+    for thread in threads[:2]:
+        thread.start()
+    threads[1].join()
+    threads[2].start()
+    assert not begun.wait(0.05), "not before its turn"
+    assert run.steps[1].state is StepState.WAITING
+    goes_on.set()
+    for thread in threads:
+        thread.join()
+    assert inside == ["A", "a", "B"]
+    assert [step.state for step in run.steps] == [StepState.CHANGED] * 3
+
+
+def test_a_robot_that_does_not_come_to_an_end_holds_up_its_database_for_a_while_only() -> None:
+    goes_on = threading.Event()
+
+    def stuck() -> RobotChange:
+        assert goes_on.wait(20)
+        return RobotChange("done", 1)
+
+    jobs = [RobotJob("A", stuck, "one.db"), RobotJob("B", lambda: RobotChange("done", 2), "one.db")]
+    run = RollOutRun("robot.toml", jobs, turn_s=0.01)
+    thread = threading.Thread(target=run.do, args=(0,))
+    thread.start()
+    while run.steps[0].state is not StepState.WORKING:
+        assert thread.is_alive()
+    assert run.do(1).state is StepState.CHANGED
+    goes_on.set()
+    thread.join()
+    assert run.do(0).state is StepState.CHANGED
+    run = RollOutRun("robot.toml", jobs)
+    assert [run.do(number).state for number in (0, 1)] == [StepState.CHANGED] * 2, "a turn is given back"
+
+
 def test_stored_robots_are_changed_and_changed_back_and_one_changed_since_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,6 +139,7 @@ def test_stored_robots_are_changed_and_changed_back_and_one_changed_since_stays(
 
     robots = class_robots(database, ())
     plans = [plan_for(robot, wanted) for robot in robots]
+    assert len({RollOut("", tmp_path, library, (), "ann", book=book).job(plan).database for plan in plans}) == 1
     assert [plan.changes for plan in plans] == [("+ slot extra: part RELAY-1",)] * 2
     roll = RollOut("robot.toml", tmp_path, library, (), "ann", book=book)
     run = RollOutRun("robot.toml", [roll.job(plan) for plan in plans])

@@ -170,7 +170,10 @@ class RollOut:
 
     def job(self, plan: RollOutPlan) -> RobotJob:
         """What is to be done at that robot."""
-        return RobotJob(plan.robot.words, partial(self._put_in_force, plan))
+        robot = plan.robot
+        return RobotJob(
+            robot.words, partial(self._put_in_force, plan), "" if robot.far else database_identity(robot.database)
+        )
 
     def _put_in_force(self, plan: RollOutPlan) -> RobotChange:
         """Change one robot.
@@ -239,7 +242,7 @@ def undo_job(
             return RobotChange(words, back.edit)
         return back
 
-    return RobotJob(f"{change.robot} {change.serial_number}", do)
+    return RobotJob(f"{change.robot} {change.serial_number}", do, change.database)
 
 
 def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Read = directly) -> RobotChange:

@@ -1,7 +1,8 @@
 """A roll-out while it goes on, or its undo: what is done at each robot, and how far each one is.
 
-Whoever runs it calls `do` for each robot, one after the other or in threads; others may look at it meanwhile. One
-robot that cannot be changed holds up no other one.
+Whoever runs it calls `do` for each robot, one after the other or in threads; others may look at it meanwhile. Robots of
+one database take turns, because a master that runs waits for the lock of its file only a moment. One robot that cannot
+be changed holds up no other one for long.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from enum import Enum
 from msbot.errors import ConfigError, MsbotError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
+
+TURN_S = 5.0
+"""How long a robot of a roll-out waits for another one of its database: longer than a change takes on a slow disk."""
 
 
 class NoAnswer(ConfigError):
@@ -59,6 +63,8 @@ class RobotJob:
     robot: str
     do: Callable[[], RobotChange]
     """Raises NoAnswer when nobody knows whether it is done, and another MsbotError when it is not."""
+    database: str = ""
+    """Where it is stored; jobs of one database are done one after the other. Empty: on a computer of its own."""
 
 
 class RollOutRun:
@@ -68,15 +74,20 @@ class RollOutRun:
         blueprint: where the blueprint is from.
         jobs: in the order in which they are begun.
         is_undo: whether a roll-out is taken back.
+        turn_s: how long a robot waits for another one of its database; then it is changed all the same.
     """
 
-    def __init__(self, blueprint: str, jobs: Sequence[RobotJob], *, is_undo: bool = False) -> None:
+    def __init__(
+        self, blueprint: str, jobs: Sequence[RobotJob], *, is_undo: bool = False, turn_s: float = TURN_S
+    ) -> None:  # fmt: skip
         self.blueprint = blueprint
         self.is_undo = is_undo
         self.began_at = time.time()
         """Seconds since 1970."""
         self._jobs = jobs
         self._lock = threading.Lock()
+        self._turns = {job.database: threading.Lock() for job in jobs if job.database}
+        self._turn_s = turn_s
         self._steps = [RobotStep(job.robot) for job in jobs]
         self._halted = ""
 
@@ -102,6 +113,15 @@ class RollOutRun:
 
     def do(self, number: int) -> RobotStep:
         """Do what is to be done at that robot, which takes a while; returns how it went."""
+        turn = self._turns.get(self._jobs[number].database)
+        has_turn = turn is not None and turn.acquire(timeout=self._turn_s)
+        try:
+            return self._do(number)
+        finally:
+            if turn is not None and has_turn:
+                turn.release()
+
+    def _do(self, number: int) -> RobotStep:
         with self._lock:
             step = self._steps[number]
             if step.state is not StepState.WAITING:
