@@ -131,6 +131,7 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "packets-lost": ("Rover", robot(lost_packets={"the queue was full": 500})),
     "slot-empty": ("BB", robot(parts=ROBOT.parts[:1])),
     "often-late": ("lamp", robot(late={"lamp": 9})),
+    "many-late": ("Rover", robot(late={"lamp": 9, "knob": 4, "AA": 3})),
     "often-refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": ("wrong number",) * 8})),
     "blocked": ("mole", robot(parts=(*ROBOT.parts, replace(LOST_PART, name="mole", slot="", uid="ff" * 8)),
                               blocked=frozenset({"ff" * 8}))),
@@ -166,6 +167,19 @@ HEALTHY: dict[str, Looked] = {
 @pytest.mark.parametrize("check", HEALTHY)
 def test_nothing_is_said_about_what_is_healthy(check: str) -> None:
     assert list(HEALTHY[check]()) == []
+
+
+def test_many_parts_that_are_late_are_one_finding_and_few_among_many_are_each_their_own() -> None:
+    names = [f"p{number}" for number in range(10)]
+    seen = {len(late): list(robot(late=dict.fromkeys(late, 3), parts=())()) for late in (names[:2], names[:3], names)}
+    kinds = {count: [one.problem for one in found if isinstance(one, Finding) and "late" in one.problem]
+             for count, found in seen.items()}  # fmt: skip
+    assert kinds == {2: ["often-late"] * 2, 3: ["many-late"], 10: ["many-late"]}
+    words = next(one.saw for one in seen[10] if isinstance(one, Finding) and one.problem == "many-late")
+    assert words == "10 parts were late often in the last hour: p0, p1, p2, p3, p4, p5, p6, p7, ..."
+    others = tuple(replace(ROBOT.parts[0], name=f"q{number}") for number in range(7))
+    few = robot(late=dict.fromkeys(names[:3], 3), parts=others)()
+    assert [one.problem for one in few if isinstance(one, Finding) and "late" in one.problem] == ["often-late"] * 3
 
 
 @pytest.mark.parametrize("problem", PLANTED)

@@ -13,6 +13,10 @@ from msbot.runtime.sentence import said
 SETTLED_S = 30.0
 """After this time a part that is plugged in has joined."""
 OFTEN_LATE = 3
+MANY_LATE = 3
+"""So many parts, and half of all, have one cause rather than one each."""
+NAMED = 8
+"""Parts in one sentence."""
 OFTEN_REFUSED = 3
 FULL, CROWDED = 1.0, 0.8
 """Above the second a bus has no room for parts that join, and for frames that are sent again."""
@@ -87,8 +91,19 @@ def _slots(facts: RobotFacts) -> Iterator[Finding | NotSeen]:
 
 
 def _parts(facts: RobotFacts) -> Iterator[Finding]:
-    for name, count in facts.late.items():
-        if count >= OFTEN_LATE:
+    late = {name: count for name, count in facts.late.items() if count >= OFTEN_LATE}
+    names = ", ".join([*late][:NAMED]) + (", ..." if len(late) > NAMED else "")
+    if len(late) >= MANY_LATE and 2 * len(late) >= len(facts.parts):
+        yield Finding(
+            "many-late", facts.name,
+            said("{count} parts were late often in the last hour: {names}", count=len(late), names=names),
+            said("so many are hardly each at fault: a computer that is too busy, or a full bus, delists them all"),
+            said("gaps in the beats of most parts"), "uptime",
+            first=said("see how busy the computers and the bus are; then look at each part: msbot why {part}",
+                       part=next(iter(late))),
+        )  # fmt: skip
+    else:
+        for name, count in late.items():
             yield Finding(
                 "often-late", name, said("{part} was late {count} times in the last hour", part=name, count=count),
                 said("beats get lost, or its program is busy for longer than a beat: next time it may be delisted"),
