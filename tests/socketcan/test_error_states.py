@@ -7,9 +7,11 @@ error counters; what the driver makes of them are the error frames that every re
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import fcntl
 import os
 import struct
+import subprocess
 import termios
 import tty
 from collections.abc import Iterator
@@ -46,8 +48,15 @@ class Adapter:
         await self.set("up type can bitrate 250000")
 
     async def set(self, words: str) -> None:
-        """Change the interface as `ip link set` does."""
-        await asyncio.to_thread(ip, f"set {self.name} {words}")
+        """Change the interface as `ip link set` does.
+
+        The driver gives the adapter, which is in this process, a second to take each command. Where the computer stood
+        still for longer, it is asked again.
+        """
+        for _ in range(4):
+            with contextlib.suppress(subprocess.CalledProcessError):
+                return await asyncio.to_thread(ip, f"set {self.name} {words}")
+        return await asyncio.to_thread(ip, f"set {self.name} {words}")
 
     def say(self, line: bytes) -> None:
         """Report something to the driver."""
