@@ -35,8 +35,8 @@ def answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, 
 def test_a_file_that_cannot_be_looked_at_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = answer(capsys, monkeypatch, PermissionError(13, "Permission denied", "/root/robot.db"))
-    assert said == "msbot: /root/robot.db: Permission denied\n"
+    said = answer(capsys, monkeypatch, PermissionError(13, "Permission denied", "/home/ada/robot.db"))
+    assert said == "msbot: /home/ada/robot.db: Permission denied\n"
 
 
 def test_a_name_that_is_too_long_is_said_in_short(tmp_path: Path) -> None:
