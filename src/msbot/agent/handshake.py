@@ -4,7 +4,7 @@ Only the first submessage of such a message counts, and only these three are ans
 CREATE_CLIENT inside a session is ignored.
 
 DEVIATION: a network may copy a login, and the copy come when the session is in use. Between stock peers it starts the
-streams over. A part of MsBOT numbers its logins (`LoginProperty.NUMBER`), so that a copy is known for one.
+streams over. A part in Python numbers its logins (`LoginProperty.NUMBER`), so that a copy is known for one.
 """
 
 from __future__ import annotations
