@@ -189,6 +189,33 @@ def test_the_wall_has_no_names_and_only_teachers_have_a_wall(site: Site, teacher
         assert "Ben" not in pupil.content()
 
 
+ON_PAPER = """(selector) => [...document.querySelectorAll(selector)].map((one) => {
+    const {left, top, right, bottom} = one.getBoundingClientRect(), root = document.documentElement;
+    const fits = right <= root.clientWidth && bottom + scrollY <= root.scrollHeight;
+    return left >= 0 && right > left && bottom > top && fits;
+})"""
+"""Of each such element: whether it has its place on what is printed, and all of it."""
+
+
+def test_what_is_printed_are_all_tickets_and_nothing_else(site: Site, teacher: Page, pupil: Page) -> None:
+    go(teacher, f"{site.base}/pupils")
+    teacher.set_viewport_size({"width": 700, "height": 160})  # less than the tickets take: paper is not scrolled
+    teacher.get_by_role("button", name="Tickets for all").click()
+    expect(teacher.locator(".ticket svg")).to_have_count(2)
+    teacher.emulate_media(media="print", color_scheme="dark")
+    assert teacher.evaluate(ON_PAPER, ".ticket") == [True, True]
+    expect(teacher.get_by_text("New pupils")).to_be_hidden()
+    for selector in ("#ms-stop", ".ms-nav", ".tickets .q-btn"):
+        expect(teacher.locator(selector).first).to_be_hidden()
+    teacher.get_by_role("button", name="Close", include_hidden=True).last.evaluate("button => button.click()")
+    expect(teacher.locator(".ticket")).to_have_count(0)
+    expect(teacher.get_by_text("New pupils")).to_be_visible()  # a page without a dialog is printed itself
+    ink, paper = teacher.evaluate("[getComputedStyle(document.body).color, getComputedStyle(document.body).background]")
+    assert (ink, paper.split(")")[0]) == ("rgb(16, 32, 44)", "rgb(255, 255, 255")
+    teacher.emulate_media(media="screen", color_scheme="light")
+    teacher.set_viewport_size({"width": 1280, "height": 900})
+
+
 def test_who_scans_the_ticket_of_the_class_makes_an_account(browser: Browser, site: Site, teacher: Page) -> None:
     go(teacher, f"{site.base}/pupils")
     teacher.get_by_role("button", name="Show a class ticket").click()
