@@ -78,6 +78,48 @@ def test_a_slot_that_another_group_gets_is_left_at_once_and_not_remembered() -> 
     assert robot.part(1).slot == "DD"
 
 
+def test_who_is_here_and_in_which_slots() -> None:
+    robot = rig(RED, BLUE)
+    for key, pupil in enumerate(("ada", "cleo", "cleo", "dora", ""), 1):
+        robot.join(key, pupil=pupil)
+    for key, number in ((1, "EFGH"), (2, "EFGH"), (3, "ABCD"), (5, "WXYZ")):
+        robot.claim(key, number)
+    here = robot.inventory.pupil_parts.here
+    assert here() == {"ada": ("BB",), "cleo": ("DD", "AA"), "dora": ()}
+    robot.leave(1)
+    robot.inventory.rearrange({2: None}, robot.now, "taken out")
+    assert here() == {"cleo": ("AA",), "dora": ()}
+    assert robot.part(1).slot == "BB", "a slot that is shown of somebody who has left is not held"
+
+
+def test_a_slot_that_is_given_to_a_group_is_filled_from_it_at_once() -> None:
+    robot = rig()
+    for key, pupil in ((1, "cleo"), (2, "dora"), (3, "ada")):
+        robot.join(key, pupil=pupil)
+        robot.claim(key, "EFGH", name="BB")
+    assert [robot.part(key).slot for key in (1, 2, 3)] == ["BB", "DD", None]
+    robot.inventory.pupil_parts.pupils.use_groups([RED])
+    robot.inventory.pupil_parts.regroup(robot.now)
+    assert [robot.part(key).slot for key in (1, 2, 3)] == [None, "DD", "BB"]
+
+
+def test_of_a_part_that_has_to_begin_anew_nobody_is_told_that_it_is_held() -> None:
+    robot = rig()
+    robot.join(1, pupil="ada")
+    robot.claim(1, "ABCD")
+    robot.claim(2, "EFGH", name="BB")
+    robot.claim(3, "WXYZ")
+    robot.join(1, pupil="ada")
+    assert robot.state(1) is PartState.CHECKING
+    told: list[tuple[int, str, bool]] = []
+    robot.inventory.on_partner(lambda *news: told.append(news))
+    robot.rights.clear()
+    robot.inventory.pupil_parts.pupils.freeze = Freeze("novak", "", robot.now)
+    robot.inventory.pupil_parts.follow(robot.now)
+    assert robot.inventory.pupil_parts.is_held(1)
+    assert (told, robot.rights) == ([], [])
+
+
 class Asker:
     """A client as the gate sees it."""
 
