@@ -76,11 +76,11 @@ class Model:
             self.next_watch = now + self.timing.beat_s / 2
             for key, part in there:
                 self.look_at(now, key)
-                silence = now - part.last
+                away = now - part.last
                 if part.kind == "spare":
-                    if silence > max(6.0, self.timing.life * self.timing.tick_s):
-                        self.change(now, key, "lost", f"has not claimed for {silence:.1f} s")
-                elif part.state == "active" and silence > self.timing.beat_s * 1.5:
+                    if away > max(6.0, self.timing.life * self.timing.tick_s):
+                        self.change(now, key, "lost", f"has not claimed for {away:.1f} s")
+                elif part.state == "active" and away > self.timing.beat_s * 1.5:
                     self.late(now, key)
         if now >= self.next_tick:
             self.next_tick += self.timing.tick_s

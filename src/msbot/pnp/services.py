@@ -152,7 +152,6 @@ class InventoryService:
             at_ns: the wall clock, nanoseconds since 1970.
         """
         self.stop.say(by, reason, self._inventory.members(), asyncio.get_running_loop().time(), at_ns)
-        self._go_again.clear()
         self._tell_all(plug.NoticeKind.STOP)
 
     def go_all(self, by: str) -> int:
