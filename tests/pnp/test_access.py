@@ -200,3 +200,68 @@ def test_a_part_that_sends_too_much_is_limited_each_time_and_journaled_once_a_mi
         assert told() == [words] * times
     assert not door.access.limits(SERVICE, 1e6, 1.0)
     assert told() == [words] * 2
+
+
+class Agents:
+    """Two agents elsewhere; one has a part that writes a topic."""
+
+    def knows(self, agent: int) -> bool:
+        return agent in (0xA1, 0xA2)
+
+    def may(self, agent: int, topic: str, *, publishes: bool) -> bool:
+        return (agent, topic, publishes) == (0xA1, "far", True)
+
+
+def test_an_agent_may_what_its_parts_may_and_every_end_is_told() -> None:
+    door = Door("free")
+    left: list[int] = []
+    door.access.use_agents(Agents(), left.append)
+    clients = [ClientInfo(key, "udp", key, f"peer {key}") for key in (0xA1, 0xA2, 0xA3)]
+    for client in clients:
+        door.access.joined(client)
+    topics = ["far", "free", "HelloWorldTopic_1_to_2", *REQUESTS, *REPLIES]
+    asks = ["w", "w", "", ""]
+    assert [door.open_to(client, topics) for client in clients] == [
+        ["w", "wr", "", *asks], ["", "wr", "", *asks], ["", "wr", "", *asks],
+    ]  # fmt: skip
+    for client, reason in zip(clients, ("session deleted", "silent", "replaced by itself"), strict=True):
+        door.access.left(client, reason)
+    assert left == [0xA1, 0xA2]
+
+
+def test_who_cannot_be_displaced_by_strangers() -> None:
+    door = Door()
+    assert door.access.limits_strangers()
+    door.access.joined(PART)
+    agent = ClientInfo(0xA1, "sim:500000", 8, "CAN node 8")
+
+    def settled() -> list[bool]:
+        return [door.access.is_settled(one) is True for one in (PART, SERVICE, agent)]
+
+    assert settled() == [False, True, False]
+    door.access.use_agents(Agents(), lambda _: None)
+    assert settled() == [False, True, True]
+    door.let_in()
+    assert settled() == [True, True, True]
+
+
+def test_a_flood_is_noted_once_a_minute_and_anew_for_who_comes_back() -> None:
+    door = Door()
+    door.let_in()
+    door.rig.events.clear()
+    noted: list[float] = []
+    for at in (100.0, 130.0, 159.9, 160.0, 200.0, 219.9, 230.0):
+        door.rig.now = at
+        assert door.access.limits(PART, 1234.5, 99.6)
+        assert not door.access.limits(SERVICE, 1e6, 1.0)
+        noted += [event.at for event in door.rig.events if event.reason.startswith("sends ")]
+        assert all(
+            event.reason.startswith("sends 1234 packets a second, more than its share of 100: ")
+            for event in door.rig.events
+        )
+        door.rig.events.clear()
+        if at == 200.0:
+            door.access.left(PART, "silent")
+            door.let_in()
+            door.rig.events.clear()
+    assert noted == [100.0, 160.0, 219.9]

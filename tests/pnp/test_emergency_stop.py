@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.pnp import StopRecord
-from msbot.pnp.emergency_stop import EmergencyStop
+from msbot.pnp.emergency_stop import MOST_NAMES, EmergencyStop, StopConfirmation, StopStatus
 
 AA, BB, CC = ((name.encode(), name) for name in ("AA", "BB", "CC"))
 
@@ -112,3 +114,73 @@ def test_of_two_records_the_later_one_holds_and_go_comes_after_its_stop(both: li
     assert not (one.is_newer_than(other) and other.is_newer_than(one))
     if one.number == other.number and one.holds != other.holds:
         assert (other if one.holds else one).is_newer_than(one if one.holds else other)
+
+
+class Plain:
+    """The same by a list of all that has happened since STOP was said, read from its beginning each time."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        self.holds = False
+        self.by, self.reason, self.at_ns = "", "", 0
+        self.happened: list[tuple[str, str, float]] = []
+        """What (`asked`, `confirmed`, `gone`, `also`), whom it concerns, when."""
+
+    def status(self) -> StopStatus:
+        waiting: list[tuple[str, float]] = []
+        confirmed: list[StopConfirmation] = []
+        also: list[str] = []
+        for what, who, at in self.happened:
+            if what == "also" and who != self.by and who not in also:
+                also = [*also, who][:MOST_NAMES]
+            if what == "asked" and who not in [name for name, _ in waiting] + [one.part for one in confirmed]:
+                waiting.append((who, at))
+            if what == "confirmed":
+                confirmed += [StopConfirmation(who, (at - since) * 1000) for name, since in waiting if name == who]
+            if what == "gone":
+                confirmed = [one for one in confirmed if one.part != who]
+            if what in ("confirmed", "gone"):
+                waiting = [one for one in waiting if one[0] != who]
+        return StopStatus(
+            stopped=self.holds, number=self.number, by=self.by, reason=self.reason,
+            since_ns=self.at_ns if self.holds else None, confirmed=tuple(confirmed),
+            silent=tuple(name for name, _ in waiting), also_by=tuple(also),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_is_said_the_status_is_what_its_history_says(seed: int) -> None:
+    random = Random(seed)
+    stop, plain = EmergencyStop(), Plain()
+    names = [f"p{number}" for number in range(4)]
+    people = [f"person {number}" for number in range(MOST_NAMES + 4)]
+    for step in range(200):
+        now, name = float(step), random.choice(names)
+        act = random.choice(
+            ("say", "say", "tell", "confirm", "confirm", "wrong", "anew", "leave", "go" if step % 3 == 0 else "say")
+        )
+        if act == "say":
+            by, asked = random.choice(people), random.sample(names, 2)
+            stop.say(by, f"because {step}", [(one.encode(), one) for one in asked], now, step)
+            if not plain.holds:
+                plain.number, plain.holds, plain.happened = plain.number + 1, True, []
+                plain.by, plain.reason, plain.at_ns = by, f"because {step}", step
+            plain.happened += [("also", by, now), *(("asked", one, now) for one in asked)]
+        elif act == "tell":
+            stop.tell(name.encode(), name, now)
+            plain.happened += [("asked", name, now)] * plain.holds
+        elif act == "confirm":
+            assert stop.confirm(name.encode(), plain.number, now) is plain.holds
+            plain.happened += [("confirmed", name, now)] * plain.holds
+        elif act == "wrong":
+            assert not stop.confirm(name.encode(), plain.number + 1, now)
+        elif act == "anew":
+            stop.begin_anew(name.encode(), name, now)
+            plain.happened += [("gone", name, now), ("asked", name, now)] * plain.holds
+        elif act == "leave":
+            stop.leave(name.encode())
+            plain.happened += [("gone", name, now)] * plain.holds
+        elif random.random() < 0.2:
+            assert stop.go("zoe") == plain.number
+            plain.holds, plain.happened, plain.by, plain.reason = False, [], "zoe", ""
+        assert stop.status() == plain.status()

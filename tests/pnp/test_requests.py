@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from random import Random
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.part.join import plug
-from msbot.pnp import Configuration, Refusal, SlotBinding
+from msbot.part.join.trouble import trouble_pieces
+from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.requests import RequestHandler
 from msbot.runtime.tally import MOST_NAMES, OTHERS
@@ -160,3 +163,53 @@ def test_wrong_requests_of_all_sizes_are_counted_under_a_bounded_number_of_reaso
     assert len(counter.requests.dropped) == MOST_NAMES + 1
     assert sum(counter.requests.dropped.values()) == 2000
     assert counter.requests.dropped[OTHERS] == 2000 - MOST_NAMES
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_what_is_said_with_a_lease_is_taken_from_its_holder_alone(right: bool) -> None:
+    counter = Counter()
+    rig = counter.rig
+    lease = counter.register().lease ^ (not right)
+    now = rig.now
+    said: list[plug.Request] = [
+        plug.NatureMessage(lease=lease, nature=2), *trouble_pieces(lease, "the sensor is not there"),
+        plug.ConfigurationRequest(lease=lease, have_version=0), plug.Beat(lease=lease),
+        plug.StoppedBeat(lease=lease, number=1), plug.Proof(proof=bytes(16)),
+    ]  # fmt: skip
+    answers = [counter.requests.answer(one, KEY, now) for one in said]
+    version = plug.BeatReply(configuration_version=int(right))
+    assert [type(one).__name__ for one in answers if one not in (None, version)] == ["ConfigurationMessage"] * right
+    assert answers.count(version) == 2
+    assert (rig.part(KEY).nature.word, rig.part(KEY).beats) == (("simulated", 2) if right else ("", 0))
+    unasked = {"request: a proof that nobody asked for": 1}
+    wrong = {"nature with an unknown lease": 1, "trouble with an unknown lease": 2}
+    assert counter.requests.dropped == (unasked if right else {**wrong, **unasked})
+    lost = {"request for a configuration with an unknown lease": 1, "beat with an unknown lease": 2}
+    assert rig.inventory.dropped == ({} if right else lost)
+    rig.leave(KEY, "gone", politely=False)
+    assert rig.part(KEY).reason == ("gone; it said: the sensor is not there" if right else "gone")
+
+
+def test_an_answer_that_cannot_be_encoded_is_counted_and_not_sent() -> None:
+    counter = Counter()
+    too_long = plug.ConfigurationMessage(version=1, slot="AA", bindings=[], settings=[])
+    binding = plug.PortBinding(port="p", topic="t", topic_type="T", direction=0, reliable=1)
+    too_long.bindings.extend([binding] * (plug.MOST_BINDINGS + 1))
+    assert counter.requests.encode(too_long, KEY) is None
+    assert counter.requests.encode(None, KEY) is None
+    ((reason, count),) = counter.requests.dropped.items()
+    assert (reason[:8], count) == ("answer: ", 1)
+
+
+@pytest.mark.parametrize("explain", [True, False])
+def test_a_claim_without_a_key_on_file_is_refused_and_explained_where_that_is_done(explain: bool) -> None:
+    counter = Counter(explain=explain)
+    counter.requests = RequestHandler(counter.rig.inventory, explain=explain, keys=Keys(counter.rig.store, Random(1)))
+    answer = counter.ask(claim("ABCD"))
+    refused = plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=1000, reason=Refusal.NO_KEY).encode()
+    assert answer == (refused if explain else None)
+    assert counter.rig.part(KEY).refusal is Refusal.NO_KEY
+    counter.rig.store.keys[uid(1)] = bytes(16)
+    question = counter.ask(claim("ABCD"))
+    assert question is not None
+    assert len(plug.Challenge.decode(question).nonce) == 16

@@ -170,3 +170,51 @@ def test_any_long_octets_are_a_description_or_refused(octets: bytes) -> None:
 @pytest.mark.parametrize("octets", [4, 5, 6, 8, 16, 24, 28, 535, 536, 4101])
 def test_what_is_sealed_follows_from_the_length(octets: int) -> None:
     assert plug.is_sealed_request(octets) == (octets in (4, 5, 6, 8, 16) or octets >= 536)
+
+
+def test_what_nobody_asked_for_is_counted_by_reason_and_noted_once() -> None:
+    desk = Desk()
+    inventory = desk.rig.inventory
+    noted: list[str] = []
+    inventory.on_event(lambda event: noted.append(event.reason) if event.from_state is event.to_state else None)
+    no_claim, unasked = "description of a client that has not claimed", "description that nobody asked for"
+    note = "it says what it is, and was not asked: the library's entry of its number counts"
+    inventory.descriptions.said(KEY + 1, WORDS, desk.rig.now)  # no session
+    desk.says()  # nothing claimed
+    assert (inventory.dropped, noted) == ({no_claim: 2}, [])
+    inventory.profile_asked(KEY, desk.rig.now)
+    desk.says()
+    assert (inventory.dropped, noted) == ({no_claim: 3}, [])
+    desk.ask(plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7))
+    for _ in range(3):
+        desk.says()
+    assert (inventory.dropped, noted) == ({no_claim: 3, unasked: 3}, [note])
+    assert desk.handed == []
+
+
+def test_a_stranger_that_was_not_asked_is_not_noted() -> None:
+    desk = Desk()
+    noted: list[str] = []
+    desk.rig.inventory.on_event(
+        lambda event: noted.append(event.reason) if event.from_state is event.to_state else None
+    )
+    desk.ask(STRANGER)
+    desk.says()
+    assert (desk.rig.inventory.dropped, noted) == ({"description that nobody asked for": 1}, [])
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_what_is_refused_or_checked_is_announced_at_once(more: int) -> None:
+    desk = Desk()
+    announced: list[str] = []
+    desk.rig.inventory.on_event(lambda event: announced.append(event.reason))
+    desk.is_asked(STRANGER)
+    announced.clear()
+    desk.rig.inventory.descriptions.unreadable(KEY, plug.MOST_DESCRIPTION + more, "a fault", desk.rig.now)
+    fault = "it is longer than 4096 octets" if more else "its octets cannot be read: a fault"
+    assert announced == [f"what it says of itself is refused: {fault}"]
+    says = desk.rig.part(KEY).says
+    assert says == SelfDescription("", fault=fault)
+    announced.clear()
+    desk.rig.inventory.descriptions.checked(KEY, says, SelfDescription("", fault="another"), desk.rig.now)
+    assert announced == ["what it says of itself is refused: another"]

@@ -119,7 +119,6 @@ class EmergencyStop:
         """
         if not self.holds:
             self.record = StopRecord(self.number + 1, True, by, reason, at_ns)
-            self._forget()
         elif by != self.record.by and by not in self._also_by and len(self._also_by) < MOST_NAMES:
             self._also_by.append(by)
         for identity, name in parts:
@@ -154,14 +153,10 @@ class EmergencyStop:
     def go(self, by: str) -> int:
         """End the STOP that holds; returns its number."""
         self.record = StopRecord(self.number, False, by, "", self.record.at_ns)
-        self._forget()
-        return self.number
-
-    def _forget(self) -> None:
-        """What was known of the STOP before."""
         self._waiting.clear()
         self._confirmed.clear()
         self._also_by.clear()
+        return self.number
 
     def status(self, *, is_stored: bool = True, trouble: str = "") -> StopStatus:
         """What is known now."""
