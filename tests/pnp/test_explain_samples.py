@@ -22,11 +22,12 @@ from msbot.part.join.plug import (
     BindingDirection,
     ConfigurationMessage,
     PortBinding,
+    ProfileMessage,
 )
 from msbot.part.messages.standard import Level
 from msbot.pnp import KnownObject, Overhearer
 from msbot.pnp import thesis_programs as compat
-from msbot.pnp.explain_samples import PacketWords, value_words
+from msbot.pnp.explain_samples import MAX_JOINED, PacketWords, value_words
 from msbot.xrce.messages import (
     STREAM_BEST_EFFORT,
     Create,
@@ -283,6 +284,9 @@ def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -
         (unpack("<f", pack("<f", 1 / 3))[0], "0.3333333"),
         (float("inf"), "inf"),
         (1e300, "1e+300"),
+        (5e38, "5e+38"),
+        (-5e38, "-5e+38"),
+        (2.0**127, "1.701412e+38"),
         (True, "on"),
         (7, "7"),
         ([1.5, 2.0], "[1.5, 2]"),
@@ -290,3 +294,114 @@ def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -
 )
 def test_a_value_is_said_as_its_type_means_it(value: object, words: str) -> None:
     assert value_words(value) == words
+
+
+MASTER, DOES, ALIVE = "the master tells", "what it does in this robot", "says that it is alive"
+LOGIN = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)], pad_end=False)
+
+
+def test_a_conversation_from_its_beginning_packet_by_packet() -> None:
+    listener = Overhearer((Level, ProfileMessage), units=lambda _: {"percent": "%"})
+    assert listener.part_at(7) == "node 7", "it has not been heard"
+    endpoints = packet(
+        Create(12, 0x0012, topic_variant("dial", Level.type_name, 0x11)),
+        Create(13, 0x0022, topic_variant(PROFILE_TOPIC, PROFILE_TYPE, 0x11)),
+        Create(14, 0x0015, writer_variant(0x12, 0x13, QOS)),
+        Create(15, 0x0026, reader_variant(0x22, 0x14, QOS)),
+        Create(16, 0x0032, topic_variant("odd", "Odd", 0x11)),
+        Create(17, 0x0035, writer_variant(0x32, 0x13, QOS)),
+    )
+    bound = [PortBinding(port="", topic="dial", topic_type=Level.type_name, direction=0, reliable=0)]
+    told = ConfigurationMessage(version=1, slot="knob", bindings=bound, settings=[])
+    profile = ProfileMessage(index=1, message="Robo", name="", id="", dof="", make="")
+    beat = Beat(lease=7).encode()
+    level = Level(percent=50.0).encode()
+    whole = packet(WriteData(20, 0x0017, beat))[4:]
+    unknown = "says something on a topic that is not known here"
+    piece, to = "sends a piece of a long message", "a piece of a long message"
+
+    def fragment(octets: bytes, number: int, *, last: bool = False) -> bytes:
+        return packet(Fragment(octets, last=last), sequence_nr=number)
+
+    steps: list[tuple[bool, bytes, str, str, str, int]] = [
+        (True, packet(WriteData(20, 0x0015, level)), "", f"node 7 {unknown}", "node 7", 1),
+        (True, LOGIN, "", "node 7 begins a conversation", "node 7", 1),
+        (True, service(INVENTORY_SERVICE), "", "node 7 sets up what it says and hears", "node 7", 1),
+        (True, endpoints, "", "node 7 sets up what it says and hears", "node 7", 1),
+        (True, packet(WriteData(20, 0x0035, b"x")), "", "a Odd, which is not known here", "node 7", 1),
+        (True, packet(WriteData(20, 0x0015, level)), "", f"node 7 {unknown}", "node 7", 1),
+        (False, packet(Data(20, 0x0026, profile.encode())), "", "node 7 hears which robot this is: Robo", "node 7", 1),
+        (False, packet(Data(20, 0x0017, bytes(4) + told.encode())), "", f"{MASTER} knob {DOES}", "knob", 1),
+        (True, packet(WriteData(20, 0x0017, beat), WriteData(21, 0x0035, b"x")), "", f"knob {ALIVE}", "knob", 1),
+        (True, packet(WriteData(20, 0x0017, beat), WriteData(20, 0x0015, level)), "knob says 50 %", "", "knob", 1),
+        (True, fragment(whole[:9], 5), "", f"knob {piece}", "knob", 1),
+        (False, fragment(whole[:9], 5), "", f"the master sends knob {to}", "knob", 1),
+        (True, fragment(whole[9:], 6, last=True), "", f"knob {ALIVE}", "knob", 1),
+        (False, fragment(whole[9:], 6), "", f"the master sends knob {to}", "knob", 1),
+        (True, LOGIN, "", "node 7 begins a conversation", "node 7", 1),
+        (True, fragment(whole[9:], 7, last=True), "", f"node 7 {piece}", "node 7", 1),
+        (False, fragment(b"", 7, last=True), "", f"the master sends node 7 {to}", "node 7", 1),
+        (True, packet(WriteData(20, 0x0017, beat)), "", f"node 7 {unknown}", "node 7", 2),
+    ]
+    for number, (up, octets, plain, about, part, count) in enumerate(steps):
+        heard = listener.hear(octets, 7, up=up)
+        assert ("; ".join(heard.plain), "; ".join(heard.about)) == (plain, about), number
+        assert (listener.part_at(7), listener.unknown) == (part, count), number
+
+
+@pytest.mark.parametrize(("peer", "name"), [(7, "node 7"), (0, "a part"), ("10.0.0.1:9", "a part")])
+def test_a_peer_of_whom_nothing_is_known_has_a_number_on_a_bus_only(peer: int | str, name: str) -> None:
+    listener = Overhearer()
+    assert listener.part_at(peer) == name
+    assert listener.hear(packet(WriteData(20, 0x0015, SAMPLE)), peer, up=True).about[0].startswith(f"{name} says ")
+    assert listener.part_at(peer) == name
+
+
+@pytest.mark.parametrize(
+    ("object_id", "up", "payload", "plain", "about"),
+    [
+        (0x15, True, SAMPLE, ("knob says port index 3, message turn-on 2",), ()),
+        (0x16, False, SAMPLE, ("knob hears port index 3, message turn-on 2",), ()),
+        (0x17, True, Beat(lease=7).encode(), (), ("knob says that it is alive",)),
+        (0x17, False, bytes(4) + BeatReply(configuration_version=1).encode(), (),
+         ("the master has heard that knob is alive",)),
+        (0x18, False, bytes(24) + Beat(lease=7).encode(), (), ("knob says that it is alive",)),
+        (0x18, True, bytes(24) + BeatReply(configuration_version=0).encode(), (),
+         ("the master does not know knob any more",)),
+    ],
+)  # fmt: skip
+def test_who_listens_late_understands_every_kind_of_object(
+    object_id: int, up: bool, payload: bytes, plain: tuple[str, ...], about: tuple[str, ...]
+) -> None:
+    def know(_peer: object, which: int) -> KnownObject:
+        if which & 0xF in (7, 8):
+            return KnownObject(f"{INVENTORY_SERVICE}_Request", slot="knob")
+        return KnownObject("dial", "HelloWorld", "knob", "port")
+
+    listener = Overhearer(know=know)
+    kind = WriteData if up else Data
+    heard = listener.hear(packet(kind(20, object_id, payload)), 7, up=up)
+    assert (heard.plain, heard.about) == (plain, about)
+    assert (listener.part_at(7), listener.unknown) == ("knob", 0)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "is_whole"), [(0, False), (1, False), (0x7FFF, False), (0x8000, True), (0xFFFF, True)]
+)
+def test_a_piece_from_the_half_circle_behind_is_a_repetition_and_one_from_ahead_means_a_loss(
+    ahead: int, is_whole: bool
+) -> None:
+    odd = packet(Fragment(b"x", last=False), sequence_nr=(6 + ahead) & 0xFFFF)
+    first = packet(Fragment(WHOLE[:20], last=False), sequence_nr=5)
+    rest = packet(Fragment(WHOLE[20:], last=True), sequence_nr=6)
+    shown = after(RING, first, odd, rest, up=True)
+    assert any(line.endswith(f"HelloWorld(index=3, message='{'a' * 40}')") for line in shown) is is_whole
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_so_much_of_a_message_is_kept_and_not_an_octet_more(more: int) -> None:
+    sizes = [60_000] * (MAX_JOINED // 60_000)
+    sizes.append(MAX_JOINED - sum(sizes) + more)
+    sent = [packet(Fragment(bytes(size), last=False), sequence_nr=number) for number, size in enumerate(sizes)]
+    shown = after(RING, *sent, packet(Fragment(b"", last=True), sequence_nr=len(sizes)), up=True)
+    assert bool(shown) is not bool(more)
