@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.config import Slot
+from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
 from msbot.pnp import FAST_TIMING, Claim, MemoryStore, PartState, Refusal, Verdict
 from msbot.pnp.slot_matching import Match
@@ -411,3 +411,109 @@ def test_a_claim_through_no_session_is_counted_and_stays_open() -> None:
     assert rig.inventory.refuse(None, DD, match, rig.now) == Verdict()
     assert rig.inventory.dropped == {"claim of a client without a session": 1}
     assert rig.events == []
+
+
+@pytest.mark.parametrize(
+    ("number", "chosen", "slot"),
+    [
+        ("EFGH", "BB", None),  # held by another part
+        ("EFGH", "DD", "DD"),
+        ("EFGH", "no such", None),
+        ("EFGH", None, None),
+        ("NOPE", "DD", "DD"),
+        ("LED1", "DD", "DD"),
+        ("BLOCKED", "DD", None),  # no refusal that a newcomer is adopted for
+    ],
+)
+def test_a_newcomer_that_would_be_turned_away_is_adopted_where_a_person_says(
+    number: str, chosen: str | None, slot: str | None
+) -> None:
+    store = sample_store(Slot("DD", "OTHER"))
+    store.types["LED1"] = PartType("LED1", "lamp")
+    store.blocks["BLOCKED"] = "burnt"
+    rig = Rig(store)
+    rig.claim(BB, "EFGH")
+    asked: list[tuple[str, Refusal | None]] = []
+
+    def adopter(claim: Claim, match: Match) -> str | None:
+        asked.append((claim.part_number, match.refusal))
+        return chosen
+
+    rig.inventory.set_adopter(adopter)
+    verdict = rig.claim(DD, number)
+    refusals = {"EFGH": Refusal.NO_SLOT, "NOPE": Refusal.UNKNOWN_PART, "LED1": Refusal.WRONG_ROBOT}
+    assert asked == ([(number, refusals[number])] if number in refusals else [])
+    assert (bool(verdict.lease), rig.part(DD).slot) == (slot is not None, slot)
+    words = f"adopted: a person has said that the next newcomer belongs into slot {slot}"
+    decided = [one for one in rig.events[-1].evidence if one[0] == "a person decided"]
+    assert decided == ([("a person decided", words)] if slot else [])
+    assert (rig.part(DD).reason == words) is (slot is not None)
+    rig.claim(AA, "ABCD")
+    assert rig.part(AA).slot == "AA", "who has a place of its own is nobody's to adopt"
+    assert len(asked) == (number in refusals)
+
+
+def test_claims_that_are_repeated_are_signs_of_life() -> None:
+    rig = Rig()
+    rig.claim(AA, "ABCD", nonce=5)
+    for _ in range(10):
+        rig.run(1.0)
+        rig.claim(AA, "ABCD", nonce=5)
+    assert (rig.changes(AA), rig.part(AA).beats, rig.part(AA).life) == (["new", "checking", "active"], 0, 3)
+
+
+def test_what_a_session_leaves_behind_that_claims_for_ever_other_parts_is_bounded() -> None:
+    rig = Rig()
+    for serial in range(1, 20):
+        rig.claim(AA, "ABCD" if serial % 2 else "NOPE", serial=serial)
+    assert [part.state for part in rig.inventory.view(rig.now)][:-1] == [PartState.LEFT] * 4  # `keep_ended` of the rig
+    for serial in range(1, 20):
+        rig.claim(serial, "EFGH", serial=777)
+        rig.run(2.0)
+        rig.claim(serial, "EFGH", serial=777)
+    assert len(rig.inventory.view(rig.now)) <= 4 + 2
+
+
+@pytest.mark.parametrize("patience", [(0.0, 5.0), (5.0, 0.0), (0.0, 0.0)])
+def test_two_sessions_with_one_key_are_only_probed_where_both_links_can_be(patience: tuple[float, float]) -> None:
+    rig = Rig()
+    for key, patience_s in zip((1, 2), patience, strict=True):
+        rig.join(key, client_key=0xAB, patience_s=patience_s)
+        rig.claim(key, "ABCD", serial=7)
+    rig.run(1.25)
+    assert rig.claim(2, "ABCD", serial=7) == Verdict()
+    rig.run(0.5)
+    assert rig.claim(2, "ABCD", serial=7).lease, "silent for one and a half beats"
+
+
+def test_a_part_that_began_anew_and_is_turned_away_has_no_life_left() -> None:
+    rig = Rig()
+    rig.claim(AA, "ABCD")
+    rig.join(AA)
+    rig.store.blocks["ABCD"] = "burnt"
+    assert rig.claim(AA, "ABCD").refusal is Refusal.BLOCKED
+    assert rig.part(AA).life == 0
+    rig.run(8.0)
+    assert rig.state(AA) is PartState.REFUSED
+
+
+def test_the_longest_number_and_name_are_shown_whole() -> None:
+    rig = Rig()
+    rig.claim(AA, "N" * 254, name="L" * 254)
+    rig.claim(BB, "N" * 5000, name="L" * 5000)
+    assert (rig.part(AA).part_number, rig.part(AA).local_name) == ("N" * 254, "L" * 254)
+    assert rig.part(AA).refusal is Refusal.UNKNOWN_PART
+    assert rig.part(BB).refusal is Refusal.BAD_CLAIM
+    assert len(rig.part(BB).part_number + rig.part(BB).local_name) < 520
+
+
+def test_a_restart_in_a_new_session_makes_nobody_forgotten_who_has_gone() -> None:
+    rig = Rig()
+    for key in range(1, 5):  # as many as the rig keeps
+        rig.claim(key, "EFGH")
+        rig.leave(key, "bye")
+    rig.claim(AA, "ABCD", serial=9)
+    rig.claim(BB, "ABCD", serial=9)
+    rig.run(2.0)
+    assert rig.claim(BB, "ABCD", serial=9).lease
+    assert [part.client_key for part in rig.inventory.view(rig.now)] == [1, 2, 3, 4, BB]

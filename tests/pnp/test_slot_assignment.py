@@ -310,3 +310,73 @@ def test_one_uid_never_gets_two_slots() -> None:
         rig.inventory.rearrange({CC: "BB2"}, rig.now, "ann")
     rig.inventory.rearrange({CC: "BB"}, rig.now, "ann")  # in its place is another matter
     assert (rig.part(CC).slot, rig.state(AA)) == ("BB", PartState.STANDBY)
+
+
+class Unreadable(MemoryStore):
+    """Some configurations cannot be read."""
+
+    broken: frozenset[str] = frozenset()
+
+    def configuration(self, slot: str) -> Configuration:
+        if slot in self.broken:
+            raise RegistryError("the disk is gone")
+        return super().configuration(slot)
+
+
+def test_of_two_slots_that_fall_free_at_once_each_finds_its_spare_or_waits_for_a_claim() -> None:
+    plain = sample_store()
+    store = Unreadable(
+        types=tuple(plain.types.values()),
+        slots=plain.slots(),
+        configurations=tuple(plain.configurations.values()),
+    )
+    rig = Rig(store)
+    taken: list[TakeOver] = []
+    rig.inventory.on_take_over(taken.append)
+    for key, number in ((AA, "ABCD"), (BB, "EFGH"), (CC, "WXYZ")):
+        rig.claim(key, number)
+    spares = ((1, "ABCD"), (2, "WXYZ"), (3, "EFGH"))  # in the order in which they wait
+    for key, number in spares:
+        rig.run(0.25, AA, BB, CC)
+        rig.claim(key, number)
+    store.broken = frozenset({"CC"})
+    for _ in range(12):
+        rig.run(0.5, AA)
+        rig.beat(AA)
+        if taken:
+            break
+        for key, number in spares:
+            rig.claim(key, number)
+    assert {rig.state(BB), rig.state(CC)} == {PartState.LOST}
+    assert [(one.slot, one.part, one.lost_uid) for one in taken] == [("BB", "BB", uid(BB))]
+    assert [rig.part(key).slot for key, _ in spares] == [None, None, "BB"]
+    assert store.remembered[uid(3)] == "BB"
+    store.broken = frozenset()
+    rig.run(0.5, AA, 3)
+    assert rig.state(2) is PartState.STANDBY, "its next claim brings it in"
+    assert rig.claim(2, "WXYZ").lease
+    assert (rig.part(2).slot, len(taken)) == ("CC", 1)
+
+
+def test_a_part_that_is_where_it_shall_be_does_not_keep_others_from_being_moved() -> None:
+    rig = Rig(sample_store(Slot("DD", "EFGH")))
+    rig.claim(AA, "ABCD")
+    rig.claim(BB, "EFGH", name="BB")
+    lease = rig.leases[AA]
+    rig.inventory.rearrange({AA: "AA", BB: "DD"}, rig.now, "so it shall be")
+    assert (rig.part(AA).slot, rig.part(BB).slot) == ("AA", "DD")
+    assert rig.inventory.beat(lease, AA, rig.now) == 1
+
+
+@pytest.mark.parametrize("over", [0.0, 0.125])
+def test_who_claimed_3_s_ago_is_still_surely_there(over: float) -> None:
+    rig = Rig()
+    rig.claim(BB, "EFGH")
+    rig.claim(1, "EFGH")
+    rig.run(1.0, BB)
+    rig.claim(2, "EFGH")
+    rig.run(1.0 + over, BB)
+    rig.claim(2, "EFGH")
+    rig.run(1.0, BB)
+    rig.leave(BB, "bye")
+    assert rig.part(2 if over else 1).slot == "BB", "the longest waiting of those who are surely there"

@@ -6,7 +6,7 @@ import pytest
 
 from msbot.config import PartType, Slot
 from msbot.errors import RegistryError
-from msbot.pnp import Claim, MemoryStore, PartState, Refusal
+from msbot.pnp import Claim, Group, MemoryStore, PartState, Refusal
 from msbot.pnp.slot_matching import Match, Matcher
 from tests.pnp.robot import ABCD, EFGH, sample_store, uid
 
@@ -252,3 +252,67 @@ def test_fits_says_what_the_library_says() -> None:
     assert matcher.free_slot("AA") == Slot("AA", "ABCD")
     matcher.take("AA")
     assert (matcher.free_slot("AA"), matcher.free_slot("ZZ"), matcher.names()) == (None, None, ("AA",))
+
+
+EIGHT = tuple(Slot(f"s{number}", "ABCD") for number in range(8))
+
+
+@pytest.mark.parametrize(
+    ("slots", "words"),
+    [
+        (EIGHT[:2], "s0, s1"),
+        (EIGHT, "s0, s1, s2, s3, s4, s5, s6, s7"),
+        ((*EIGHT, Slot("s8", "ABCD")), "s0, s1, s2, s3, s4, s5, s6, s7 and 1 more"),
+        ((*EIGHT, Slot("e0", "ABCE"), Slot("e1", "ABCE")), "e0, e1, s0, s1, s2, s3, s4, s5 and 2 more"),
+    ],
+)
+@pytest.mark.parametrize("octets", [uid(1), b""])
+def test_the_whole_chain_of_evidence(slots: tuple[Slot, ...], words: str, octets: bytes) -> None:
+    matcher, _ = matcher_of(*slots)
+    number = "ABCE" if "e0" in words else "ABCD"
+    name = "sensor, new make" if number == "ABCE" else "sensor"
+    count = 2 if number == "ABCE" else len(slots)
+    match = matcher.match(Claim(number, "x", octets))
+    wait = f"{count} free slots fit and local name 'x' names none of them: a person must say"
+    who = "UID 0000000000000001" if octets else "no UID"
+    assert match == Match(
+        PartState.STANDBY,
+        wait,
+        (
+            ("claim", f"part number {number}, local name 'x', {who}"),
+            ("library", f"{number} is a light {name}"),
+            ("blocked", "no"),
+            ("slots", words),
+            ("same UID as before", "never seen here" if octets else "the part has no UID"),
+            ("slot", wait),
+        ),
+        refusal=Refusal.NO_SLOT,
+    )
+
+
+@pytest.mark.parametrize(("number", "name"), [("A" * 254, ""), ("ABCD", "B" * 254)])
+def test_a_text_of_254_characters_can_be_claimed(number: str, name: str) -> None:
+    matcher, _ = matcher_of(Slot("AA", "ABCD"), Slot("long", "A" * 254), types=(ABCD, PartType("A" * 254, "long")))
+    assert matcher.match(Claim(number, name)).outcome is PartState.ACTIVE
+
+
+def test_what_a_pupil_is_told_of_other_groups_slots() -> None:
+    matcher, store = matcher_of(Slot("left", "ABCD"), Slot("right", "ABCD"))
+    store.remembered[uid(1)] = "right"
+
+    def told(pupil: str) -> list[tuple[str, str]]:
+        match = matcher.match(Claim("ABCD", "left", uid(1)), pupil=pupil)
+        return [(rule, words) for rule, words in match.evidence if rule in ("group", "same UID as before", "slot")]
+
+    back = [("slot", "same UID as before: back in its slot right")]
+    assert told("") == told("ada") == back
+    matcher.pupils.use_groups([Group("Red", ("ben",), ("right",))])
+    others = ("group", "free slots of other groups are not for ada")
+    only = ("slot", "slot left is the one free slot that fits")
+    assert told("ada") == [("same UID as before", "slot right belongs to group Red"), others, only]
+    assert told("") == told("ben") == back
+    store.remembered.clear()
+    assert told("ben") == [
+        ("same UID as before", "never seen here"),
+        ("slot", "slot right is the one free slot that fits"),
+    ]

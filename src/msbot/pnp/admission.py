@@ -191,8 +191,7 @@ class Admission:
             return PENDING
         facts += ((said("old session"), said("silent for {waited:.2f} s since the claim", waited=waited)),)
         reason = said("restarted: the same UID came back from {address}", address=record.address)
-        self._changes.retire(rival, PartState.LOST, now, reason, facts)
-        self._index.detach(rival)
+        self._changes.retire(rival, PartState.LOST, now, reason, facts)  # `identify` continues its record
         if is_probed:
             for handler in self.superseded_handlers:
                 self._changes.later(partial(handler, rival.client_key))
