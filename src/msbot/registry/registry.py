@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -57,14 +59,19 @@ def open_registry(
     """
     where = parse_address(address)
     check_file(where, create=create and not read_only, read_only=read_only)
+    rights = None
     if where.path is not None and not read_only:
-        make_private(where.path)
+        rights = where.path.stat().st_mode if where.path.exists() else None
+        make_private(where.path)  # before it is opened: its log gets the rights that it has then
     engine = make_engine(where, busy_timeout_s=busy_timeout_s, read_only=read_only)
     try:
         _prepare(engine, where, migrations or own_migrations(), read_only=read_only)
         return Registry(Storage(engine, where, epoch_ns, busy_timeout_s=busy_timeout_s, read_only=read_only))
     except BaseException:
         engine.dispose()
+        if where.path is not None and rights is not None:  # it may be another program's
+            with contextlib.suppress(OSError):
+                os.chmod(where.path, rights)
         raise
 
 

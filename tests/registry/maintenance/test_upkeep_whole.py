@@ -1,0 +1,179 @@
+"""Every kind of maintenance with every kind of file: what is answered, what is there afterwards, what stays open."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Engine
+
+from msbot.errors import RegistryError
+from msbot.registry.database.engine import make_engine
+from msbot.registry.database.schema import own_migrations
+from msbot.registry.maintenance import backup_check, upkeep
+from msbot.registry.maintenance.upkeep import Migrated
+
+OLD = (Path(__file__).parents[1] / "edits" / "old" / "schema4.sql").read_text()
+NOW = own_migrations().newest
+"""The schema of an up-to-date database, as `NONE` that of what is no database of MsBOT."""
+NONE = None
+
+MISSING = "there is no database ~/robot.db: `msbot master` makes one when it runs, or choose another --db"
+FOLDER = "the database ~/robot.db is a folder: name a file in it, for example ~/robot.db/robot.db"
+TEXT = "~/robot.db is not a database: some other file has this name; move it away, or choose another --db"
+OLDER = "the database ~/robot.db is empty or of an older MsBOT: `msbot db migrate --db ~/robot.db`"
+NEWER = (
+    f"the database ~/robot.db was written by a newer MsBOT (schema 9999, this one knows {NOW}): update MsBOT or choose "
+    "another --db"
+)
+OTHER = "the database ~/robot.db belongs to another program (it has cats): choose another --db"
+NO_BACKUP = "there is no backup ~/robot.db: name a file that `msbot db backup` has written"
+IN_BACKUP = "this backup is not used: "
+
+
+def _sql(path: Path, script: str) -> None:
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(script)
+
+
+def _make(kind: str, path: Path, ours: bytes) -> None:
+    """The file before, open for all to read."""
+    match kind:
+        case "folder":
+            path.mkdir()
+        case "empty":
+            path.touch()
+        case "text":
+            path.write_text("[robot] of mine, and no database at all")
+        case "older":
+            _sql(path, OLD)
+        case "other":
+            _sql(path, "CREATE TABLE cats (name TEXT)")
+        case "newer" | "ours":
+            path.write_bytes(ours)
+            if kind == "newer":
+                _sql(path, "UPDATE alembic_version SET version_num = '9999'")
+    if kind != "missing":
+        path.chmod(0o755 if kind == "folder" else 0o644)
+
+
+def _restored(path: Path, ours: bytes) -> Path | None:
+    backup = path.with_name("good.db")
+    backup.write_bytes(ours)
+    return upkeep.restore(backup, str(path))
+
+
+ACTIONS: dict[str, Callable[[Path, bytes], object]] = {
+    "check": lambda path, _: upkeep.check(str(path)),
+    "migrate": lambda path, _: upkeep.migrate(str(path)),
+    "back up": lambda path, _: upkeep.back_up(str(path), path.with_name("copy.db")),
+    "bring back": lambda path, _: upkeep.restore(path, str(path.with_name("new.db"))),
+    "replace": _restored,
+}
+TABLE: dict[str, dict[str, object]] = {
+    "check": {"missing": MISSING, "folder": FOLDER, "empty": OLDER, "text": TEXT, "older": OLDER, "newer": NEWER,
+              "other": OTHER, "ours": []},
+    "migrate": {"missing": MISSING, "folder": FOLDER, "empty": Migrated(0, NOW), "text": TEXT,
+                "older": Migrated(4, NOW), "newer": NEWER, "other": OTHER, "ours": Migrated(NOW, NOW)},
+    "back up": {"missing": MISSING, "folder": FOLDER, "empty": OLDER, "text": TEXT, "older": OLDER, "newer": NEWER,
+                "other": OTHER, "ours": 0},
+    "bring back": {"missing": NO_BACKUP, "folder": FOLDER, "empty": f"{IN_BACKUP}it is not a database", "text": TEXT,
+                   "older": None, "newer": IN_BACKUP + NEWER.replace("~/", ""),
+                   "other": IN_BACKUP + OTHER.replace("~/", ""), "ours": None},
+    "replace": {"missing": None, "folder": FOLDER, "empty": None, "text": TEXT,
+                "older": "~/robot.db.replaced.1.backup", "newer": NEWER, "other": OTHER, "ours": None},
+}  # fmt: skip
+MORE_FILES: dict[tuple[str, str], dict[str, int]] = {
+    ("migrate", "older"): {"robot.db": NOW, "robot.db.schema4.1.backup": 4},
+    ("migrate", "empty"): {"robot.db": NOW},
+    ("back up", "ours"): {"copy.db": NOW},
+    ("bring back", "older"): {"new.db": NOW},
+    ("bring back", "ours"): {"new.db": NOW},
+    ("replace", "missing"): {"robot.db": NOW},
+    ("replace", "empty"): {"robot.db": NOW},
+    ("replace", "older"): {"robot.db": NOW, "robot.db.schema4.1.backup": 4, "robot.db.replaced.1.backup": NOW},
+}
+"""Files that are there afterwards, besides what was there, with their schemas."""
+SCHEMAS: dict[str, int | None] = {"older": 4, "newer": 9999, "ours": NOW}
+
+
+@pytest.fixture
+def engines(monkeypatch: pytest.MonkeyPatch) -> list[Engine]:
+    """Every engine that maintenance makes."""
+    made: list[Engine] = []
+
+    def make(*arguments: object, **options: object) -> Engine:
+        made.append(make_engine(*arguments, **options))  # type: ignore[arg-type]  # passed on as they came
+        return made[-1]
+
+    monkeypatch.setattr(upkeep, "make_engine", make)
+    monkeypatch.setattr(backup_check, "run_limited", lambda function, _limits, *arguments: function(*arguments))
+    return made
+
+
+def _schema(path: Path) -> int | None:
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
+            return int(connection.execute("SELECT version_num FROM alembic_version").fetchone()[0])
+    except sqlite3.Error:
+        return NONE
+
+
+def _open_below(folder: Path) -> list[str]:
+    """Files below it that this process has open."""
+    found = []
+    for number in os.listdir("/proc/self/fd"):
+        try:
+            target = os.readlink(f"/proc/self/fd/{number}")
+        except FileNotFoundError:  # the listing itself
+            continue
+        found += [target] if target.startswith(str(folder)) else []
+    return found
+
+
+@pytest.mark.parametrize("action", TABLE)
+@pytest.mark.parametrize("kind", TABLE["check"])
+def test_what_is_answered_and_what_is_left(
+    path: Path, empty_database: bytes, engines: list[Engine], kind: str, action: str
+) -> None:
+    _make(kind, path, empty_database)
+    content = path.read_bytes() if path.is_file() else b""
+    expected = TABLE[action][kind]
+    is_refused = isinstance(expected, str) and not expected.startswith("~/robot.db.replaced")
+    if is_refused:
+        with pytest.raises(RegistryError) as caught:
+            ACTIONS[action](path, empty_database)
+        answer: object = str(caught.value)
+    else:
+        answer = ACTIONS[action](path, empty_database)
+    assert (str(answer).replace(str(path.parent), "~") if isinstance(answer, str | Path) else answer) == expected
+    files: dict[str, int | None] = {} if kind == "missing" else {path.name: SCHEMAS.get(kind)}
+    files |= {"good.db": NOW} if action == "replace" else {}
+    files |= MORE_FILES.get((action, kind), {})
+    assert {file.name: _schema(file) for file in path.parent.iterdir()} == files
+    if is_refused and kind not in ("missing", "folder"):
+        assert (path.read_bytes(), path.stat().st_mode & 0o777) == (content, 0o644), "what is refused is left alone"
+    for name in set(files) - {path.name, "good.db"}:
+        assert (path.parent / name).stat().st_mode & 0o777 == 0o600, name
+    assert [engine.pool.status() for engine in engines if engine.pool.checkedin() + engine.pool.checkedout()] == []  # type: ignore[attr-defined]  # a QueuePool
+    assert _open_below(path.parent) == []
+
+
+def test_a_backup_that_fails_halfway_leaves_nothing(
+    path: Path, empty_database: bytes, engines: list[Engine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path.write_bytes(empty_database)
+    target = path.with_name("copy.db")
+
+    def fail(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(upkeep, "_copy", fail)
+    with pytest.raises(OSError, match="No space left"):
+        upkeep.back_up(str(path), target)
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    assert _open_below(path.parent) == []
