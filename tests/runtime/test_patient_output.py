@@ -1,13 +1,16 @@
-"""Output that never makes a robot wait: a pipe that nobody reads, a reader that has gone, a program that ends."""
+"""Output that never makes a robot wait: a pipe that nobody reads, or has gone, a full disk, the end."""
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TextIO
 
 import pytest
 
@@ -64,18 +67,75 @@ def test_everything_is_there_in_its_order_when_it_ends_and_streams_are_as_before
         assert os.read(reading, 100).decode() == "one ä\ntwo\nthree\nfour\n"
 
 
-def test_a_reader_that_has_gone_is_told_as_without_it() -> None:
+def test_a_reader_that_has_gone_ends_nobody_and_is_told_once_on_the_other_stream() -> None:
     program = (
         "from msbot.runtime.patient_output import patient_output\n"
         "with patient_output():\n"
-        "    while True: print('line')\n"
+        "    print('line')\n"
+        "    input()\n"
+        "    for _ in range(1000): print('line')\n"
     )
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"line\n"
         process.stdout.close()
+        assert process.stdin is not None
+        process.stdin.write(b"\n")
+        process.stdin.close()
         assert process.stderr is not None
-        assert b"BrokenPipeError" in process.stderr.read()
+        said = process.stderr.read()
+    assert said == b"standard output takes nothing any more (Broken pipe): its lines are lost\n"
+    assert process.returncode == 0
+
+
+def test_what_a_full_disk_did_not_take_is_counted_and_told_before_the_next_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    written: list[tuple[str, str]] = []
+    tried = threading.Semaphore(0)
+    full = {"out": False, "err": False}
+
+    def write(stream: TextIO, text: str) -> None:
+        tried.release()
+        name = "out" if stream is output else "err"
+        if full[name]:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written.append((name, text))
+
+    def say(text: str, stream: TextIO, tries: int = 1) -> None:
+        stream.write(text)
+        for _ in range(tries):
+            assert tried.acquire(timeout=60)
+
+    with open(os.devnull, "w") as output, open(os.devnull, "w") as errors, monkeypatch.context() as changed:
+        changed.setattr(sys, "stdout", output)
+        changed.setattr(sys, "stderr", errors)
+        changed.setattr("msbot.runtime.patient_output._write", write)
+        with patient_output():
+            say("1\n", sys.stdout)
+            full["out"] = True
+            say("2\n3\n", sys.stdout, tries=2)  # the second is what the other stream tells
+            say("4\n", sys.stdout)
+            say("a\n", sys.stderr)
+            full["out"] = False
+            say("5\n", sys.stdout)
+            say("6\n", sys.stdout)
+            full["out"] = full["err"] = True
+            say("7\n", sys.stdout, tries=2)
+            late = sys.stdout
+        late.write("8\n")  # nobody is troubled by it after the end, either
+        full["out"] = False
+        late.write("9\n")
+    assert written == [
+        ("out", "1\n"),
+        ("err", "standard output takes nothing any more (No space left on device): its lines are lost\n"),
+        ("err", "a\n"),
+        ("out", "\n(3 lines are lost: No space left on device)\n5\n"),
+        ("out", "6\n"),
+        ("out", "\n(2 lines are lost: No space left on device)\n9\n"),
+    ]
 
 
 def test_a_stream_that_is_none_of_the_system_stays(capsys: pytest.CaptureFixture[str]) -> None:

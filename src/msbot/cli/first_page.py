@@ -22,8 +22,16 @@ def show(commands: Mapping[str, tuple[str, str]]) -> None:
     try:
         print(page(commands, _columns()), flush=True)
     except BrokenPipeError:
-        # Whoever read it (`| head`) has enough; Python would complain when it closes the pipe.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        leave_output()  # whoever read it (`| head`) has enough
+    except OSError as error:
+        leave_output()
+        print(f"msbot: standard output takes nothing: {error.strerror}", file=sys.stderr)
+        sys.exit(2)
+
+
+def leave_output() -> None:
+    """Let standard output go nowhere: what waits in its buffer would make Python complain at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def page(commands: Mapping[str, tuple[str, str]], columns: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -10,10 +11,13 @@ import click
 from click.shell_completion import CompletionItem
 
 from msbot.cli import CHANGING, COMMANDS
-from msbot.cli.first_page import SUMMARY
+from msbot.cli.first_page import SUMMARY, leave_output
 from msbot.errors import MsbotError
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.printable import printable, whole
+
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""What the system says when a disk is full, or its share of a user."""
 
 LONGEST_NAME = 100
 """Of a name in a sentence, in letters."""
@@ -63,10 +67,14 @@ def run() -> None:
     except MsbotError as error:
         words = str(error)
     except OSError as error:
-        if error.filename is None:
+        if error.filename is not None:
+            # A name that was given on the command line: nobody may look into its folder, or it is too long.
+            words = f"{name_in_words(error.filename)}: {error.strerror}"
+        elif error.errno in NO_ROOM:
+            words = f"what was to be printed or written has no room: {error.strerror}"
+            leave_output()
+        else:
             raise
-        # A name that was given on the command line: nobody may look into its folder, or it is too long.
-        words = f"{name_in_words(error.filename)}: {error.strerror}"
     except UnicodeEncodeError as error:
         if error.reason != "surrogates not allowed":
             raise

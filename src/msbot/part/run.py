@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import signal
 import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -21,6 +20,7 @@ from msbot.link.can import CanSettings, Codec
 from msbot.part.beginner import HandlerWatch, part_is_run
 from msbot.part.join.keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
+from msbot.runtime.end_signals import on_end_signal
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.task_errors import ungrouped
 from msbot.runtime.terminal_log import TerminalHandler
@@ -97,15 +97,13 @@ async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
 
 
 def end_on_signals(parts: list[Part]) -> None:
-    """Have SIGINT and SIGTERM end the parts cleanly; where the loop cannot do that, Ctrl-C just ends them."""
+    """Have SIGINT, SIGTERM and SIGHUP end the parts cleanly; where the loop cannot do that, Ctrl-C just ends them."""
 
     def end() -> None:
         for part in parts:
             part.end()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):
-            asyncio.get_running_loop().add_signal_handler(number, end)
+    on_end_signal(end)
 
 
 def _parse(args: list[str] | None) -> argparse.Namespace:

@@ -3,6 +3,9 @@
 A terminal stands still when somebody presses Ctrl-S, marks text in a window of Windows, or leaves a pager open; a pipe
 does when nobody reads it. Whoever writes to it then waits, and a robot whose loop waits neither hears beats nor obeys
 STOP. Here a thread writes, and what it cannot get rid of is bounded: beyond that, lines are counted and not kept.
+
+Nor does a robot end because of what it says: where nothing can be written (the disk of the log is full, the terminal or
+the reader of the pipe is gone), lines are counted, the other stream tells it once, and the robot goes on.
 """
 
 from __future__ import annotations
@@ -14,7 +17,8 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from time import monotonic
 from typing import Final, TextIO
 
@@ -32,11 +36,7 @@ class PatientOutput(io.TextIOBase):
         self._thread = thread
 
     def write(self, text: str, /) -> int:
-        """Have the text written soon.
-
-        Raises:
-            OSError: an earlier text could not be written, for example because the reader has gone.
-        """
+        """Have the text written soon; what cannot be written is counted, and told as soon as it can be."""
         if not isinstance(text, str):
             raise TypeError(f"a text is needed, not {type(text).__name__}")
         return self._thread.take(self._stream, text)
@@ -67,24 +67,31 @@ class PatientOutput(io.TextIOBase):
         return self._stream.errors
 
 
+@dataclass(slots=True)
+class _Loss:
+    """What could not be written to a stream since something could."""
+
+    name: str
+    lines: int = 0
+    why: str = ""
+
+
 class _Thread:
     """Writes for both streams, in the order in which the texts came."""
 
-    def __init__(self) -> None:
+    def __init__(self, output: TextIO, errors: TextIO) -> None:
+        self._losses = {output: _Loss("standard output"), errors: _Loss("standard error")}
         self._change = threading.Condition()
         self._texts: deque[tuple[TextIO, str]] = deque()
         self._waiting = 0
         self._left_out = 0
-        self._error: OSError | None = None
         self._is_over = False
         threading.Thread(target=self._run, name="msbot output", daemon=True).start()
 
     def take(self, stream: TextIO, text: str) -> int:
         with self._change:
-            if self._error is not None:
-                raise self._error
             if self._is_over:
-                _write(stream, text)
+                self._give(stream, text)
             elif self._left_out or self._waiting + len(text) > MOST_WAITING:
                 # Until all that waits is written: one gap, not many.
                 self._left_out += max(1, text.count("\n"))
@@ -98,7 +105,7 @@ class _Thread:
         """Write what waits; what is written later is written at once."""
         until = monotonic() + patience_s
         with self._change:
-            while self._waiting and self._error is None and (left := until - monotonic()) > 0:
+            while self._waiting and (left := until - monotonic()) > 0:
                 self._change.wait(left)
             self._is_over = not self._waiting  # else the thread still has the stream, and stands still with it
 
@@ -116,20 +123,34 @@ class _Thread:
                 while not self._texts:
                     self._change.wait()
                 stream, text = self._texts.popleft()
-            try:
-                _write(stream, text)
-                if left_out := self._gap():
-                    _write(stream, f"({left_out} lines are not shown: nobody took them)\n")
-            except OSError as error:
-                with self._change:
-                    self._error = error
-                    self._texts.clear()
-                    self._waiting = 0
-                    self._change.notify_all()
-                return
+            self._give(stream, text)
+            if left_out := self._gap():
+                self._give(stream, f"({left_out} lines are not shown: nobody took them)\n")
             with self._change:
                 self._waiting -= len(text)
                 self._change.notify_all()
+
+    def _give(self, stream: TextIO, text: str) -> None:
+        """Write it, after a note of what was lost before; what cannot be written is lost."""
+        loss = self._losses[stream]
+        # A line may have been written in part: the note begins on a new one.
+        note = f"\n({loss.lines} lines are lost: {loss.why})\n" if loss.lines else ""
+        try:
+            _write(stream, note + text)
+        except OSError as error:
+            is_first = not loss.lines
+            loss.lines += max(1, text.count("\n"))
+            loss.why = error.strerror or str(error)
+            if is_first:
+                self._tell_others(stream, f"{loss.name} takes nothing any more ({loss.why}): its lines are lost\n")
+        else:
+            loss.lines = 0
+
+    def _tell_others(self, stream: TextIO, words: str) -> None:
+        for other, loss in self._losses.items():
+            if other is not stream and not loss.lines:
+                with suppress(OSError):  # both may go to the same place
+                    _write(other, words)
 
 
 def _write(stream: TextIO, text: str) -> None:
@@ -158,7 +179,7 @@ def patient_output(patience_s: float = PATIENCE_S) -> Iterator[None]:
     except (OSError, ValueError):  # not streams of the system, as in a test: nobody waits for them
         yield
         return
-    thread = _Thread()
+    thread = _Thread(*before)
     sys.stdout, sys.stderr = PatientOutput(before[0], thread), PatientOutput(before[1], thread)
     logs = [one for one in logging.getLogger().handlers if getattr(one, "stream", None) is before[1]]
     for log in logs:

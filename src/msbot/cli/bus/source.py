@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import signal
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -15,6 +13,7 @@ from msbot.link.can import BusState, open_can_bus
 from msbot.link.can.adapters import CanDriver
 from msbot.link.can.protocol import Frame
 from msbot.link.can.sim import open_sim_bus
+from msbot.runtime.end_signals import on_end_signal
 
 SCHEMES = ("can", "sim")
 
@@ -99,9 +98,7 @@ class Listening:
         """
         loop = asyncio.get_running_loop()
         self._epoch_s = time.time() - loop.time()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(NotImplementedError):
-                loop.add_signal_handler(number, self.finish)
+        on_end_signal(self.finish)
         listening = loop.create_task(self.bus.run())
         ended = loop.create_task(self._ended.wait())
         try:

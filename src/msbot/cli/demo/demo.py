@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import json
 import logging
-import signal
 import sys
 import tempfile
 import time
@@ -45,6 +44,7 @@ from msbot.link.can.sim import SimBusServer, check_free
 from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
+from msbot.runtime.end_signals import on_end_signal
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.made_to_stay import made_to_stay
@@ -327,9 +327,7 @@ def _check_script(script: list[ScriptStep], robot: DemoRobot) -> None:
 
 async def _run(robot: DemoRobot, options: _Options, notes: Notes, script: ScriptRun) -> None:
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):
-            loop.add_signal_handler(number, robot.finish)
+    on_end_signal(robot.finish)
     if options.seconds is not None:
         loop.call_later(options.seconds, robot.finish)
     playing = loop.create_task(script.run())

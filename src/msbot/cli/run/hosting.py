@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
-import signal
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
@@ -15,7 +13,9 @@ from msbot.part import Part
 from msbot.part.join.keys import given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot.part.run import CAN
+from msbot.runtime.end_signals import on_end_signal
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
 
 if TYPE_CHECKING:
@@ -55,10 +55,8 @@ def run_until_told(make: Callable[[], tuple[Endable, Coroutine[object, object, N
 
     async def main() -> None:
         unit, work = make()
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            with contextlib.suppress(NotImplementedError, AttributeError):
-                asyncio.get_running_loop().add_signal_handler(getattr(signal, name), unit.end)
+        on_end_signal(unit.end)
         await work
 
-    with contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt), patient_output():
         run_to_end(main())

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import signal
 from collections.abc import Callable, Coroutine, Iterable
 
 from msbot.errors import MsbotError
+from msbot.runtime.end_signals import on_end_signal
 from msbot.runtime.task_errors import ungrouped
 
 
@@ -15,7 +14,7 @@ async def run_until_signal(
     work: Coroutine[object, object, None], *, beside: Iterable[Coroutine[object, object, None]] = (),
     ready: asyncio.Event | None = None, say: Callable[[], None] | None = None,
 ) -> None:  # fmt: skip
-    """Run until the work ends, or until SIGINT or SIGTERM, which end it cleanly.
+    """Run until the work ends, or until SIGINT, SIGTERM or SIGHUP, which end it cleanly.
 
     Args:
         work: what to run.
@@ -26,15 +25,12 @@ async def run_until_signal(
     Raises:
         MsbotError: the error that ended the work, taken out of its exception group.
     """
-    loop = asyncio.get_running_loop()
     with ungrouped(MsbotError):
         async with asyncio.TaskGroup() as tasks:
             working = tasks.create_task(work)
             helpers = [tasks.create_task(helping) for helping in beside]
             working.add_done_callback(lambda _: [helper.cancel() for helper in helpers])
-            for number in (signal.SIGINT, signal.SIGTERM):
-                with contextlib.suppress(NotImplementedError):
-                    loop.add_signal_handler(number, working.cancel)
+            on_end_signal(working.cancel)
             if ready is not None and say is not None:
                 greeting = tasks.create_task(_say_when(ready, say))
                 working.add_done_callback(lambda _: greeting.cancel())
