@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -59,3 +61,34 @@ def test_every_change_gives_a_version_that_the_part_has_not_just_had(deeds: list
         last = hand.over(Configuration(version=version, slot="fan", bindings=WIRED.bindings))
         assert (last.version == before.version) == (last.bindings == before.bindings and deed != "changed")
         assert 1 <= last.version < 1 << 32
+
+
+def test_the_whole_configuration_of_a_slot_while_ports_are_held_and_after() -> None:
+    hand = HandControl()
+    held = hand.take("fan", "power", "Level")
+    by_hand = SlotBinding("power", "msbot_hand_fan_power", "Level", publishes=False)
+    assert held.topic == by_hand.topic
+    assert hand.over(WIRED) == replace(WIRED, version=0x1_0003, bindings=(WIRED.bindings[1], by_hand))
+    assert hand.take("fan", "power", "Level") == held
+    assert hand.over(WIRED).version == 0x1_0003, "it was held before"
+    hand.let_go("fan", "power")
+    hand.let_go("fan", "power")
+    assert hand.over(WIRED) == replace(WIRED, version=0x2_0003)
+    assert hand.over(replace(WIRED, version=0x5_FFFF)).version == 0x2_FFFF, "of a version only the lower half is left"
+    other = replace(WIRED, slot="other")
+    assert hand.over(other) is other
+
+
+def test_after_65535_changes_of_a_slot_the_count_begins_anew_and_never_at_0() -> None:
+    hand = HandControl()
+    for _ in range(0xFFFE // 2):
+        hand.take("fan", "power", "Level")
+        hand.let_go("fan", "power")
+    assert hand.over(WIRED).version == 0xFFFE_0003
+    versions = []
+    for _ in range(2):
+        hand.take("fan", "power", "Level")
+        versions.append(hand.over(WIRED).version)
+        hand.let_go("fan", "power")
+        versions.append(hand.over(WIRED).version)
+    assert versions == [0xFFFF_0003, 0x1_0003, 0x2_0003, 0x3_0003]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from msbot.config import PartType, Slot
 from msbot.part.join.trouble import trouble_pieces
 from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, Refusal, Verdict
-from tests.pnp.robot import Rig, configuration, sample_store
+from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD
 
@@ -400,3 +400,56 @@ def test_an_agent_that_brings_parts_is_not_shown_unless_it_has_shown_itself_as_a
     rig.claim(2, "ABCD", serial=2)
     rig.inventory.is_no_part(2)
     assert [part.slot for part in rig.inventory.view(rig.now)] == ["AA"]
+
+
+def test_whatever_is_done_is_announced_before_it_returns() -> None:
+    rig = Rig(sample_store(Slot("EE", "EFGH")))
+    inventory, now = rig.inventory, rig.now
+
+    def announced() -> list[str]:
+        assert rig.events == rig.store.events
+        assert len(rig.events) > len(seen), "something has happened"
+        new = [event.reason for event in rig.events[len(seen) :]]
+        seen.extend(new)
+        return new
+
+    seen: list[str] = []
+    rig.join(AA)
+    assert announced() == [f"a session was opened from peer {AA}"]
+    inventory.profile_asked(AA, now)
+    assert announced() == ["reads the robot's profile (step 1)"]
+    assert inventory.member(AA) is None
+    standing = inventory.standing_of(AA)
+    assert standing is not None
+    assert (standing.state, standing.lease, standing.configuration_version) == (PartState.CHECKING, 0, 0)
+    rig.claim(AA, "ABCD")
+    announced()
+    assert inventory.member(AA) == (uid(AA), "AA")
+    for count in (1, 2):
+        inventory.sample_refused(AA, "its seal is wrong", now)
+        assert inventory.dropped == {"sample without a good seal": count}
+    assert announced() == ["a sample that says it is from this part was refused: its seal is wrong"]
+    inventory.sample_refused(AA + 1, "there is no such session", now)
+    rig.run(2.0)
+    assert len(announced()) == 1
+    rig.now += 0.125
+    rig.beat(AA)
+    assert announced() == ["heard again after 2.1 s"]
+    rig.store.slot_list = [slot for slot in rig.store.slot_list if slot.name != "AA"]
+    inventory.reload(rig.now)
+    assert announced() == ["the robot has no slot AA any more"]
+    assert inventory.member(AA) is None
+    rig.store.blocks["ABCD"] = "burnt"
+    assert (inventory.blocked(b"", "ABCD"), inventory.blocked(uid(AA), "EFGH")) == ("burnt", None)
+
+
+@pytest.mark.parametrize("how", ["opened again", "ended"])
+def test_a_seal_ends_with_its_session(how: str) -> None:
+    rig = Rig()
+    rig.join(AA)
+    rig.join(BB)
+    for key in (AA, BB):
+        rig.inventory.seals.put(key, bytes(32))
+    rig.join(AA) if how == "opened again" else rig.leave(AA)
+    assert rig.inventory.seals.of(AA) is None
+    assert rig.inventory.seals.of(BB) is not None

@@ -345,3 +345,48 @@ def test_whatever_is_said_in_whatever_order_only_who_proved_it_holds_a_slot(step
         holders = {part.client_key for part in counter.rig.inventory.view(counter.rig.now) if part.state.is_registered}
         assert holders <= proved
         counter.rig.now += 0.3
+
+
+@pytest.mark.parametrize("late", [0.0, 0.125])
+def test_a_question_is_good_up_to_its_last_moment(late: float) -> None:
+    counter = Counter()
+    counter.rig.store.events.clear()
+    nonce = counter.question()
+    counter.rig.now += GOOD_FOR_S + late
+    assert (counter.question() == nonce) is not bool(late), "the same one as long as it is good"
+    counter = Counter()
+    nonce = counter.question()
+    counter.rig.now += GOOD_FOR_S + late
+    assert (counter.show(answer_to(nonce)) is None) is bool(late)
+    if late:
+        assert f"it was asked {GOOD_FOR_S + late:.1f} s ago" in counter.last
+
+
+def test_a_proof_that_was_good_once_is_told_from_one_that_nobody_asked_for() -> None:
+    counter = Counter()
+    proof = counter.join()
+    asker = SESSION.to_bytes(16, "big")
+    keys = counter.requests._keys
+    assert keys is not None
+    again = keys.answer(proof, asker, SESSION, counter.rig.now)
+    assert (again.claim, again.is_repeated) == (None, True)
+    assert again.refused is not None
+    assert "nothing was asked" in again.refused.reason
+    counter.question()
+    again = keys.answer(proof, asker, SESSION, counter.rig.now)
+    assert again.claim is not None
+    assert again.claim.local_name == "eye"
+    assert again.refused is not None
+    assert "it was good once, for another question" in again.refused.reason
+
+
+def test_a_part_that_claims_and_proves_nothing_is_noted_once_for_each_question() -> None:
+    counter = Counter()
+    noted: list[str] = []
+    counter.rig.inventory.on_event(
+        lambda event: noted.append(event.reason) if "proves nothing" in event.reason else None
+    )
+    for _ in range(3):
+        counter.question()
+        counter.rig.now += UNANSWERED_S
+    assert len(noted) == 1

@@ -109,3 +109,13 @@ def test_the_docs_timing_table_is_that_of_the_presets() -> None:
         late = f"{timing.late_s:g} to {2 * timing.beat_s:g} s"
         bounds = f"{timing.shortest_detection_s:g} s | {timing.longest_detection_s:g} s"
         assert f"| {name} | {timing.beat_s:g} s | {timing.tick_s:g} s | {timing.life} | {late} | {bounds} |" in page
+
+
+def test_a_part_with_one_tick_left_is_late_and_one_without_a_beat_has_none() -> None:
+    life = Life(THESIS_TIMING)
+    assert life.beats == 0
+    life.register(0.0)
+    life.tick()
+    life.tick()
+    assert life.status == 1
+    assert life.is_late(4.0)

@@ -17,6 +17,7 @@ from msbot.pnp import (
     PartState,
     PartStore,
     Refusal,
+    StopRecord,
 )
 from tests.pnp.robot import ABCD, sample_store, uid
 
@@ -109,3 +110,11 @@ def test_the_memory_store_blocks_by_uid_or_number() -> None:
     assert store.blocked(uid(1), "ABCD") == "smells burnt"
     assert store.blocked(uid(2), "WXYZ") == "recalled"
     assert store.blocked(uid(2), "ABCD") is None
+
+
+def test_a_store_without_a_database_keeps_stop_as_long_as_it_is_there() -> None:
+    store = MemoryStore()
+    assert store.kept_stop() is None
+    store.keep_stop(StopRecord(3, holds=True, by="ann"))
+    assert store.kept_stop() == StopRecord(3, holds=True, by="ann")
+    assert store.is_kept(0.0)

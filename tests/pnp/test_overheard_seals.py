@@ -96,3 +96,30 @@ def test_whatever_is_heard_ends_in_a_message_or_in_no_sense(heard: list[tuple[bo
             seals.sample(octets, HelloWorld.decode)
         except RemoteProtocolError:
             continue
+
+
+def test_a_challenge_for_sealed_samples_tells_what_the_next_16_octets_are() -> None:
+    beat = plug.StoppedBeat(lease=7, number=1)
+    for challenge, is_sealed in (
+        (plug.SealedChallenge(nonce=bytes(16)), True),
+        (plug.Challenge(nonce=bytes(16)), False),
+    ):
+        seals = OverheardSeals()
+        seals.begin()
+        assert seals.reply(challenge.encode()) == (challenge, None)
+        octets = OF_A_PART.seal(0, beat.encode())
+        read, number = seals.request(octets)
+        assert (read == beat, number is not None) == (is_sealed, is_sealed)
+
+
+@pytest.mark.parametrize("octets", range(1, SEAL_OCTETS))
+def test_what_is_shorter_than_a_seal_has_none(octets: int) -> None:
+    seals = OverheardSeals()
+    for read in (seals.request, seals.reply):
+        try:
+            _, number = read(bytes(octets))
+        except RemoteProtocolError:
+            continue
+        assert number is None
+    with pytest.raises(RemoteProtocolError):
+        seals.request(bytes(9))

@@ -188,3 +188,19 @@ def test_why_a_program_is_held(freeze: Freeze | None, taken: TakeOverByTeacher |
         pupils.taken["ada"] = taken
     assert pupils.held("ada") == words
     assert pupils.held("") == ""
+
+
+def test_why_a_pupil_may_not_do_anything_with_a_slot_and_which_groups_there_are() -> None:
+    pupils = Pupils()
+    pupils.use_groups([RED, BLUE])
+    assert pupils.groups == (BLUE, RED)
+    people, slots = ("", "ada", "cleo", "dora"), ("AA", "BB", "DD")
+
+    def answers() -> list[list[str]]:
+        return [[pupils.why_not(pupil, slot) for slot in slots] for pupil in people]
+
+    red, blue = "slot BB belongs to group Red", "slot DD belongs to group Blue"
+    assert answers() == [["", "", ""], ["", "", blue], ["", red, ""], ["", red, blue]]
+    pupils.freeze = Freeze("novak", "", 0.0)
+    held = "the class is frozen by novak"
+    assert answers() == [["", "", ""], [held, held, blue], [held, red, held], [held, red, blue]]

@@ -87,3 +87,12 @@ def test_a_string_has_to_end_in_nul_wherever_it_ends(length: int) -> None:
         decode_reply((body + b"A").ljust(96, b"\0"))
     with pytest.raises(RemoteProtocolError, match="string of 93 octets at offset 0"):
         decode_reply((93).to_bytes(4, "little") + bytes(92))
+
+
+@pytest.mark.parametrize(("length", "fits"), [(91, True), (92, False)])
+def test_a_reply_has_96_octets_and_not_one_more(length: int, fits: bool) -> None:
+    if fits:
+        assert decode_reply(encode_reply("n" * length)) == "n" * length
+    else:
+        with pytest.raises(ValueError, match="100 octets do not fit into 96"):
+            encode_reply("n" * length)

@@ -212,7 +212,7 @@ class Inventory:
         """A sample of that session has no valid seal: it is counted, and noted once for each part."""
         self.dropped.count("sample without a good seal")
         record = self._index.record_of(key)
-        if record is not None and record.state is not None:
+        if record is not None:
             record.refused_samples += 1
             if record.refused_samples == 1:
                 words = f"a sample that says it is from this part was refused: {reason}"
