@@ -378,3 +378,82 @@ def test_whoever_has_no_rights_may_ask_the_inventory_and_read_who_the_robot_is(f
     assert fed.end.may_read(part(6), plug.PROFILE_TOPIC)  # a session that is just being opened
     assert not fed.end.may_read(part(6), "light")
     assert not fed.end.may_read(part(5), "light")
+
+
+def test_who_leaves_takes_its_topics_along(fed: Gate) -> None:
+    for key in (1, 2):
+        fed.end.joined(part(key, key))
+    fed.hear(rights(1, LIGHT), rights(2))
+    assert [topic.topic for topic in fed.end.topics()] == ["light"]
+    heard_by = (fed.end.may_read(part(1), "light"), fed.end.may_write(part(1), "light"))
+    assert heard_by == (False, True)
+    fed.done()
+    fed.end.left(part(2, 2), "bye")
+    assert fed.done() == [("gone", 2)], "it had none"
+    fed.end.left(part(1), "bye")
+    assert fed.done() == [("gone", 1), ("topics_changed",)]
+    assert list(fed.end.topics()) == []
+
+
+def test_a_topic_that_may_be_read_may_not_be_written(fed: Gate) -> None:
+    fed.end.joined(part(1))
+    fed.hear(rights(1, OpenTopic(topic="dark", topic_type="Dark", publishes=0, reliable=1)))
+    assert (fed.end.may_read(part(1), "dark"), fed.end.may_write(part(1), "dark")) == (True, False)
+
+
+@pytest.mark.parametrize(("is_welcome", "is_cut_off"), [(True, False), (True, True), (False, False), (False, True)])
+def test_what_was_not_confirmed_is_repeated_to_a_master_that_listens_and_to_no_other(
+    fed: Gate, is_welcome: bool, is_cut_off: bool
+) -> None:
+    for key in (1, 2):
+        fed.end.joined(part(key, key))
+    fed.end.left(part(2, 2), "bye")
+    if not is_welcome:
+        fed.end.lost_master()
+    if is_cut_off:
+        fed.now += SILENT_S + 1
+        fed.end.handle_timer(fed.now)
+    else:
+        fed.hear(heard())
+    hello = [] if is_welcome else [AgentHello(boot=BOOT, name="pi")]
+    again = [SessionOpen(number=1, times=1, client_key=0xC1, reads_profile=0, address="CAN node 1"),
+             SessionOver(number=2, reason="bye")] if is_welcome and not is_cut_off else []  # fmt: skip
+    said = [message for message in fed.beat() if not isinstance(message, AgentBeat)]
+    assert said == [*hello, *again]
+    assert fed.end.may_join(part(3, 3)) is (is_welcome and not is_cut_off)
+
+
+def test_a_master_that_welcomes_it_anew_has_confirmed_nothing(fed: Gate) -> None:
+    fed.end.joined(part(1))
+    fed.hear(rights(1, LIGHT))
+    kinds = (AgentBeat,)
+    assert [message for message in fed.beat() if not isinstance(message, kinds)] == []
+    fed.end.lost_master()
+    fed.hear(welcome())
+    opened = SessionOpen(number=1, times=1, client_key=0xC1, reads_profile=0, address="CAN node 1")
+    assert fed.sent()[-1] == opened
+    assert [message for message in fed.beat() if not isinstance(message, kinds)] == [opened]
+    fed.hear(rights(1, LIGHT))
+    assert [message for message in fed.beat() if not isinstance(message, kinds)] == []
+
+
+def test_an_agent_that_is_refused_later_is_no_longer_welcome(fed: Gate) -> None:
+    assert fed.end.is_welcome
+    fed.hear(AgentRefused(reason="full"))
+    assert not fed.end.may_join(part(1))
+    assert AgentHello(boot=BOOT, name="pi") in fed.beat()
+
+
+def test_how_long_a_part_was_silent_is_said_to_the_millisecond(fed: Gate) -> None:
+    fed.end.joined(part(1))
+    fed.sent()
+    for silent_s, silent_ms in ((0.0, 0), (2.5, 2500), (-1.0, 0), (5e6, 0xFFFFFFFF)):
+        fed.around.heard[1] = fed.now - silent_s
+        fed.hear(Sought(number=1))
+        assert fed.sent() == [Sign(number=1, silent_ms=silent_ms)]
+
+
+def test_what_the_master_says_and_nobody_can_read_is_counted(fed: Gate) -> None:
+    for octets in (b"", b"\xff", b"\x01", encode(welcome())[:-3]):
+        fed.end.receive(octets, fed.now)
+    assert fed.end.dropped == {"message of the master that cannot be read": 4}

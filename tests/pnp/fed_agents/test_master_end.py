@@ -335,3 +335,50 @@ def test_a_stranger_is_asked_who_it_is_and_its_stop_is_nobodys(master: Master) -
     assert not master.done()
     master.end.tell_stop()
     assert not master.around.sent[1:]
+
+
+def test_an_agent_is_not_shown_as_a_part_and_its_sessions_are(master: Master) -> None:
+    master.inventory.client_joined(AGENT, "peer 1", master.now)
+    assert master.states() == [("new", "a session was opened from peer 1")]
+    master.hear(hello())
+    assert master.states() == []
+    master.hear(opened(1, reads_profile=0), opened(2))
+    assert master.states() == [
+        ("new", "a session was opened from CAN node 1 by agent pi"),
+        ("checking", "reads the robot's profile (step 1)"),
+    ]
+    master.hear(opened(1))
+    assert [state for state, _ in master.states()] == ["checking", "checking"]
+
+
+@pytest.mark.parametrize(("name", "is_taken"), [("", False), ("x", True), ("x" * LONGEST_NAME, True),
+                                                ("x" * (LONGEST_NAME + 1), False), ("a\tb", False)])  # fmt: skip
+def test_which_names_an_agent_may_have(master: Master, name: str, is_taken: bool) -> None:
+    (answer,) = master.hear(hello(name=name))
+    assert isinstance(answer, AgentWelcome if is_taken else AgentRefused)
+    assert [known for known, _, _ in master.end.names()] == [name] * is_taken
+
+
+class Dice(Random):
+    """Throws what it is told; the last side again and again."""
+
+    def __init__(self, *sides: int) -> None:
+        super().__init__()
+        self.sides = [*sides]
+
+    def getrandbits(self, bits: int) -> int:
+        side = self.sides.pop(0) if len(self.sides) > 1 else self.sides[0]
+        return (1 << bits) - 1 if side < 0 else side
+
+
+def test_the_key_of_a_session_here_is_drawn_until_nobody_has_it_and_never_0(master: Master) -> None:
+    master.hear(hello())
+    master.inventory.client_joined(9, "peer 9", master.now)
+    for number, (sides, key) in enumerate([((9, 9, 8), 8), ((8, 9, 7), 7), ((-1, 0), 0xFFFFFFFF)], 1):
+        master.end._random = Dice(*sides)
+        master.hear(opened(number))
+        assert master.key() == key
+        master.inventory.client_joined(key, "peer", master.now)
+    master.end._random = Dice(0)
+    master.hear(opened(4))
+    assert master.key() != 0

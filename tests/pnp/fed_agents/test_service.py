@@ -34,6 +34,7 @@ from msbot.pnp.fed_agents.messages import (
     encode,
 )
 from msbot.pnp.fed_agents.service import AgentsService, Sayings, goes_at_once
+from msbot.pnp.services import LONGEST_BEST_EFFORT
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from tests.pnp.fed_agents.test_ends import TIMING, sample_slots
@@ -133,6 +134,7 @@ class FakeClient:
         self.on_room = on_room
         self.written: list[tuple[bytes, int]] = []
         self.error: Exception | None = None
+        self.reads: list[int] = []
 
     def create_participant(self, name: str) -> int:
         return 1
@@ -140,7 +142,8 @@ class FakeClient:
     def create_replier(self, participant: int, names: object) -> int:
         return 2
 
-    def read(self, replier: int) -> None: ...
+    def read(self, replier: int) -> None:
+        self.reads.append(replier)
 
     def write(self, replier: int, octets: bytes, *, stream_id: int = STREAM_RELIABLE) -> None:
         assert replier == 2
@@ -254,5 +257,49 @@ def test_time_passes_for_agents_that_came_later() -> None:
         assert stage.service.end.names() == []
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)
+
+    run_virtual(main())
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_what_is_too_long_for_one_packet_goes_in_order(more: int) -> None:
+    async def main() -> None:
+        stage, quick = Stage(), guid_of(1)
+        stage.ask(quick, AgentHello(boot=7, name="pi"))
+        rest = len(encode(Answer(number=1, compat=0, identity=IDENTITY, body=b"")))
+        long = Answer(number=1, compat=0, identity=IDENTITY, body=bytes(LONGEST_BEST_EFFORT - rest + more))
+        stage.service.send(AGENT, long)
+        ((to, said, stream),) = stage.written()
+        assert (to, said) == (quick + bytes(8), long)
+        assert stream == (STREAM_RELIABLE if more else STREAM_BEST_EFFORT)
+
+    run_virtual(main())
+
+
+def test_what_is_asked_and_what_changes_is_passed_on() -> None:
+    async def main() -> None:
+        stage, quick = Stage(), guid_of(1)
+        passed: list[tuple[int, dict[str, Any]]] = []
+
+        class Services:
+            def request_from_elsewhere(self, key: int, **more: Any) -> None:
+                passed.append((key, more))
+
+        stage.service._services = Services()  # type: ignore[assignment]
+        stage.ask(quick, AgentHello(boot=7, name="pi"))
+        stage.ask(quick, SessionOpen(number=1, times=1, client_key=5, reads_profile=0, address="node 1"))
+        (key,) = stage.service.end._places
+        stage.ask(quick, Ask(number=1, compat=1, identity=IDENTITY, body=b"body"))
+        assert passed == [(key, {"in_compat": True, "identity": IDENTITY, "body": b"body"})]
+        stage.service.recheck(AGENT)
+        assert stage.topics == [AGENT]
+
+    run_virtual(main())
+
+
+def test_the_service_asks_for_requests_of_its_replier() -> None:
+    async def main() -> None:
+        stage = Stage()
+        assert stage.client.reads == [2]
 
     run_virtual(main())
