@@ -454,7 +454,7 @@ def connection(path: Path, empty_database: bytes) -> Iterator[Connection]:
 def test_whatever_people_change_every_row_is_as_the_plain_model_has_it(connection: Connection, seed: int) -> None:
     twins = Twins(connection, Random(seed))
     twins.compare()
-    for _ in range(4):
+    for _ in range(3):
         for is_read in (False, True) * 6:
             index = twins.step()
             twins.compare(read=[index] if is_read else [])
