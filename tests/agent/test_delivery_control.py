@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from msbot.agent.delivery_control import NEVER, ReadTask
 from msbot.xrce.messages import DeliveryControl
+from tests.effort import tries
 
 
 def control(samples: int = 0xFFFF, elapsed_s: int = 0, rate: int = 0, pace_ms: int = 0) -> DeliveryControl:
@@ -77,7 +78,7 @@ def test_a_sample_larger_than_the_rate_goes_and_delays_the_next() -> None:
     assert times == pytest.approx([0.0, 2.5])
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=tries(100, 2000))
 @given(
     st.integers(1, 5000), st.lists(st.integers(0, 3000), min_size=1, max_size=60), st.sampled_from([0.0, 1e6, 123.456])
 )

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.agent.pending_requests import PendingRequests, client_key_of, decode_identity, encode_identity, make_guid
+from tests.effort import tries
 
 
 def test_guid_names_the_client_at_octets_8_to_11() -> None:
@@ -30,7 +31,7 @@ def test_a_reply_too_short_for_an_identity_has_none() -> None:
     assert decode_identity(bytes(23)) is None
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=tries(50, 2000))
 @given(st.binary(min_size=16, max_size=16), st.integers(0, 2**63 - 1))
 def test_identity_round_trip(guid: bytes, sequence_nr: int) -> None:
     assert decode_identity(encode_identity(guid, sequence_nr)) == (guid, sequence_nr)

@@ -12,6 +12,7 @@ from msbot.xrce import Status
 from msbot.xrce.messages import STREAM_BEST_EFFORT
 from tests.agent.scenes import connected, play
 from tests.agent.wiring import FakeLink
+from tests.effort import tries
 
 
 def test_a_crowd_of_sessions_is_bounded_and_served() -> None:
@@ -61,7 +62,7 @@ packets = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=tries(150, 3000))
 @given(st.lists(st.tuples(packets, st.sampled_from(["a", "b"])), max_size=30))
 def test_any_octets_leave_the_agent_serving(inputs: list[tuple[bytes, str]]) -> None:
     async def scenario(agent: Agent, link: FakeLink) -> None:

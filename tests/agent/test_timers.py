@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.agent.timers import MOST_STALE, TimerHeap
+from tests.effort import tries
 
 
 def test_owners_come_in_the_order_of_their_times() -> None:
@@ -89,7 +90,7 @@ def test_resting_and_waking_a_thousand_times_needs_one_entry() -> None:
     assert len(heap) == 0
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=tries(100, 2000))
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(0, 100)), max_size=40))
 def test_every_owner_fires_at_the_earliest_time_it_asked_for(wishes: list[tuple[int, float]]) -> None:
     heap: TimerHeap[int] = TimerHeap()

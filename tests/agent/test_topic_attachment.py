@@ -10,6 +10,7 @@ from msbot.agent.topic_attachment import ReadSide, WriteSide
 from msbot.space import MemorySpace, Owner, Qos, Topic
 from msbot.xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost
+from tests.effort import tries
 
 TOPIC = Topic("light", "Light")
 OWNER = Owner(1, "p")
@@ -226,4 +227,4 @@ class InOrderExactlyOnce(RuleBasedStateMachine):
 
 
 TestInOrderExactlyOnce = InOrderExactlyOnce.TestCase
-TestInOrderExactlyOnce.settings = settings(deadline=None, max_examples=40, stateful_step_count=30)
+TestInOrderExactlyOnce.settings = settings(deadline=None, max_examples=tries(40, 2000), stateful_step_count=30)

@@ -14,6 +14,7 @@ from msbot.errors import LinkFull
 from msbot.link.can.sim import SimBus
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.objects import EndpointQos
+from tests.effort import tries
 
 SAMPLES = 40
 QOS = EndpointQos(reliable=True, depth=SAMPLES)
@@ -58,7 +59,7 @@ async def suffer(room: Component, what: str, amount: int) -> None:
         bus.deafen(node)
 
 
-@settings(max_examples=12)
+@settings(max_examples=tries(12, 2000))
 @given(trouble, st.sampled_from((CLASSIC, COMPRESSED)), st.integers(0, 1 << 30))
 def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], framing: str, seed: int) -> None:
     random = Random(seed)

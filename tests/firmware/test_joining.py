@@ -8,6 +8,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
+from tests.effort import tries
 from tests.firmware.msbot_side import (
     CAN_FD,
     COMPRESSION,
@@ -188,7 +189,9 @@ class JoiningMachine(RuleBasedStateMachine):
 
 def test_the_firmware_joins_as_msbot_does(firmware: Firmware) -> None:
     machine = type("Machine", (JoiningMachine,), {"firmware": firmware})
-    run_state_machine_as_test(machine, settings=settings(max_examples=60, stateful_step_count=40, deadline=None))
+    run_state_machine_as_test(
+        machine, settings=settings(max_examples=tries(60, 2000), stateful_step_count=40, deadline=None)
+    )
 
 
 def test_stop_goes_before_all_other_frames_three_times(firmware: Firmware) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from msbot import Message
 from msbot.idl import read_definitions, to_c, to_idl, to_python
 from msbot.idl.reader import common_ros_definitions
+from tests.effort import tries
 from tests.idl.generated import messages, module_from
 from tests.kept import kept
 
@@ -39,7 +40,7 @@ def test_the_shipped_ros_types_are_what_the_generator_writes() -> None:
 
 
 @given(st.data())
-@settings(max_examples=50)
+@settings(max_examples=tries(50, 2000))
 def test_what_is_written_can_be_read_again(data: st.DataObject) -> None:
     message = data.draw(messages(THING))
     assert THING.decode(message.encode()) == message
@@ -94,7 +95,7 @@ def through_c(library: ctypes.CDLL, name: str, octets: bytes) -> bytes:
 
 
 @given(data=st.data())
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=tries(100, 2000), suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_c_code_reads_and_writes_the_same_octets(library: ctypes.CDLL, data: st.DataObject) -> None:
     octets = data.draw(messages(THING)).encode()
     assert through_c(library, "demo_inner_Thing", octets) == octets
@@ -102,7 +103,7 @@ def test_the_c_code_reads_and_writes_the_same_octets(library: ctypes.CDLL, data:
 
 @pytest.mark.parametrize("name", [TWIST, SCAN, "sensor_msgs_msg_Imu", "std_msgs_msg_Header"])
 @given(data=st.data())
-@settings(max_examples=25)
+@settings(max_examples=tries(25, 2000))
 def test_ros_types_look_the_same_in_c(library: ctypes.CDLL, name: str, data: st.DataObject) -> None:
     import msbot.ros2
 
@@ -111,7 +112,7 @@ def test_ros_types_look_the_same_in_c(library: ctypes.CDLL, name: str, data: st.
 
 
 @given(octets=st.binary(max_size=200))
-@settings(max_examples=100)
+@settings(max_examples=tries(100, 2000))
 def test_whatever_octets_come_the_c_code_stays_inside_its_struct(library: ctypes.CDLL, octets: bytes) -> None:
     room = ctypes.create_string_buffer(100_000)
     size = library.there_and_back_demo_inner_Thing(octets, len(octets), room, len(room))

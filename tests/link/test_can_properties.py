@@ -17,6 +17,7 @@ from msbot.link.can.protocol.node_ids import MemoryNodeIds
 from msbot.link.can.sim import SimBus
 from msbot.link.can.sim.driver import SimCanBus
 from msbot.runtime.tally import Tally
+from tests.effort import tries
 from tests.link.can_robot import End, Robot, node_of, play
 
 TRIALS = 20_000
@@ -128,7 +129,7 @@ class Traffic:
             assert self.heard(number, up=up)[-1] == sent[-1]
 
 
-@settings(max_examples=40)
+@settings(max_examples=tries(40, 2000))
 @given(st.integers(1, 4), st.lists(fault, max_size=5), st.booleans(), st.integers(0, 1 << 30))
 def test_whatever_happens_messages_arrive_whole_or_not_at_all_and_the_next_one_arrives(
     size: int, story: list[tuple[str, int, int]], fd: bool, seed: int

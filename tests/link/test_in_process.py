@@ -11,6 +11,7 @@ from msbot.errors import LinkDown, LinkFull
 from msbot.link import InprocEnd, InprocHub, Link, Peer, Signal, inproc_pair
 from msbot.link.in_process import QUEUE_PACKETS, SERVER
 from msbot.runtime.virtual_time import run_virtual
+from tests.effort import tries
 
 
 class Seen:
@@ -161,7 +162,7 @@ def test_taps_see_every_packet() -> None:
     assert client.describe(SERVER) == "in-process server"
 
 
-@settings(max_examples=50)
+@settings(max_examples=tries(50, 2000))
 @given(st.lists(st.tuples(st.integers(0, 2), st.booleans()), max_size=60))
 def test_order_is_kept_whatever_the_handlers_answer(steps: list[tuple[int, bool]]) -> None:
     hub = InprocHub()

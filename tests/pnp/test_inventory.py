@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from msbot.config import PartType, Slot
 from msbot.part.join.trouble import trouble_pieces
 from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, Refusal, Verdict
+from tests.effort import tries
 from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD
@@ -162,7 +163,7 @@ def test_a_missed_beat_makes_a_part_late_and_the_next_one_active_again() -> None
 
 
 @given(st.floats(0.0, 4.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tries(60, 2000), deadline=None)
 def test_silent_part_is_delisted_between_4_and_6_s_after_its_last_beat(phase: float) -> None:
     rig = Rig()
     rig.run(phase)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from msbot.pnp import THESIS_TIMING, PartState
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
+from tests.effort import tries
 
 
 class RepeatingRandom(Random):
@@ -233,7 +234,7 @@ def check(index: InventoryIndex, plain: PlainIndex) -> None:
             assert index.rival(record, identity) is (newest if rival else None)
 
 
-@settings(max_examples=100)
+@settings(max_examples=tries(100, 2000))
 @given(st.lists(STEPS, min_size=5, max_size=40))
 def test_whatever_happens_the_indexes_say_what_a_search_through_all_would(
     steps: list[tuple[str, int, str, bytes]],

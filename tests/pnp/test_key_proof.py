@@ -15,6 +15,7 @@ from msbot.pnp import Claim, PartState, Refusal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import GOOD_FOR_S, MOST_PROOFS, UNANSWERED_S, Keys
 from msbot.pnp.requests import RequestHandler
+from tests.effort import tries
 from tests.pnp.robot import Rig, sample_store, uid
 
 KEY, OTHER_KEY = bytes(range(16)), bytes(16)
@@ -310,7 +311,7 @@ def test_what_is_remembered_is_bounded() -> None:
 @given(
     st.lists(st.tuples(st.sampled_from(["claim", "proof", "wrong", "old", "leave"]), st.integers(0, 2)), max_size=40)
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=tries(100, 2000), deadline=None)
 def test_whatever_is_said_in_whatever_order_only_who_proved_it_holds_a_slot(steps: list[tuple[str, int]]) -> None:
     counter = Counter()
     counter.rig.store.keys[uid(2)] = OTHER_KEY

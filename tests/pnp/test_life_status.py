@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState
 from msbot.pnp.life_status import TRANSITIONS, Life, check_transition
+from tests.effort import tries
 
 DOCS = Path(__file__).parents[2] / "docs" / "explain" / "plug_and_play.md"
 
@@ -58,7 +59,7 @@ def test_silence_is_zero_before_the_first_sign_of_life() -> None:
 
 
 @given(st.floats(0.0, 2.0, exclude_max=True))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=tries(50, 2000), deadline=None)
 def test_whenever_the_last_beat_falls_life_ends_after_4_to_6_s(phase: float) -> None:
     life = Life(THESIS_TIMING)
     life.register(phase)

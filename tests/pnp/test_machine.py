@@ -14,6 +14,7 @@ from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, LifeTiming, PartState
 from msbot.pnp.life_status import TRANSITIONS
 from msbot.pnp.slot_assignment import PLACEABLE
+from tests.effort import tries
 from tests.pnp.robot import Rig, sample_store
 
 keys = st.integers(1, 5)
@@ -195,5 +196,5 @@ class InventoryMachine(RuleBasedStateMachine):
         assert self.rig.rights == changes
 
 
-InventoryMachine.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+InventoryMachine.TestCase.settings = settings(max_examples=tries(60, 2000), stateful_step_count=40, deadline=None)
 TestInventory = InventoryMachine.TestCase

@@ -14,6 +14,7 @@ from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.requests import RequestHandler
 from msbot.runtime.tally import MOST_NAMES, OTHERS
+from tests.effort import tries
 from tests.pnp.robot import Rig, configuration, uid
 
 KEY = 0xAAAAAAAA
@@ -147,7 +148,7 @@ def test_nonsense_is_counted_by_reason_and_not_answered(body: bytes) -> None:
 
 
 @given(st.binary(max_size=120), st.booleans())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=tries(200, 4000), deadline=None)
 def test_any_octets_at_all_never_raise(body: bytes, explain: bool) -> None:
     counter = Counter(explain=explain)
     counter.requests.compact(body, KEY, counter.rig.now)

@@ -10,6 +10,7 @@ from msbot.errors import RemoteProtocolError
 from msbot.pnp import Claim
 from msbot.pnp.thesis_programs import BUFFER_BYTES, decode_reply, decode_request, encode_reply, encode_request
 from tests.damage import damaged, read_or_refused
+from tests.effort import tries
 
 REQUEST = bytes.fromhex("05000000") + b"ABCD\0\0\0\0" + bytes.fromhex("0b000000") + b"ABCD-local\0" + bytes(96 - 27)
 """AA's request: 27 of 96 octets are used (padding octets after the strings are zero anyway)."""
@@ -62,7 +63,7 @@ texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=
 
 
 @given(texts, texts)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=tries(100, 2000), deadline=None)
 def test_requests_survive_the_round_trip(number: str, name: str) -> None:
     claim = decode_request(encode_request(number, name))
     assert (claim.part_number, claim.local_name) == (number, name)
@@ -72,7 +73,7 @@ def test_requests_survive_the_round_trip(number: str, name: str) -> None:
 @given(
     damaged(st.builds(encode_request, texts, texts)) | st.binary(min_size=BUFFER_BYTES, max_size=BUFFER_BYTES),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=tries(200, 4000), deadline=None)
 def test_any_octets_are_a_request_or_a_protocol_error(body: bytes) -> None:
     claim = read_or_refused(decode_request, body)
     if claim is not None:

@@ -18,6 +18,7 @@ from msbot.ros.discovery_info import (
     usual_gid_octets,
 )
 from msbot.ros.node_names import NodeName
+from tests.effort import tries
 
 GUIDS = st.binary(min_size=16, max_size=16)
 NODES = st.lists(
@@ -38,7 +39,7 @@ def test_the_octets_of_a_node() -> None:
     )
 
 
-@settings(max_examples=25)
+@settings(max_examples=tries(25, 2000))
 @given(GUIDS, NODES, st.sampled_from([SINCE_IRON, UNTIL_HUMBLE]))
 def test_what_was_told_is_read_again(participant: bytes, nodes: list[NodeInfo], octets: int) -> None:
     told = encode(participant, nodes, octets)

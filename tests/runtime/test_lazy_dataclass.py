@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.runtime.lazy_dataclass import dataclass
+from tests.effort import tries
 
 KINDS = (
     "needed",
@@ -84,7 +85,7 @@ def outcome(call: Callable[[], object]) -> object:
         return type(error), str(error)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tries(60, 2000), deadline=None)
 @given(
     st.lists(st.sampled_from(KINDS), max_size=5),
     st.lists(st.sampled_from(sorted(EXTRAS)), unique=True),

@@ -15,6 +15,7 @@ from msbot.config.toml.document import parse_document
 from msbot.config.toml.problems import Problems
 from msbot.sim import message_class
 from msbot.sim.simulated_world import World
+from tests.effort import tries
 
 TEXTS = [
     entry.read_text()
@@ -88,7 +89,7 @@ def play_with(part_type: PartType) -> None:
         message_class(found.message)(**fields).encode()
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=tries(150, 3000), suppress_health_check=[HealthCheck.too_slow])
 @given(changed_files())
 def test_a_file_is_refused_with_a_sentence_or_its_simulator_works(text: str) -> None:
     problems = Problems()

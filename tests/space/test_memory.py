@@ -14,6 +14,7 @@ from msbot.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
 from msbot.space.history import FAIR_SHARE
 from msbot.space.memory import FEEDBACK_LIMIT
 from msbot.space.qos_matching import mismatch
+from tests.effort import tries
 
 LIGHT = Topic("light", "Light")
 LATCHED = Qos(transient_local=True, depth=1)
@@ -342,7 +343,7 @@ steps = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=200)
+@settings(max_examples=tries(200, 4000))
 @given(steps)
 def test_the_space_does_what_a_simple_model_does(script: list[tuple[str, Qos | int]]) -> None:
     space = MemorySpace()
@@ -392,7 +393,7 @@ def test_the_space_does_what_a_simple_model_does(script: list[tuple[str, Qos | i
             assert reader.real.lost == reader.lost
 
 
-@settings(max_examples=200)
+@settings(max_examples=tries(200, 4000))
 @given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from(["write", "reader", "close", "none"])), max_size=30))
 def test_order_holds_whatever_the_readers_do_during_a_delivery(script: list[tuple[int, str]]) -> None:
     space = MemorySpace()

@@ -8,6 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from msbot.xrce import ClientState
 from msbot.xrce.sessions import DataReceived, DataWritten
+from tests.effort import tries
 from tests.xrce.pair import Pair
 
 WRITER, READER = 0x15, 0x16
@@ -130,6 +131,6 @@ class SessionMachine(RuleBasedStateMachine):
 
 
 SessionMachine.TestCase.settings = settings(
-    deadline=None, max_examples=60, stateful_step_count=40, suppress_health_check=[HealthCheck.too_slow]
+    deadline=None, max_examples=tries(60, 2000), stateful_step_count=40, suppress_health_check=[HealthCheck.too_slow]
 )
 TestSessions = SessionMachine.TestCase

@@ -32,6 +32,7 @@ from msbot.config import (
     preset_of,
 )
 from msbot.errors import ConfigError
+from tests.effort import tries
 
 LIBRARY = load_library()
 BARE = Blueprint(RobotProfile("R", "V", "1", "now", "us"), (Slot("AA", "ABCD"),))
@@ -59,7 +60,7 @@ VALUES: st.SearchStrategy[Scalar] = st.one_of(
 KINDS = {bool: ParameterKind.BOOL, int: ParameterKind.INT, float: ParameterKind.FLOAT, str: ParameterKind.TEXT}
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tries(60, 2000))
 @given(
     profile=st.tuples(NAMES, NAMES, NAMES, NAMES, NAMES),
     description=st.text(st.characters(exclude_categories=["Cs"]), max_size=40),
@@ -164,7 +165,7 @@ def blueprints(draw: st.DrawFn) -> Blueprint:
     return Blueprint(profile, tuple(slots), tuple(bindings), timing, options, draw(TUPLES))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tries(60, 2000))
 @given(blueprints())
 def test_any_robot_of_the_library_comes_back_whole(blueprint: Blueprint) -> None:
     assert replace(parse_blueprint(blueprint_toml(blueprint), LIBRARY), source=None) == blueprint

@@ -18,6 +18,7 @@ from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
 from msbot.xrce.objects import EndpointQos
+from tests.effort import tries
 from tests.hearing_client import HearingClient
 
 CLIENT = 0x0AB1
@@ -98,7 +99,7 @@ def test_a_frame_is_the_one_that_eprosima_sends() -> None:
     play(scene)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=tries(30, 2000), deadline=None)
 @given(packet=st.binary(min_size=1, max_size=63), can_id=st.integers(0, 0x1FFFFFFF))
 def test_every_packet_that_fits_arrives_unaltered(packet: bytes, can_id: int) -> None:
     async def scene(bus: Bus) -> None:

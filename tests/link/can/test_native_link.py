@@ -22,6 +22,7 @@ from msbot.link.can.protocol.node_ids import MemoryNodeIds
 from msbot.link.can.sim.driver import SimBusDriver
 from msbot.link.can.sim.model.bus import SimBus
 from msbot.xrce import compress, decompress
+from tests.effort import tries
 from tests.link.can_robot import End, Robot, node_of, play
 
 
@@ -57,7 +58,7 @@ def test_a_part_gets_an_address_within_the_time_of_two_frames_and_talks() -> Non
     play(scene)
 
 
-@settings(max_examples=25)
+@settings(max_examples=tries(25, 2000))
 @given(
     st.lists(st.tuples(st.booleans(), st.integers(0, 2), st.integers(1, 4096), st.integers(0, 255)), max_size=12),
     st.booleans(),
@@ -424,7 +425,7 @@ def test_frames_lost_at_the_receiver_lose_whole_messages_only() -> None:
     play(scene, bus)
 
 
-@settings(max_examples=15)
+@settings(max_examples=tries(15, 2000))
 @given(st.integers(0, 1 << 30), st.sampled_from([1e-5, 1e-4, 5e-4]), st.booleans())
 def test_bit_errors_on_the_bus_cost_time_but_no_message(seed: int, rate: float, fd: bool) -> None:
     async def scene(robot: Robot) -> None:
@@ -529,7 +530,7 @@ any_extended = st.builds(
 )
 
 
-@settings(max_examples=25)
+@settings(max_examples=tries(25, 2000))
 @given(st.lists(st.one_of(any_frame, any_extended), max_size=40))
 def test_any_frames_at_all_never_raise(story: list[Frame]) -> None:
     async def scene(robot: Robot) -> None:

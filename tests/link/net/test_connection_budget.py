@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.link.net.connection_budget import IDLE_S, ConnectionBudget
+from tests.effort import tries
 
 
 @dataclass(eq=False)
@@ -89,7 +90,7 @@ class PlainBudget:
         return [one for one in speaking if one.heard_at == oldest and now - oldest > IDLE_S]
 
 
-@settings(max_examples=200)
+@settings(max_examples=tries(200, 4000))
 @given(
     st.lists(
         st.tuples(

@@ -15,6 +15,7 @@ from msbot.link import Link, Signal
 from msbot.link.byte_frames import MAX_PACKET, encode_tcp
 from msbot.link.net import TcpClientLink, TcpServerLink, connection_budget, tcp
 from msbot.link.net.tcp import BROKEN_AT_ONCE, MADE_ROOM, SILENT, TOO_MANY, WRITE_LIMIT, TcpStream
+from tests.effort import tries
 from tests.link.ends import End, running
 from tests.link.net.test_udp import has_ipv6
 
@@ -114,7 +115,7 @@ async def test_case_73_a_length_that_comes_in_single_octets_and_empty_packets_be
 
 
 @given(packets=st.lists(st.binary(max_size=40), max_size=20), cuts=st.lists(st.integers(0, 400), max_size=20))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tries(60, 2000), deadline=None)
 def test_packets_do_not_depend_on_the_chunks_they_come_in(packets: list[bytes], cuts: list[int]) -> None:
     class Recorder(TcpServerLink):
         def received(self, packet: bytes, peer: object) -> None:

@@ -29,6 +29,7 @@ from msbot.xrce.messages import (
     encode_message,
 )
 from tests.agent.replay import load
+from tests.effort import tries
 
 LOCAL = "127.0.0.1"
 QUESTION = bytes.fromhex("80000000 02010800 0009fffd 03000000")
@@ -180,7 +181,7 @@ def test_other_packets_are_no_answers(packet: bytes) -> None:
 
 
 @given(st.binary(max_size=80))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=tries(200, 4000), deadline=None)
 def test_junk_is_no_answer(junk: bytes) -> None:
     assert read_answer(junk, LOCAL) is None
     found = read_answer(bytes.fromhex("80000000 06012c00 0009fffd 0000") + junk, LOCAL)

@@ -9,6 +9,7 @@ from msbot.errors import LocalProtocolError
 from msbot.part.client.entities import MAX_UNANSWERED, Entity, EntityTable, RunningRead
 from msbot.xrce import Status
 from msbot.xrce.messages import DeliveryControl, Format, ObjectKind, ObjectVariant
+from tests.effort import tries
 
 TOPIC = ObjectVariant(ObjectKind.TOPIC, Format.BINARY, blob=b"x", parent_id=0x0011)
 READER = ObjectVariant(ObjectKind.DATAREADER, Format.BINARY, blob=b"x", parent_id=0x0014)
@@ -199,7 +200,7 @@ class AnyOrder(RuleBasedStateMachine):
 
 
 TestAnyOrder = AnyOrder.TestCase
-TestAnyOrder.settings = settings(max_examples=50, stateful_step_count=30, deadline=None)
+TestAnyOrder.settings = settings(max_examples=tries(50, 2000), stateful_step_count=30, deadline=None)
 
 
 def test_when_all_numbers_of_a_kind_are_taken_it_says_so_and_one_that_is_free_again_is_found() -> None:

@@ -20,6 +20,7 @@ from msbot.part.join.joining import (
     SendClaim,
     SendProof,
 )
+from tests.effort import tries
 
 ROBOT = ExpectedRobot("MSBOT_MASTER", "MSBOT_V1", "X100", "MASSEY")
 OTHER = ExpectedRobot("OTHER", "MSBOT_V1", "X100", "MASSEY")
@@ -394,4 +395,4 @@ class AnyNews(RuleBasedStateMachine):
 
 
 TestAnyNews = AnyNews.TestCase
-TestAnyNews.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+TestAnyNews.settings = settings(max_examples=tries(60, 2000), stateful_step_count=40, deadline=None)

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from msbot.errors import ConfigError
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.world_reader import open_world, shipped_worlds
+from tests.effort import tries
 from tests.sim.arena.worlds import arena, driving, sensed
 
 POWERS = st.lists(st.tuples(*[st.floats(-150, 150)] * 2), min_size=1, max_size=6)
@@ -177,7 +178,7 @@ def test_put_stays_in_the_world_and_reset_begins_anew_with_the_same_parts() -> N
         world.put("rival", (1, 1))
 
 
-@settings(max_examples=15)
+@settings(max_examples=tries(15, 2000))
 @given(POWERS, st.sampled_from(shipped_worlds()))
 def test_whatever_is_driven_nobody_leaves_the_world_or_goes_faster_than_wheels_can(
     powers: list[tuple[float, float]], name: str

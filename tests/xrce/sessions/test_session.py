@@ -23,6 +23,7 @@ from msbot.xrce.sessions import (
     WindowOpened,
 )
 from msbot.xrce.streams.stream_state import StreamState
+from tests.effort import tries
 from tests.xrce.pair import CLOCK_AHEAD_NS, Pair
 
 PARTICIPANT = ObjectVariant(1, 3, blob=b"\0\0", domain_id=0)
@@ -269,7 +270,7 @@ def feed_anything(session: AgentSession | ClientSession, packets: list[bytes]) -
         yield from session.packets_to_send(now)
 
 
-@settings(deadline=None, max_examples=250)
+@settings(deadline=None, max_examples=tries(250, 5000))
 @given(PACKETS, st.sampled_from([0x81, 0x01]))
 def test_any_bytes_leave_the_agent_in_order(packets: list[bytes], session_id: int) -> None:
     _, agent = make_open_ends(session_id)
@@ -279,7 +280,7 @@ def test_any_bytes_leave_the_agent_in_order(packets: list[bytes], session_id: in
         assert 4 < len(sent) <= 508
 
 
-@settings(deadline=None, max_examples=250)
+@settings(deadline=None, max_examples=tries(250, 5000))
 @given(PACKETS, st.sampled_from([0x81, 0x01]), st.booleans())
 def test_any_bytes_leave_the_client_in_order(packets: list[bytes], session_id: int, closing: bool) -> None:
     client, _ = make_open_ends(session_id)

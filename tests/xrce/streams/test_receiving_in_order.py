@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.streams.receiving_in_order import BEYOND_WINDOW, NO_MEMORY, BestEffortInput, ReliableInput
+from tests.effort import tries
 
 
 def make_reliable(window: int = 16, memory: int = 10_000) -> tuple[ReliableInput, SessionCounters]:
@@ -162,7 +163,7 @@ def test_reset_forgets_everything_and_gives_the_memory_back() -> None:
     assert stream.joiner.add(b"whole", last=True) == b"whole"
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tries(60, 2000))
 @given(st.data(), st.integers(0, 0xFFFF))
 def test_any_order_with_repetitions_is_handed_on_exactly_once_in_order(data: st.DataObject, start: int) -> None:
     stream, _ = make_reliable()

@@ -22,6 +22,7 @@ from msbot.link.can.protocol.frames import (
     split,
 )
 from msbot.runtime.tally import Tally
+from tests.effort import tries
 
 Message = tuple[bytes, list[bytes]]
 
@@ -134,7 +135,7 @@ def numbered(sizes: list[int], fd: bool) -> list[Message]:
     return messages
 
 
-@settings(max_examples=150)
+@settings(max_examples=tries(150, 3000))
 @given(data=st.data(), fd=st.booleans(), seed=st.integers(0, 1 << 32))
 def test_bursts_below_64_frames_never_give_a_message_in_part_glued_altered_or_twice(
     data: st.DataObject, fd: bool, seed: int

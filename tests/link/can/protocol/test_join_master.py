@@ -33,6 +33,7 @@ from msbot.link.can.protocol.join_master import (
     OtherMaster,
 )
 from msbot.link.can.protocol.node_ids import MemoryNodeIds
+from tests.effort import tries
 from tests.link.joining import HASH, IDS, UID, any_frame, beacon, uid
 
 
@@ -296,7 +297,7 @@ def test_a_stranger_is_told_to_join_again_but_not_for_each_frame() -> None:
     assert len(join.take_frames()) == 1
 
 
-@settings(max_examples=50)
+@settings(max_examples=tries(50, 2000))
 @given(st.lists(st.tuples(st.floats(0, 5), any_frame), max_size=300))
 def test_a_master_never_gives_one_address_to_two_live_parts(story: list[tuple[float, Frame]]) -> None:
     node_ids = MemoryNodeIds()

@@ -13,6 +13,7 @@ from msbot.link.can.protocol.bits import WireBit, arbitration_rank, frame_bits, 
 from msbot.link.can.protocol.frames import Frame, pad_fd
 from msbot.link.can.sim.model.arbitration import Attempt, Mail, Rates, SimNode, fall_silent, plan_attempt
 from msbot.link.can.sim.model.error_counters import ErrorCounters, is_tail
+from tests.effort import tries
 
 RATES = Rates(1.0, 1.0)
 """One second a bit, so that times are bits."""
@@ -141,7 +142,7 @@ fd_frames = st.builds(
 )
 
 
-@settings(max_examples=300)
+@settings(max_examples=tries(300, 6000))
 @given(classic_frames | fd_frames, st.data())
 def test_a_disturbed_bit_costs_what_the_plain_simulation_says(frame: Frame, data: st.DataObject) -> None:
     flip = data.draw(st.integers(0, len(wire_bits(frame)) - 4))

@@ -14,6 +14,7 @@ from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from tests.effort import tries
 
 RATE = 500_000
 BIT = 1 / RATE
@@ -414,7 +415,7 @@ def test_load_is_busy_time_of_the_last_second() -> None:
     assert bus.load(3.0) == 0
 
 
-@settings(max_examples=60)
+@settings(max_examples=tries(60, 2000))
 @given(
     st.lists(
         st.tuples(
