@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 from random import Random
 
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from bench.buses import Rates
 from bench.can_setup import CLASSIC, COMPRESSED, Component, component
 from msbot.errors import LinkFull
 from msbot.link.can.sim import SimBus
+from msbot.part import ConnectionState
 from msbot.runtime.virtual_time import run_virtual
 from msbot.xrce.objects import EndpointQos
 from tests.effort import tries
@@ -67,14 +68,21 @@ def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], fr
         number.to_bytes(2, "big") + random.randbytes(random.choice((0, 2, 9, 60, 400))) for number in range(SAMPLES)
     ]
 
-    async def scene() -> list[bytes]:
+    async def scene() -> tuple[list[bytes], int, list[str]]:
         came: list[bytes] = []
+        lost: list[str] = []
         roomy = asyncio.Event()
 
         def take(_object_id: int, _request_id: int, payload: bytes) -> None:
             came.append(payload)
 
-        async with component(ShakyRates(500_000), framing, on_topic=take, on_room=roomy.set) as room:
+        def hear(state: ConnectionState, reason: str) -> None:
+            if state is ConnectionState.LOST:
+                lost.append(reason)
+                roomy.set()
+
+        rates = ShakyRates(500_000)
+        async with component(rates, framing, on_topic=take, on_room=roomy.set, on_state=hear) as room:
             client = room.client
             participant = client.create_participant()
             topic = client.create_topic(participant, "echo", "Echo")
@@ -85,7 +93,7 @@ def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], fr
 
             async def write() -> None:
                 left = list(samples)
-                while left:
+                while left and not lost:
                     roomy.clear()
                     try:
                         client.write(writer, left[0])
@@ -99,7 +107,10 @@ def test_every_sample_arrives_once_and_in_order(story: list[tuple[str, int]], fr
                 await suffer(room, what, amount)
             await writing
             await asyncio.sleep(20.0)
-            assert client.counters.logins == 1
-        return came
+            logins = client.counters.logins
+        return came, logins, lost[:1]
 
-    assert run_virtual(scene()) == samples
+    came, logins, lost = run_virtual(scene())
+    # Three beacons in a row are rarely lost, but then the part has to give up: another story.
+    assume(lost != ["no beacon of the master for 3.5 s"])
+    assert (came, logins) == (samples, 1), lost
