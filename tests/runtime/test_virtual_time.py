@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -114,6 +115,35 @@ def test_a_loop_where_nothing_can_happen_says_so(monkeypatch: pytest.MonkeyPatch
 
     with pytest.raises(RuntimeError, match="virtual time is stuck"):
         run_virtual(main())
+
+
+def test_a_thread_that_takes_long_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(virtual_time, "STUCK_AFTER_S", 0.01)
+    asked, ended = threading.Event(), threading.Event()
+
+    def job() -> str:
+        asked.wait()
+        time.sleep(0.05)  # five times as long as a loop without timers waits for news
+        ended.set()
+        return "done"
+
+    async def awaited() -> str:
+        asked.set()
+        return await asyncio.get_running_loop().run_in_executor(None, job)
+
+    assert run_virtual(awaited()) == "done"
+    asked.clear()
+    ended.clear()
+
+    async def left_behind() -> float:
+        waiting = asyncio.get_running_loop().run_in_executor(None, job)
+        waiting.cancel()
+        asyncio.get_running_loop().call_later(1000.0, lambda: None)
+        asked.set()
+        return asyncio.get_running_loop().time()
+
+    assert run_virtual(left_behind()) == 0.0
+    assert ended.is_set()
 
 
 def test_it_is_an_ordinary_loop_for_a_runner() -> None:

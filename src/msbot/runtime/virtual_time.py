@@ -17,7 +17,7 @@ from concurrent.futures import Executor
 from typing import TypeVar, TypeVarTuple
 
 STUCK_AFTER_S = 5.0
-"""Real seconds after which a loop with no timers and no news from a thread or socket counts as stuck."""
+"""Real seconds after which a loop with no timers, no job of a thread and no news counts as stuck."""
 
 _T = TypeVar("_T")
 _Ts = TypeVarTuple("_Ts")
@@ -29,7 +29,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
         self._at_work = 0
-        super().__init__(_JumpingSelector(self._next_moment))
+        super().__init__(_JumpingSelector(self._next_moment, self._is_stuck))
         self._set_clock(start)
 
     def time(self) -> float:
@@ -46,6 +46,14 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def _job_done(self, _: asyncio.Future[_T]) -> None:
         self._at_work -= 1
 
+    async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002, ASYNC109  # as asyncio has it
+        """As in every loop; virtual time stays still until the threads have ended, so a limit never passes."""
+        self._at_work += 1
+        try:
+            await super().shutdown_default_executor()
+        finally:
+            self._at_work -= 1
+
     def _set_clock(self, now: float) -> None:
         self._now = now
         # The base class fires timers up to one resolution early. In virtual time "early" would never pass: a state
@@ -60,20 +68,24 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         self._set_clock(timers[0].when())
         return True
 
+    def _is_stuck(self) -> bool:
+        return not self._at_work
+
 
 class _JumpingSelector(selectors.DefaultSelector):
     """Polls instead of waiting, and lets time jump when there is nothing to poll."""
 
-    def __init__(self, jump: Callable[[], bool]) -> None:
+    def __init__(self, jump: Callable[[], bool], is_stuck: Callable[[], bool]) -> None:
         super().__init__()
         self._jump = jump
+        self._is_stuck = is_stuck
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         events = super().select(0)
         if events or timeout == 0 or self._jump():
             return events
         events = super().select(STUCK_AFTER_S)
-        if not events and timeout is None:
+        if not events and timeout is None and self._is_stuck():
             raise RuntimeError("virtual time is stuck: every task waits, and no timer is set that could wake one")
         return events
 
