@@ -450,7 +450,7 @@ def connection(path: Path, empty_database: bytes) -> Iterator[Connection]:
     engine.dispose()
 
 
-@pytest.mark.parametrize("seed", range(tries(3, 200)))
+@pytest.mark.parametrize("seed", range(tries(2, 200)))
 def test_whatever_people_change_every_row_is_as_the_plain_model_has_it(connection: Connection, seed: int) -> None:
     twins = Twins(connection, Random(seed))
     twins.compare()
