@@ -134,6 +134,10 @@ class CanMasterLink(NativeEnd):
                 self._deliver(message, node_id, wire, now)
         elif is_joining(frame, self._ids):
             events = self._join.receive(frame, now)
+            for event in events:
+                if isinstance(event, NodeJoined | NodeEvicted):
+                    # Before the address is told, or its new holder might hear what waited for the one before.
+                    self._forget_waiting(event.node_id)
             self._flush(now)
             for event in events:
                 self._handle(event, now)
@@ -191,7 +195,6 @@ class CanMasterLink(NativeEnd):
             self._welcome(event, now)
         elif isinstance(event, NodeEvicted):
             self._wires[event.node_id] = self._members[event.node_id] = None
-            self._forget_waiting(event.node_id)
             self._signal_handler(Signal.PEER_GONE, event.node_id, "its address was given to another part", now)
         elif isinstance(event, NodeRefused):
             _log.warning("part %s is refused on %s: all %d addresses are held", event.uid.hex(), self.info.name, NODES)
@@ -209,7 +212,6 @@ class CanMasterLink(NativeEnd):
 
     def _welcome(self, event: NodeJoined, now: float) -> None:
         node_id = event.node_id
-        self._forget_waiting(node_id)
         self._wires[node_id] = self._new_wire(self._ids.down + node_id, event.use)
         self._members[node_id] = self._join.members[node_id]
         self._signal_handler(Signal.PEER_JOINED, node_id, f"UID {event.uid.hex()}", now)
