@@ -8,6 +8,7 @@ import click
 import pytest
 
 from msbot.cli import msbot
+from msbot.cli.numbers import FiniteRange, WholeRange
 
 RUNS = "runs until it is ended; `clients`, `parts` and `why` tell how it is"
 SECRET = "shows a secret this once, to be written down"
@@ -74,3 +75,22 @@ def test_every_command_with_a_database_says_which_robot(tree: dict[str, frozense
 
 def test_a_command_that_says_which_robot_says_which_database(tree: dict[str, frozenset[str]]) -> None:
     assert [name for name, options in tree.items() if "--robot" in options and "--db" not in options] == []
+
+
+def number_types(command: click.Command, context: click.Context) -> Iterator[tuple[str, click.ParamType[object]]]:
+    """Every option and argument that takes a number, of a command and those below it."""
+    for one in command.params:
+        if isinstance(one.type, type(click.INT) | type(click.FLOAT)):
+            yield f"{context.command_path} {one.name}", one.type
+    if isinstance(command, click.Group):
+        for sub in command.list_commands(context):
+            below = command.get_command(context, sub)
+            assert below is not None
+            yield from number_types(below, click.Context(below, context, sub))
+
+
+def test_every_number_says_what_would_be_right() -> None:
+    """click's own say "not a valid integer range", and take `1_0` and `nan`."""
+    numbers = dict(number_types(msbot, click.Context(msbot)))
+    assert len(numbers) > 40
+    assert [name for name, kind in numbers.items() if not isinstance(kind, WholeRange | FiniteRange)] == []

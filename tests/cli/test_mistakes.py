@@ -15,7 +15,7 @@ from msbot.cli.agent.agent import port_names
 from msbot.cli.agent.serving import LARGEST_REFERENCES, read_references
 from msbot.cli.db import command as db
 from msbot.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
-from msbot.cli.options import FiniteRange
+from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.errors import ConfigError, RegistryError
 
 
@@ -82,6 +82,41 @@ def test_a_number_that_is_none_is_refused(number: str) -> None:
     with pytest.raises(click.BadParameter):
         FiniteRange(min=-1.0).convert(float(number), None, None)
     assert FiniteRange(min=-1.0).convert(2.5, None, None) == 2.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        (WholeRange(0, 65535), "web", "'web' is not a whole number from 0 to 65535"),
+        (WholeRange(0, 65535), "65536", "'65536' is not a whole number from 0 to 65535"),
+        (WholeRange(0, 65535), -1, "'-1' is not a whole number from 0 to 65535"),
+        (WholeRange(min=1), "0", "'0' is not a whole number of 1 or more"),
+        (WholeRange(max=9), "10", "'10' is not a whole number of 9 or less"),
+        (WholeRange(), "1.5", "'1.5' is not a whole number"),
+        (WholeRange(), "8_8", "'8_8' is not a whole number"),
+        (WholeRange(), "\u0663", "'\u0663' is not a whole number"),
+        (WholeRange(), "9" * 5000, f"'{'9' * LONGEST_NAME}... (5000 letters)' is not a whole number"),
+        (FiniteRange(0.1, 3600), "soon", "'soon' is not a number from 0.1 to 3600"),
+        (FiniteRange(0.1, 3600), "nan", "'nan' is not a number from 0.1 to 3600"),
+        (FiniteRange(min=0), "-0.5", "'-0.5' is not a number of 0 or more"),
+        (FiniteRange(max=1), "1.5", "'1.5' is not a number of 1 or less"),
+        (FiniteRange(), "x\n", "'x?' is not a number"),
+    ],
+)
+def test_a_number_that_cannot_be_used_says_what_would_be_right(
+    kind: WholeRange | FiniteRange, value: object, words: str
+) -> None:
+    with pytest.raises(click.BadParameter) as refused:
+        kind.convert(value, None, None)
+    assert refused.value.message == words
+
+
+def test_numbers_that_can_be_used() -> None:
+    ports, seconds = WholeRange(0, 65535), FiniteRange(0.1, 3600)
+    assert [ports.convert(one, None, None) for one in ("0", " 65535 ", "+7", 12)] == [0, 65535, 7, 12]
+    assert [seconds.convert(one, None, None) for one in ("0.1", "3600", "1e3", 2.5)] == [0.1, 3600.0, 1000.0, 2.5]
+    assert WholeRange().convert("-5", None, None) == -5
+    assert FiniteRange().convert("-1e9", None, None) == -1e9
 
 
 def test_a_serial_port_is_named_once() -> None:

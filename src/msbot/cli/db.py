@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import db_option, existing_database
 from msbot.errors import ConfigError
 
@@ -37,7 +38,7 @@ def migrate(db: str | None) -> None:
 
 @command.command("backup")
 @click.argument("target", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
-@click.option("--keep", type=click.IntRange(1, 10_000), metavar="N",
+@click.option("--keep", type=WholeRange(1, 10_000), metavar="N",
               help="The target is a folder: name the file by date and time, and keep the newest N.")  # fmt: skip
 @db_option
 def backup(target: Path, db: str | None, *, keep: int | None) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.bus.telling import library_of, listener_for
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import json_option, library_option
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
@@ -29,7 +30,7 @@ _HEX = re.compile(r"(?:[0-9a-fA-F]{2}[\s:.-]?){4,}")
 
 @click.command("explain")
 @click.argument("what", nargs=-1, metavar="WHAT...")
-@click.option("--port", "agent_port", type=click.IntRange(1, 65535), default=AGENT_PORT, show_default=True,
+@click.option("--port", "agent_port", type=WholeRange(1, 65535), default=AGENT_PORT, show_default=True,
               help="UDP port of the agent, in captures of a network.")  # fmt: skip
 @click.option("--fields", is_flag=True, help="In captures: every field of every message, too.")
 @click.option("--blueprint", type=click.Path(path_type=Path),

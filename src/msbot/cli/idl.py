@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from msbot.cli.numbers import WholeRange
 from msbot.idl import read_definitions, to_c, to_idl, to_python
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
@@ -65,14 +66,14 @@ def to_idl_command(file: Path, *, ros: bool, package: str, include: tuple[Path, 
     "--text-bound",
     default=255,
     show_default=True,
-    type=click.IntRange(1, 65535),
+    type=WholeRange(1, 65535),
     help="Characters of a text without a bound.",
 )
 @click.option(
     "--sequence-bound",
     default=64,
     show_default=True,
-    type=click.IntRange(1, 65535),
+    type=WholeRange(1, 65535),
     help="Elements of a sequence without a bound.",
 )
 def to_c_command(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import getpass
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from msbot.cli.numbers import WholeRange
 from msbot.errors import ConfigError
 from msbot.space import SpaceAddress, parse_space
 
@@ -23,17 +23,6 @@ DEFAULT_BLUEPRINT = Path("robot.toml")
 DEFAULT_LINK = "udp:127.0.0.1:8888"
 
 _C = TypeVar("_C", bound=Callable[..., object])
-
-
-class FiniteRange(click.FloatRange):
-    """A number in a range; `nan`, which is in none and yet below and above nothing, and `inf` are refused."""
-
-    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number, or click's error."""
-        number = float(super().convert(value, param, ctx))
-        if not math.isfinite(number):
-            self.fail(f"{value} is no number that could be used here.", param, ctx)
-        return number
 
 
 library_option = click.option(
@@ -51,7 +40,7 @@ db_option = click.option(
 
 
 metrics_option = click.option(
-    "--metrics", "metrics_port", type=click.IntRange(0, 65535), metavar="PORT",
+    "--metrics", "metrics_port", type=WholeRange(0, 65535), metavar="PORT",
     help="Serve figures for Prometheus at this port of this computer; 0 = any free one (extra msbot[metrics]).",
 )  # fmt: skip
 

@@ -9,12 +9,13 @@ from random import SystemRandom
 
 import click
 
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import json_option
 
 
 @click.command("quiz")
-@click.option("--count", type=click.IntRange(1, 1000), default=5, show_default=True, help="How many questions.")
-@click.option("--seed", type=int, help="The same questions again: everybody in a class gets these.")
+@click.option("--count", type=WholeRange(1, 1000), default=5, show_default=True, help="How many questions.")
+@click.option("--seed", type=WholeRange(), help="The same questions again: everybody in a class gets these.")
 @json_option
 def command(*, count: int, seed: int | None, as_json: bool) -> None:
     """Ask questions about messages and frames, and say after each answer how one finds it.

@@ -64,8 +64,8 @@ def test_a_key_alone_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--port", "70000"], "70000 is not in the range"),
-        (["--port", "web"], "'web' is not a valid integer"),
+        (["--port", "70000"], "'70000' is not a whole number from 0 to 65535"),
+        (["--port", "web"], "'web' is not a whole number from 0 to 65535"),
         (["--certificate", "nowhere.pem"], "does not exist"),
     ],
 )

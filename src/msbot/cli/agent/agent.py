@@ -12,7 +12,8 @@ from pathlib import Path
 import click
 
 from msbot.cli.agent.serving import Wishes, discovery_for, serve, wished_master
-from msbot.cli.options import FiniteRange, metrics_option, space_option
+from msbot.cli.numbers import FiniteRange, WholeRange
+from msbot.cli.options import metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_options
 from msbot.errors import ConfigError
 from msbot.link import Link, open_link
@@ -54,7 +55,7 @@ def common_options(function: Command) -> Command:
                   help="Record samples and CAN frames in this .mcap file (extra msbot[master]).")  # fmt: skip
     @click.option("-r", "--refs", metavar="FILE", type=click.Path(path_type=Path),
                   help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
-    @click.option("-v", "--verbose", type=click.IntRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
+    @click.option("-v", "--verbose", type=WholeRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
                   default=DEFAULT_VERBOSE, show_default=True,
                   help="0 says nothing, 2 errors, 4 who comes and goes, 5 more, 6 every packet.")  # fmt: skip
     @click.option("--dead-after", metavar="SECONDS", type=FiniteRange(min=0.1),
@@ -87,10 +88,10 @@ def network_command(name: str, kind: type[UdpServerLink] | type[TcpServerLink], 
     here, everywhere = ("127.0.0.1", "0.0.0.0") if ip == 4 else ("::1", "::")
 
     @command.command(name, help=doc)
-    @click.option("-p", "--port", type=click.IntRange(0, 65535), required=True, help="Port to listen on; 0 = any.")
+    @click.option("-p", "--port", type=WholeRange(0, 65535), required=True, help="Port to listen on; 0 = any.")
     @click.option("--host", default=here, show_default=True,
                   help=f"Address to listen on; {everywhere} for every interface.")  # fmt: skip
-    @click.option("-d", "--discovery", metavar="[PORT]", type=click.IntRange(1, 65535), is_flag=False,
+    @click.option("-d", "--discovery", metavar="[PORT]", type=WholeRange(1, 65535), is_flag=False,
                   flag_value=DISCOVERY_PORT, help="Answer clients that look for an agent by multicast; on 7400 "
                   "unless told otherwise.")  # fmt: skip
     @common_options
@@ -124,7 +125,7 @@ network_command("tcp4", TcpServerLink, ip=4, doc="Serve clients over TCP and IPv
 network_command("tcp6", TcpServerLink, ip=6, doc="Serve clients over TCP and IPv6.")
 
 baudrate_option = click.option(
-    "-b", "--baudrate", type=int, default=115_200, show_default=True, help="Bits per second."
+    "-b", "--baudrate", type=WholeRange(), default=115_200, show_default=True, help="Bits per second."
 )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import perform, say
+from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.cli.options import answer_options, json_option, mistakes_told, robot_options
 from msbot.errors import ConfigError
 
@@ -86,7 +87,7 @@ def pause(db: str | None, robot: str | None, *, off: bool) -> None:
 
 
 @command.command("step")
-@click.option("--steps", type=click.IntRange(1, 500), default=1, help="How many; a fiftieth of a second each.")
+@click.option("--steps", type=WholeRange(1, 500), default=1, help="How many; a fiftieth of a second each.")
 @answer_options
 def step(db: str | None, robot: str | None, steps: int) -> None:
     """Let a step pass in that world; it stands still afterwards."""
@@ -101,7 +102,7 @@ def reset(db: str | None, robot: str | None) -> None:
 
 
 @command.command("speed")
-@click.argument("speed", type=float)
+@click.argument("speed", type=FiniteRange())
 @answer_options
 def speed(speed: float, db: str | None, robot: str | None) -> None:
     """Let time pass slower or faster in that world: 0.25, 0.5, 1, 2 or 4."""
@@ -110,8 +111,10 @@ def speed(speed: float, db: str | None, robot: str | None) -> None:
 
 @command.command("put")
 @click.argument("name", metavar="ROBOT")
-@click.argument("at", nargs=2, type=float, metavar="X Y")
-@click.option("--heading", type=float, metavar="DEGREES", help="From east, counter-clockwise; else as it looks now.")
+@click.argument("at", nargs=2, type=FiniteRange(), metavar="X Y")
+@click.option(
+    "--heading", type=FiniteRange(), metavar="DEGREES", help="From east, counter-clockwise; else as it looks now."
+)
 @answer_options
 def put(name: str, at: tuple[float, float], heading: float | None, db: str | None, robot: str | None) -> None:
     """Put a robot of that world elsewhere: metres from the left and from below."""

@@ -9,7 +9,8 @@ from typing import TypeVar
 import click
 
 from msbot.cli.bus.frame_filter import FilterType, FrameFilter
-from msbot.cli.options import DEFAULT_BLUEPRINT, FiniteRange, json_option, library_option
+from msbot.cli.numbers import FiniteRange, WholeRange
+from msbot.cli.options import DEFAULT_BLUEPRINT, json_option, library_option
 from msbot.link.can.sim import DEFAULT_NAME
 
 _C = TypeVar("_C", bound=Callable[..., object])
@@ -24,10 +25,10 @@ def command() -> None:
 
 
 bitrate_option = click.option(
-    "--bitrate", type=click.IntRange(min=1), default=500_000, show_default=True, help="Nominal bit rate, bit/s."
+    "--bitrate", type=WholeRange(min=1), default=500_000, show_default=True, help="Nominal bit rate, bit/s."
 )
 data_bitrate_option = click.option(
-    "--data-bitrate", type=click.IntRange(min=1), default=2_000_000, show_default=True,
+    "--data-bitrate", type=WholeRange(min=1), default=2_000_000, show_default=True,
     help="Bit rate of the data phase of CAN FD frames with a bit-rate switch, bit/s.",
 )  # fmt: skip
 
@@ -107,7 +108,7 @@ class SizeType(click.ParamType[tuple[str, int]]):
               help="Write the frames that are shown to this file, too; its ending names the format.")  # fmt: skip
 @click.option("--filter", "filters", type=FilterType(), multiple=True, metavar="FILTER",
               help="Show only ID, ID:MASK, all but ID~MASK (hexadecimal), or node=N; repeatable.")  # fmt: skip
-@click.option("--count", type=click.IntRange(min=1), help="End after that many frames.")
+@click.option("--count", type=WholeRange(min=1), help="End after that many frames.")
 def dump(
     *, bus: str, decode: bool, legacy: bool, blueprint: Path | None, folders: tuple[Path, ...], protocol: bool,
     as_json: bool, log: Path | None, filters: tuple[tuple[FrameFilter, ...], ...], count: int | None,
@@ -145,7 +146,7 @@ def dump(
 @command.command("send")
 @click.argument("bus")
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True)
-@click.option("--repeat", type=click.IntRange(min=1), default=1, show_default=True, help="Send all of them so often.")
+@click.option("--repeat", type=WholeRange(min=1), default=1, show_default=True, help="Send all of them so often.")
 @click.option("--period", type=FiniteRange(min=0.0), default=1.0, show_default=True,
               help="Seconds from one time to the next.")  # fmt: skip
 def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
@@ -162,10 +163,10 @@ def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
 
 @command.command("serve")
 @click.argument("name", default=DEFAULT_NAME)
-@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+@click.option("--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True,
               help="Nominal bit rate, bit/s.")  # fmt: skip
 @click.option("--fd", is_flag=True, help="A CAN FD bus, with bit-rate switch.")
-@click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
+@click.option("--data-bitrate", type=WholeRange(10_000, 8_000_000), default=2_000_000, show_default=True,
               help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
 def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
     """Serve a simulated CAN bus that programs on this computer join by its NAME, until Ctrl-C.
@@ -187,7 +188,7 @@ def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
               help="Forecast: bytes of a sample of that type; repeatable.")  # fmt: skip
 @click.option("--library", "folders", type=click.Path(path_type=Path), multiple=True,
               help="Forecast: a folder with more part types.")  # fmt: skip
-@click.option("--seconds", type=click.IntRange(min=1), help="Live bus: end after so many seconds.")
+@click.option("--seconds", type=WholeRange(min=1), help="Live bus: end after so many seconds.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object (live bus: one for each second).")
 def load(
     *, what: str, bitrate: int, data_bitrate: int, fd: bool, no_compression: bool,
@@ -218,9 +219,9 @@ def load(
 
 
 @command.command("selftest")
-@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+@click.option("--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True,
               help="Bit rate of the bus, bit/s.")  # fmt: skip
-@click.option("--frames", type=click.IntRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
+@click.option("--frames", type=WholeRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
 @json_option
 def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:
     """Check the way from controller to controller on the simulated bus, as the thesis did first (T1 to T4).

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from msbot.cli.change.robot_access import say
+from msbot.cli.numbers import FiniteRange
 from msbot.cli.options import answer_options, wants_json
 
 WINDOW_S = 60.0
@@ -16,7 +17,7 @@ WINDOW_S = 60.0
 @click.command("adopt")
 @click.argument("part", required=False)
 @click.option("--slot", metavar="SLOT", help="The slot it goes into; else the one empty slot that fits.")
-@click.option("--window", type=float, metavar="SECONDS",
+@click.option("--window", type=FiniteRange(), metavar="SECONDS",
               help="For so long, parts can be let in that the library does not know or that do not fit.")  # fmt: skip
 @answer_options
 def command(part: str | None, slot: str | None, window: float | None, db: str | None, robot: str | None) -> None:

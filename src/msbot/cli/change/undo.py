@@ -8,13 +8,14 @@ from datetime import datetime
 import click
 
 from msbot.cli.change.robot_access import perform, say
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import answer_options, wants_json
 
 
 @click.command("undo")
-@click.argument("number", type=int, required=False)
+@click.argument("number", type=WholeRange(), required=False)
 @click.option("--list", "show", is_flag=True, help="Show what was changed lately, the newest last, and change nothing.")
-@click.option("--last", type=click.IntRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
+@click.option("--last", type=WholeRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
 @answer_options
 def command(number: int | None, last: int, db: str | None, robot: str | None, *, show: bool) -> None:
     """Take change NUMBER back, or the newest one; what a spare took over by itself is a change, too."""

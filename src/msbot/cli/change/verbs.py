@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import click
 
 from msbot.cli.change.robot_access import say
+from msbot.cli.numbers import FiniteRange
 from msbot.cli.options import answer_options
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
@@ -59,5 +60,5 @@ def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[
     return click.option(
         argument.option, argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None,
         multiple=argument.kind is ArgumentKind.TEXTS, default=() if argument.kind is ArgumentKind.TEXTS else default,
-        help=argument.help, type=float if argument.kind is ArgumentKind.NUMBER else str,
+        help=argument.help, type=FiniteRange() if argument.kind is ArgumentKind.NUMBER else str,
     )  # fmt: skip

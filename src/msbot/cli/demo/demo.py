@@ -27,7 +27,8 @@ from msbot.cli.demo.notes import Notes
 from msbot.cli.demo.plain_lines import event_words, status_words
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
 from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, world_options
-from msbot.cli.options import FiniteRange, lessons_option, metrics_option, space_option
+from msbot.cli.numbers import FiniteRange, WholeRange
+from msbot.cli.options import lessons_option, metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_event, log_options
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
@@ -89,9 +90,9 @@ class _Options:
 @click.command("demo")
 @click.option("--link", "wire", type=click.Choice([wire.value for wire in Wire]), default="can", show_default=True,
               help="The wire: simulated classic CAN, simulated CAN FD, or UDP on this machine.")  # fmt: skip
-@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), default=500_000, show_default=True,
+@click.option("--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True,
               help="Bit rate of the CAN bus, bit/s.")  # fmt: skip
-@click.option("--data-bitrate", type=click.IntRange(10_000, 8_000_000), default=2_000_000, show_default=True,
+@click.option("--data-bitrate", type=WholeRange(10_000, 8_000_000), default=2_000_000, show_default=True,
               help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
 @click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
 @click.option("--seconds", type=FiniteRange(min=0.1), help="End by itself after that time.")
@@ -102,7 +103,7 @@ class _Options:
 @click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
               help="Write every frame on the CAN bus to this file, as candump does.")  # fmt: skip
 @click.option("--bus", metavar="NAME", help="Let other programs join the CAN bus by this name (sim:NAME).")
-@click.option("--seed", type=int, help="Draw the same random values every time.")
+@click.option("--seed", type=WholeRange(), help="Draw the same random values every time.")
 @click.option(
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )

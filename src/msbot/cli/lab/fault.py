@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.options import FiniteRange, answer_options, json_option, robot_options
+from msbot.cli.numbers import FiniteRange, WholeRange
+from msbot.cli.options import answer_options, json_option, robot_options
 
 
 @click.group("fault")
@@ -23,8 +24,10 @@ def command() -> None:
 @command.command("add")
 @click.argument("kind")
 @click.argument("at", required=False, default="", metavar="[SLOT|PART]")
-@click.option("--amount", type=float, metavar="NUMBER", help="How strong: percent, ms, s; see `msbot fault kinds`.")
-@click.option("--jitter", type=float, metavar="MS", help="delay: up to so many milliseconds more, by chance.")
+@click.option(
+    "--amount", type=FiniteRange(), metavar="NUMBER", help="How strong: percent, ms, s; see `msbot fault kinds`."
+)
+@click.option("--jitter", type=FiniteRange(), metavar="MS", help="delay: up to so many milliseconds more, by chance.")
 @click.option("--port", default="", metavar="PORT", help="stuck, drift: only this port of the part.")
 @click.option("--number", default="", metavar="NUMBER", help="wrong-number: the part number of the wrong part.")
 @click.option("--after", type=FiniteRange(0, 3600), default=0.0, metavar="SECONDS", help="Not before that time.")
@@ -33,7 +36,7 @@ def command() -> None:
 @click.option("--when", default="", metavar="CONDITION",
               help="Begin when this holds: 'fan is active', 'knob.level > 60', 'load > 40'.")  # fmt: skip
 @click.option("--chance", type=FiniteRange(0, 1), metavar="P", help="Begin in each second with this probability.")
-@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
+@click.option("--seed", type=WholeRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
 @click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
 @answer_options
 def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: object) -> None:
@@ -57,7 +60,7 @@ def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bo
 
 
 @command.command("clear")
-@click.argument("fault", type=click.IntRange(min=1), required=False, metavar="[ID]")
+@click.argument("fault", type=WholeRange(min=1), required=False, metavar="[ID]")
 @answer_options
 def clear(fault: int | None, db: str | None, robot: str | None) -> None:
     """End the fault with that number, or all."""

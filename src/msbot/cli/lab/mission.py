@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.change.robot_access import perform, say
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import answer_options, json_option, mistakes_told, robot_options
 from msbot.errors import ConfigError
 
@@ -59,7 +60,7 @@ def check(file: Path, *, as_json: bool) -> None:
 
 @command.command("start")
 @click.argument("mission", metavar="NAME|FILE")
-@click.option("--seed", type=click.IntRange(0, 2**53), metavar="N", help="What chance decides is the same for it.")
+@click.option("--seed", type=WholeRange(0, 2**53), metavar="N", help="What chance decides is the same for it.")
 @answer_options
 def start(mission: str, db: str | None, robot: str | None, *, seed: int | None) -> None:
     """Begin a ready mission, or that of a FILE (its name ends in .toml)."""
@@ -145,7 +146,7 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 
 
 @command.command("report")
-@click.option("--number", type=click.IntRange(min=1), metavar="N", help="Which mission; the latest if left out.")
+@click.option("--number", type=WholeRange(min=1), metavar="N", help="Which mission; the latest if left out.")
 @click.option("--recording", type=click.Path(path_type=Path), metavar="FILE", help="Of a recording (.mcap).")
 @click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Write it as a page that can be printed.")
 @click.option("--language", default="en", show_default=True, metavar="CODE", help="Of that page: en, de.")

@@ -12,6 +12,7 @@ from msbot.cli.change.robot_access import perform, running_master, until_stored
 from msbot.cli.look.folding import for_terminal
 from msbot.cli.look.looking import Look, looking_at
 from msbot.cli.look.one_robot import one_robot
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
 from msbot.errors import ConfigError, RegistryError
 from msbot.registry import JournalEntry, RobotRecord
@@ -19,7 +20,7 @@ from msbot.registry import JournalEntry, RobotRecord
 
 @click.command("why")
 @click.argument("part")
-@click.option("--last", type=click.IntRange(min=1), default=3, show_default=True, help="How many changes to explain.")
+@click.option("--last", type=WholeRange(min=1), default=3, show_default=True, help="How many changes to explain.")
 @robot_options
 @json_option
 def command(part: str, last: int, db: str | None, robot: str | None, *, as_json: bool) -> None:

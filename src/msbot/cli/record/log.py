@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from msbot.cli.numbers import FiniteRange
 from msbot.errors import ConfigError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
@@ -77,8 +78,9 @@ def _listed(names: set[str]) -> str:
 def _choice(function: _C) -> _C:
     """The options that choose messages."""
     for option in (
-        click.option("--to", "to_s", type=float, metavar="SECONDS", help="Until this time in the recording."),
-        click.option("--from", "from_s", type=float, metavar="SECONDS", help="From this time in the recording on."),
+        click.option("--to", "to_s", type=FiniteRange(), metavar="SECONDS", help="Until this time in the recording."),
+        click.option("--from", "from_s", type=FiniteRange(), metavar="SECONDS",
+                     help="From this time in the recording on."),
         click.option("--slot", "slots", multiple=True, help="What the part in this slot said."),
         click.option("--topic", "topics", multiple=True, metavar="TOPIC",
                      help="Messages of this topic, or of all below it (msbot); may be given several times."),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.cli.options import DEFAULT_LINK, FiniteRange, robot_options
+from msbot.cli.numbers import FiniteRange
+from msbot.cli.options import DEFAULT_LINK, robot_options
 from msbot.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.change.robot_access import perform
-from msbot.cli.options import FiniteRange, library_option, robot_options
+from msbot.cli.numbers import FiniteRange, WholeRange
+from msbot.cli.options import library_option, robot_options
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.runtime.lazy_dataclass import dataclass
 
@@ -50,9 +51,9 @@ class _Wish:
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE",
               help="A picture (.png, .svg, .pdf) or a table (.csv) instead of letters.")  # fmt: skip
 @click.option("--frame", metavar="101#C010", help="Draw this CAN frame as CAN-H and CAN-L, stuff bits marked.")
-@click.option("--bitrate", type=click.IntRange(1_000, 1_000_000), default=500_000, show_default=True,
+@click.option("--bitrate", type=WholeRange(1_000, 1_000_000), default=500_000, show_default=True,
               help="Of --frame: bits a second.")  # fmt: skip
-@click.option("--data-bitrate", type=click.IntRange(1_000, 8_000_000), default=2_000_000, show_default=True,
+@click.option("--data-bitrate", type=WholeRange(1_000, 8_000_000), default=2_000_000, show_default=True,
               help="Of --frame: bits a second of the fast part of a CAN FD frame.")  # fmt: skip
 @library_option
 @robot_options

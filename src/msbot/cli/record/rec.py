@@ -13,7 +13,8 @@ from typing import Any
 import click
 
 from msbot.cli.change.robot_access import perform, running_master
-from msbot.cli.options import DEFAULT_BLUEPRINT, FiniteRange, database_beside, json_option, robot_options
+from msbot.cli.numbers import FiniteRange
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options
 from msbot.cli.record.ring_folders import rings_left
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity

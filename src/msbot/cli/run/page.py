@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from msbot.cli.numbers import WholeRange
 from msbot.errors import ConfigError
 from msbot.runtime.lazy_dataclass import dataclass
 
@@ -52,7 +53,7 @@ def page_options(command: _C) -> _C:
         click.option("--no-page", is_flag=True, help="Serve no web page."),
         click.option("--host", default="127.0.0.1", show_default=True,
                      help="Where the page is served: 127.0.0.1 is this computer only, 0.0.0.0 every network it is in."),
-        click.option("--port", type=click.IntRange(0, 65535),
+        click.option("--port", type=WholeRange(0, 65535),
                      help=f"Port of the page: {DEFAULT_PORT}, or the next free one; 0 = any free one."),
     ):  # fmt: skip
         command = option(command)

@@ -6,7 +6,8 @@ import json
 
 import click
 
-from msbot.cli.options import FiniteRange, json_option
+from msbot.cli.numbers import FiniteRange
+from msbot.cli.options import json_option
 from msbot.school.access import AccessBook
 
 SECONDS = 3.0

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside
 from msbot.cli.service import systemd
 from msbot.cli.service.units import RobotService, shown
@@ -32,14 +33,14 @@ def command() -> None:
               help="Where parts come in; may be given several times.")  # fmt: skip
 @click.option("--db", metavar="FILE", help="The robot's database; robot.db beside the blueprint unless told otherwise.")
 @click.option("--host", help="Where the page is served; this computer only unless told otherwise.")
-@click.option("--port", type=click.IntRange(1, 65535), help="Port of the page; 8080 unless told otherwise.")
+@click.option("--port", type=WholeRange(1, 65535), help="Port of the page; 8080 unless told otherwise.")
 @click.option(
     "--standby", is_flag=True, help="Take turns with a master on another computer; needs --db postgresql://..."
 )
 @click.option("--backup", "backup_at", default="daily", show_default=True, metavar="WHEN",
               help="When to back up: daily, weekly, or any OnCalendar of systemd; never.")  # fmt: skip
 @click.option("--backups", type=click.Path(path_type=Path), help="Folder of the backups; `backups` beside robot.toml.")
-@click.option("--keep", type=click.IntRange(1, 10_000), default=KEEP, show_default=True, help="Backups that are kept.")
+@click.option("--keep", type=WholeRange(1, 10_000), default=KEEP, show_default=True, help="Backups that are kept.")
 @all_option
 @click.option("--print", "only_print", is_flag=True, help="Print the unit files and install nothing.")
 def install(
