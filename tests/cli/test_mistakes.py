@@ -12,11 +12,12 @@ import pytest
 from click.testing import CliRunner
 
 from msbot.cli.agent.agent import port_names
-from msbot.cli.agent.serving import LARGEST_REFERENCES, read_references
+from msbot.cli.agent.serving import LARGEST_FILE, read_references
 from msbot.cli.db import command as db
 from msbot.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
 from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.errors import ConfigError, RegistryError
+from msbot.registry import open_registry
 
 
 def answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: BaseException) -> str:
@@ -125,10 +126,37 @@ def test_a_serial_port_is_named_once() -> None:
         port_names(("/dev/a,/dev/b", "/dev/a"), None)
 
 
+def test_every_port_and_one_more_is_a_contradiction() -> None:
+    assert port_names(("auto",), None) == ["auto"]
+    with pytest.raises(ConfigError, match=r"^--dev auto takes every serial port: name no other beside it$"):
+        port_names(("auto", "/dev/ttyUSB0"), None)
+
+
+def test_a_file_with_the_names_of_ports_says_why_it_cannot_be_read(tmp_path: Path) -> None:
+    missing = tmp_path / "ports"
+    with pytest.raises(ConfigError) as refused:
+        port_names((), missing)
+    assert str(refused.value) == f"cannot read the names of serial ports in {missing}: No such file or directory"
+    missing.write_text("/dev/a\n/dev/b\n")
+    assert port_names((), missing) == ["/dev/a", "/dev/b"]
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="there is no /dev/zero here")
 def test_profiles_without_an_end_are_not_read_to_the_end() -> None:
-    with pytest.raises(ConfigError, match=f"/dev/zero is larger than {LARGEST_REFERENCES:,} characters"):
+    with pytest.raises(ConfigError, match=f"/dev/zero is larger than {LARGEST_FILE:,} characters"):
         read_references(Path("/dev/zero"))
+    with pytest.raises(ConfigError, match=f"/dev/zero is larger than {LARGEST_FILE:,} characters"):
+        port_names((), Path("/dev/zero"))
+
+
+def test_a_backup_into_a_folder_that_is_not_there_names_the_folder(tmp_path: Path) -> None:
+    database, folder = tmp_path / "robot.db", tmp_path / "old ones"
+    open_registry(str(database)).close()
+    result = CliRunner().invoke(db, ["backup", str(folder / "a.db"), "--db", str(database)])
+    assert isinstance(result.exception, ConfigError)
+    assert str(result.exception) == (
+        f"{folder}/a.db: there is no folder {folder}; create it with `mkdir -p '{folder}'`"
+    )
 
 
 def test_nobody_is_asked_about_a_backup_that_is_not_there(tmp_path: Path) -> None:

@@ -133,6 +133,7 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "often-late": ("lamp", robot(late={"lamp": 9})),
     "many-late": ("Rover", robot(late={"lamp": 9, "knob": 4, "AA": 3})),
     "often-refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": ("wrong number",) * 8})),
+    "refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": ("wrong number",)})),
     "blocked": ("mole", robot(parts=(*ROBOT.parts, replace(LOST_PART, name="mole", slot="", uid="ff" * 8)),
                               blocked=frozenset({"ff" * 8}))),
     "key-missing": ("lamp", robot(blueprint=replace(BLUEPRINT, options=Options(authentication="key")),

@@ -130,6 +130,7 @@ def test_a_released_slot_stays_empty_until_somebody_adopts_the_part(tmp_path: Pa
         assert stage.parts["BB"].slot == "BB"
         assert stage.parts["BB"].state.value == "active"
         assert "is in slot BB already" in await stage.refusal(stage.do.adopt("BB", "BB", who="ann"))
+        assert "is in slot BB already" in await stage.refusal(stage.do.adopt("BB", who="ann"))
 
     play(tmp_path, scene, parts=RING)
 
@@ -173,6 +174,10 @@ def test_a_stranger_needs_the_window_and_is_known_from_then_on(tmp_path: Path) -
         assert stage.state("XX") == "refused"
         assert "slot CC takes WXYZ" in await stage.refusal(stage.do.adopt("XX", "CC", who="ann"))
         assert stage.operations.placement.window_s == 0.0
+        assert await stage.refusal(stage.do.adopt("XX", who="ann")) == (
+            "the library has no part number NOPE: `msbot library add NOPE` begins a file for it; to let it in without "
+            "one, `msbot adopt --window 60`, then `msbot adopt XX --slot SLOT`"
+        )
         await stage.do.window(60, who="ann")
         await asyncio.sleep(1.0)
         assert stage.operations.placement.window_s == 59.0

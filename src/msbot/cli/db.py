@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -53,6 +54,9 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
         _make_folder(target)
         stem = "robot" if "://" in address else Path(address).stem
         file = target / f"{stem}-{datetime.now():%Y%m%d-%H%M%S}.db"
+    elif not target.parent.is_dir():
+        raise ConfigError(f"{target}: there is no folder {target.parent}; create it with `mkdir -p "
+                          f"{shlex.quote(str(target.parent))}`")  # fmt: skip
     rows = upkeep.back_up(address, file)
     click.echo(f"{file} is written: {rows} rows of {words}.")
     if keep is not None:

@@ -62,6 +62,8 @@ class Placement:
                     said("what {part} says of itself is refused: {fault}", part=info.part, fault=info.says.fault)
                 )
             return await self._described.make_type(info, slot, who)
+        if slot is None and info.slot is not None and info.state.is_registered:
+            raise ConfigError(said("{part} is in slot {target} already", part=info.part, target=info.slot))
         target = self._empty_slot_for(info) if slot is None else slot_of(self._running, slot)
         holder = self._running.holder(target)
         if holder is not None and holder.client_key == info.client_key:
@@ -306,6 +308,15 @@ class Placement:
         )
 
     def _empty_slot_for(self, info: PartInfo) -> str:
+        if info.refusal is Refusal.UNKNOWN_PART and self.window_s <= 0:
+            raise ConfigError(
+                said(
+                    "the library has no part number {number}: `msbot library add {number}` begins a file for it; to "
+                    "let it in without one, `msbot adopt --window 60`, then `msbot adopt {part} --slot SLOT`",
+                    number=info.part_number,
+                    part=info.part,
+                )
+            )
         fitting = self._inventory.slots.free_slots(info.part_number) or self._inventory.slots.free_slots()
         if len(fitting) == 1:
             return fitting[0]

@@ -100,7 +100,9 @@ class ClassRobot:
             return f"runs at {self.page}, {self.active} of {self.slots} slots active"
         if self.master is not None:
             return f"runs here, {self.active} of {self.slots} slots active"
-        return "runs on another computer, no access" if self.runs_elsewhere else "no master runs it"
+        return (
+            "runs on another computer, or is just starting; no access" if self.runs_elsewhere else "no master runs it"
+        )
 
     def fits(self, words: Sequence[str]) -> bool:
         """Whether all words are found in what is said of it."""

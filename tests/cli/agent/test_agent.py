@@ -130,6 +130,7 @@ def test_discovery_needs_an_address_to_tell(served: Served) -> None:
         ("udp4", "::1", "an address of IPv6: use `msbot agent udp6`"),
         ("tcp6", "127.0.0.1", "an address of IPv4: use `msbot agent tcp4`"),
         ("udp4", "fe80::1%eth0", "use `msbot agent udp6`"),
+        ("tcp4", "", "--host is empty"),
     ],
 )
 def test_an_address_of_the_other_kind_is_a_mistake(served: Served, transport: str, host: str, words: str) -> None:

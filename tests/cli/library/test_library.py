@@ -179,6 +179,9 @@ def test_a_new_number_gets_a_file_that_is_right_as_it_stands(tmp_path: Path) -> 
     assert "No mistake" in said("check", tmp_path)
     assert "is taken by" in complaint("add", "LUX 2/b", "--to", tmp_path)
     assert "cannot be a part number" in complaint("add", 'a"b', "--to", tmp_path)
+    assert "cannot be a part number" in complaint("add", "..", "--to", tmp_path)
+    (tmp_path / "lux.tml").touch()
+    assert complaint("add", tmp_path / "lux.tml", "--to", tmp_path).endswith("such files end in .toml")
     assert "cannot be written" in complaint("add", "NEW", "--to", path / "folder")
 
 

@@ -39,6 +39,14 @@ def test_why_a_server_cannot_listen(number: int, words: str) -> None:
     assert words in str(cannot_listen("tcp:h:80", "h", 80, OSError(number, ""), lister="ss -tlnp"))
 
 
+def test_an_address_that_each_network_has_needs_the_network() -> None:
+    refused = OSError(errno.EINVAL, "")
+    words = str(cannot_listen("udp:[fe80::1]:80", "fe80::1", 80, refused, lister="ss -ulnp"))
+    assert words.endswith(": each network has such addresses: say which one it is, for example fe80::1%eth0")
+    named = str(cannot_listen("udp:[fe80::1%lo]:80", "fe80::1%lo", 80, refused, lister="ss -ulnp"))
+    assert named.endswith(os.strerror(errno.EINVAL))
+
+
 @pytest.mark.parametrize(
     ("number", "words"),
     [

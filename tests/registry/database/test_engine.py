@@ -74,6 +74,7 @@ def test_a_missing_folder(tmp_path: Path) -> None:
         f"the folder {tmp_path}/no of the database does not exist: create it (`mkdir -p {tmp_path}/no`), "
         "or choose another --db"
     )
+    assert f"(`mkdir -p '{tmp_path}/to do'`)" in _refused(tmp_path / "to do" / "robot.db")
 
 
 def test_a_folder_in_place_of_the_file(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.agent.serving import Wishes, discovery_for, serve, wished_master
+from msbot.cli.agent.serving import Wishes, discovery_for, given_text, serve, wished_master
 from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.cli.options import metrics_option, space_option
 from msbot.cli.run.logs import LogWishes, log_options
@@ -108,8 +108,10 @@ def check_host(host: str, *, ip: int, name: str) -> None:
     """Make sure that an address is one of the command's kind of IP; names may be either.
 
     Raises:
-        ConfigError: it is an address of the other kind.
+        ConfigError: it is empty, or an address of the other kind.
     """
+    if not host.strip():
+        raise ConfigError("--host is empty: leave it out, or give an address, such as 192.168.1.20")
     try:
         version = ipaddress.ip_address(host.partition("%")[0]).version
     except ValueError:
@@ -163,13 +165,12 @@ def port_names(ports: tuple[str, ...], list_file: Path | None) -> list[str]:
         raise ConfigError(f"name the serial ports with --dev or in a --file, one of the two; --dev {AUTO} takes all")
     text = " ".join(ports)
     if list_file is not None:
-        try:
-            text = list_file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"cannot read the names of serial ports in {list_file}: {error}") from error
+        text = given_text(list_file, "the names of serial ports")
     names = text.replace(",", " ").split()
     if not names:
         raise ConfigError("no serial port is named: `ls /dev/serial/by-id` shows what is plugged in")
+    if AUTO in names and names != [AUTO]:
+        raise ConfigError(f"--dev {AUTO} takes every serial port: name no other beside it")
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:
         raise ConfigError(f"{', '.join(twice)}: a serial port is opened once, name it once")
@@ -200,6 +201,8 @@ def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noq
 @common_options
 def pseudoterminal(*, path: str | None, baudrate: int, wishes: Wishes) -> None:  # noqa: ARG001 - nothing slows it down
     """Serve clients on this computer that want a serial port: makes a pseudo terminal and prints its path."""
+    if path is not None and not path.strip():
+        raise ConfigError("--dev is empty: leave it out, or give the terminal a name, such as /tmp/robot.tty")
     serve(PtyServerLink(path), wishes)
 
 

@@ -45,8 +45,8 @@ DOMAIN_VARIABLE = "XRCE_DOMAIN_ID_OVERRIDE"
 MOST_DOMAIN = 232
 """The highest domain whose ports exist (DDSI-RTPS 2.5 §9.6.1)."""
 
-LARGEST_REFERENCES = 8_000_000
-"""Of a file with profiles, in characters."""
+LARGEST_FILE = 8_000_000
+"""Of a file that is read whole, in characters."""
 
 FILES_BESIDES = 64
 """Files that a process needs in addition to its connections."""
@@ -150,16 +150,25 @@ def read_references(path: Path) -> References:
     Raises:
         ConfigError: it cannot be read, or a profile is wrong; the text says where.
     """
+    return References.parse(given_text(path, "the profiles"), str(path))
+
+
+def given_text(path: Path, what: str) -> str:
+    """The text of a file that was named for `what`.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
     try:
         with path.open(encoding="utf-8") as file:
-            text = file.read(LARGEST_REFERENCES + 1)  # it may be a device without an end
+            text = file.read(LARGEST_FILE + 1)  # it may be a device without an end
     except OSError as error:
-        raise ConfigError(f"cannot read the profiles in {path}: {error.strerror}") from error
+        raise ConfigError(f"cannot read {what} in {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path} is not UTF-8 text") from error
-    if len(text) > LARGEST_REFERENCES:
-        raise ConfigError(f"{path} is larger than {LARGEST_REFERENCES:,} characters: it is no file with profiles")
-    return References.parse(text, str(path))
+    if len(text) > LARGEST_FILE:
+        raise ConfigError(f"{path} is larger than {LARGEST_FILE:,} characters: it is no file with {what}")
+    return text
 
 
 def discovery_for(host: str, port: int | None) -> Discovery | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -86,7 +87,9 @@ def add_template(number: str, folder: Path) -> Path:
     Raises:
         ConfigError: the number is taken or invalid, or the file already exists or cannot be written.
     """
-    if not number.strip() or not number.isprintable() or any(sign in number for sign in '@"\\'):
+    if os.sep in number and Path(number).exists():
+        raise ConfigError(f"{number} is no part number and no file of a part type: such files end in .toml")
+    if not any(map(str.isalnum, number)) or not number.isprintable() or any(sign in number for sign in '@"\\'):
         raise ConfigError(f'{number!r} cannot be a part number: use letters, digits and "-"')
     library = load_library(*([folder] if folder.is_dir() else []))
     if taken := library.get(number):

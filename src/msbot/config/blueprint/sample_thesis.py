@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from msbot.config.blueprint.sample_buggy import BUGGY_ROBOT_TOML
@@ -108,7 +109,7 @@ def write_new(path: Path, text: str) -> None:
         raise ConfigError(f"{path}: {what}; choose another name, for example {_other_name(path)}") from None
     except FileNotFoundError:
         raise ConfigError(
-            f"{path}: there is no folder {path.parent}; create it with `mkdir -p {path.parent}`"
+            f"{path}: there is no folder {path.parent}; create it with `mkdir -p {shlex.quote(str(path.parent))}`"
         ) from None
     except PermissionError:
         raise ConfigError(f"{path}: no permission to write in {path.parent}; choose another folder") from None

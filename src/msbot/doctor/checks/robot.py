@@ -128,6 +128,12 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                 said("it is plugged in and takes no part in the robot"),
                 said("its claim, and a refusal, again and again"), f"msbot why {part.name}",
             )  # fmt: skip
+        elif part.state == PartState.REFUSED.value and facts.is_run:
+            yield Finding(
+                "refused", part.name, said("{part} is refused: {reason}", part=part.name, reason=part.reason),
+                said("it is plugged in and takes no part in the robot"), said("its claim, and a refusal"),
+                f"msbot why {part.name}", must=False,
+            )  # fmt: skip
     if facts.blueprint.options.authentication != "open":
         for part in facts.parts:
             if part.slot and part.uid not in facts.keys:

@@ -56,6 +56,8 @@ def cannot_listen(name: str, host: str, port: int, error: OSError, *, lister: st
         "use 127.0.0.1, or 0.0.0.0 for all (`ip address` shows them)",
         errno.EAFNOSUPPORT: _NO_IPV6,
     }
+    if host.lower().startswith("fe80:") and "%" not in host:
+        remedies[errno.EINVAL] = f"each network has such addresses: say which one it is, for example {host}%eth0"
     return LinkDown(f"cannot listen at {name}: {remedies.get(error.errno or 0) or os.strerror(error.errno or 0)}")
 
 

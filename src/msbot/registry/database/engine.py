@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shlex
 import sqlite3
 from collections import Counter
 from pathlib import Path
@@ -108,8 +109,9 @@ def check_file(address: Address, *, create: bool, read_only: bool) -> None:
     if not folder.is_dir():
         raise RegistryError(
             said(
-                "the folder {folder} of the database does not exist: create it (`mkdir -p {folder}`), {otherwise}",
+                "the folder {folder} of the database does not exist: create it (`mkdir -p {quoted}`), {otherwise}",
                 folder=folder,
+                quoted=shlex.quote(str(folder)),
                 otherwise=ELSE,
             )
         )
