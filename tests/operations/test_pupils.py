@@ -47,6 +47,7 @@ def test_a_group_has_its_slots_for_itself(tmp_path: Path) -> None:
         assert "no group 'Blue'" in await stage.refusal(stage.do.remove_group("Blue", who="novak"))
         assert "no slot 'XX'" in await stage.refusal(stage.do.group("Blue", [], ["XX"], who="novak"))
         assert "is no name" in await stage.refusal(stage.do.group(" x", [], [], who="novak"))
+        assert "needs a pupil or a slot" in await stage.refusal(stage.do.group("Blue", [], [], who="novak"))
         lines = [edit.words for edit in await stage.operations.undoing.read(20) if edit.kind == "class"]
         assert lines[-1] == "group Red: ada; its slots: AA"
         assert len(lines) == 3

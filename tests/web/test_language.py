@@ -19,6 +19,8 @@ from msbot.part.join.plug import Refusal
 from msbot.pnp import PartState, packet_words
 from msbot.registry.maintenance.backup_check import check_backup
 from msbot.runtime.sentence import counted, said
+from msbot.web.api.models import JournalLine
+from msbot.web.html import render
 from msbot.web.language import COOKIE, language_of, languages
 
 
@@ -79,7 +81,7 @@ def texts_of_the_library() -> set[str]:
         found |= {entry.name, entry.description, entry.resolution, entry.connector, entry.specification}
         found |= {entry.driver.none}
         found |= {port.description for port in entry.ports} | {pin.description for pin in entry.pins}
-        found |= {one.description for one in entry.parameters}
+        found |= {one.description for one in entry.parameters} | {wire.description for wire in entry.driver.pins}
         if entry.simulator is not None:
             found |= {one.words for one in entry.simulator.controls}
     return {text for text in found if re.search("[a-z]{3}", text)} - OF_ANY_LANGUAGE
@@ -223,3 +225,17 @@ def test_what_a_process_with_limits_says_of_a_backup_is_told_in_german_too(tmp_p
         check_backup(path, needs_administrator=True)
     said_in_german = languages()["de"].say(str(caught.value))
     assert said_in_german == "diese Sicherung wird nicht benutzt: sie ist keine Datenbank"
+
+
+def test_the_name_of_a_part_is_no_word_to_translate() -> None:
+    """A part may be called hand, as where a setting comes from is; newcomers have no name yet."""
+    lines = [
+        (
+            JournalLine(number=1, at_ms=0, part=part, slot="", from_state="", to_state="new", reason="", evidence=[]),
+            "",
+            "",
+        )
+        for part in ("hand", "newcomer")
+    ]
+    shown = render("journal", say=languages()["de"].say, error="", heads=[], lines=lines)
+    assert re.findall("<b>(.*?)</b>", shown) == ["hand", languages()["de"].texts["newcomer"]]

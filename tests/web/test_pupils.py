@@ -67,7 +67,7 @@ class Shelf(NoShelf):
     ],
 )
 def test_a_pasted_list_is_read(text: str, found: list[tuple[str, str]]) -> None:
-    assert read_list(text) == found
+    assert [(name, group) for name, group, _ in read_list(text)] == found
 
 
 @pytest.mark.parametrize(
@@ -106,13 +106,19 @@ def test_a_list_makes_accounts_groups_and_tickets(tmp_path: Path) -> None:
         word = made[0].path.partition("word=")[2]
         assert desk.passes.admit(word).name == "Ada"
         assert (await rig.accounts.sign_in("Ben", made[1].password, "1.2.3.4")).role is Role.STUDENT
-        assert "already" in str(await refusal(lambda: desk.add(teacher, "Cleo\nAda", 7, who)))
+        assert str(await refusal(lambda: desk.add(teacher, "Cleo\n\nAda", 7, who))).startswith(
+            "line 3: there is a user"
+        )
         assert rig.accounts.role_of("Cleo") is None  # all or none
+        for name, group in (("Cleo", "red"), ("Dora", "Blue"), ("Emil", "BLUE")):  # a group however it is written
+            assert (await desk.add(teacher, f"{name}; {group}", 7, who))[0].group == (
+                "Red" if group == "red" else "Blue"
+            )
         assert {one.name for one in desk.tickets(teacher, 1)} >= {"Ada", "Ben"}
         assert not any(one.password for one in desk.tickets(teacher, 1))
         assert "tell no groups" in str(await refusal(lambda: desk.make_groups(teacher, who)))
         found = await desk.groups_now(teacher, {"Ada": ()}, frozenset())
-        assert found[0] == GroupNow("Red", ("Ada",), 0, 0, 1, 0, 0.0)
+        assert found[1] == GroupNow("Red", ("Ada", "Cleo"), 0, 0, 1, 0, 0.0)
         names = [one.name for one in await desk.now(teacher, "en", {})]
         await rig.service.operations.do("hand", who="student")
         first = (await desk.now(teacher, "en", {}))[0]

@@ -221,11 +221,13 @@ class ClassControl:
         """Make a group of these pupils and slots, or change it; they leave the groups that they were in.
 
         Raises:
-            ConfigError: a name will not do, or there are too many.
+            ConfigError: a name will not do, it would have nothing, or there are too many.
             RegistryError: it cannot be stored; nothing has changed.
         """
         for name in (group, *pupils):
             _check_name(name)
+        if not pupils and not slots:
+            raise ConfigError(said("group {group} needs a pupil or a slot", group=group))
         mine = Group(
             group, tuple(dict.fromkeys(pupils)), tuple(dict.fromkeys(slot_of(self._running, slot) for slot in slots))
         )

@@ -153,19 +153,20 @@ class PupilDesk:
         """
         self._accounts.require(session, Right.ARRANGE)
         listed = read_list(text)
-        people = [Newcomer(name, Role.STUDENT, new_password(), line) for line, (name, _) in enumerate(listed, 1)]
+        people = [Newcomer(name, Role.STUDENT, new_password(), line) for name, _, line in listed]
         await self._accounts.add_people(people, who=session.name)
         groups: dict[str, list[str]] = {}
-        for name, group in listed:
-            if group:
-                groups.setdefault(group, []).append(name)
         known = {one.name: one for one in self._control.groups}
+        spelt = {one.casefold(): one for one in known}
+        for name, group, _ in listed:
+            if group:
+                groups.setdefault(spelt.setdefault(group.casefold(), group), []).append(name)
         for group, names in groups.items():
             old = known.get(group)
             pupils, slots = ((), ()) if old is None else (old.pupils, old.slots)
             await self._operations.do("group", who=who, group=group, pupils=[*pupils, *names], slots=list(slots))
         passwords = {one.name: one.password for one in people}
-        return [self._ticket(name, days, passwords[name]) for name, _ in listed]
+        return [self._ticket(name, days, passwords[name]) for name, _, _ in listed]
 
     def tickets(self, session: Session, days: int) -> list[PupilTicket]:
         """A new ticket for every pupil; those that were printed before stay valid until their time is over.

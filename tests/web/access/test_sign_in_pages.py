@@ -46,6 +46,7 @@ async def test_the_set_up_link_leads_to_an_administrator(accounts: Accounts, bro
     wrong = await browser.post("/setup", data=form)
     assert wrong.status_code == 400
     assert "not the same" in wrong.text
+    assert 'value="ada"' in wrong.text  # only what was wrong is typed again
     done = await browser.post("/setup", data={**form, "again": "correct horse"})
     assert (done.status_code, done.headers["location"]) == (303, "/")
     assert accounts.session(browser.cookies[COOKIE]) is not None

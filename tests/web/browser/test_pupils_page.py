@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.processes import run, running
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.conftest import Site, call, go, new_page
 from tests.web.browser.test_demo_pages import FITS
 
 PROGRAM = """from msbot import Distance, Level, Part
@@ -214,6 +214,28 @@ def test_what_is_printed_are_all_tickets_and_nothing_else(site: Site, teacher: P
     assert (ink, paper.split(")")[0]) == ("rgb(16, 32, 44)", "rgb(255, 255, 255")
     teacher.emulate_media(media="screen", color_scheme="light")
     teacher.set_viewport_size({"width": 1280, "height": 900})
+
+
+def test_a_form_stays_while_its_list_changes_and_two_clicks_let_a_class_in_once(
+    site: Site, teacher: Page, pupil: Page
+) -> None:
+    go(teacher, f"{site.base}/pupils")
+    teacher.locator(".line", has_text="slots: program_Blue").get_by_role("button", name="Edit").click()
+    slots = teacher.locator(".q-dialog").get_by_role("combobox", name="Slots")
+    expect(slots).to_be_visible()
+    assert call(teacher, "PUT", "/api/class/groups/Green", {"pupils": ["Ben"], "slots": []}) == 200
+    expect(teacher.locator(".line", has_text="Ben; slots: none")).to_be_visible()  # drawn anew
+    expect(slots).to_be_visible()
+    teacher.get_by_role("button", name="Cancel").click()
+
+    teacher.get_by_role("textbox", name="Names").fill("Kim; green\nLou; blue")
+    teacher.get_by_role("button", name="Let them in").evaluate("button => { button.click(); button.click(); }")
+    expect(teacher.locator(".ticket")).to_have_count(2)
+    expect(teacher.locator(".ticket", has_text="Lou")).to_contain_text("Lou · Blue")
+    told = teacher.locator(".q-notification")
+    expect(told.filter(has_text="No slots belong to Green")).to_be_visible()
+    expect(told.filter(has_text="there is a user")).to_have_count(0)
+    teacher.get_by_role("button", name="Close").first.click()
 
 
 def test_who_scans_the_ticket_of_the_class_makes_an_account(browser: Browser, site: Site, teacher: Page) -> None:

@@ -48,8 +48,9 @@ def robot(path: Path, groups: str, source: Path | None, folders: tuple[Path, ...
         one, _ = open_blueprint(source, *folders)
     names = [name.strip() for name in groups.split(",") if name.strip()]
     made = for_groups(one, names)
-    write_new(path, f"# A robot for {len(names)} groups, written by `msbot pupils robot`.\n\n{blueprint_toml(made)}")
-    click.echo(f"{path}: {len(made.slots)} slots for {len(names)} groups; `msbot master {path} --host 0.0.0.0` runs it")
+    groups_made = "1 group" if len(names) == 1 else f"{len(names)} groups"
+    write_new(path, f"# A robot for {groups_made}, written by `msbot pupils robot`.\n\n{blueprint_toml(made)}")
+    click.echo(f"{path}: {len(made.slots)} slots for {groups_made}; `msbot master {path} --host 0.0.0.0` runs it")
 
 
 @command.command("list")

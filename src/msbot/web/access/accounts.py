@@ -278,7 +278,10 @@ class Accounts:
         """
         newcomers = list(people)
         for one in newcomers:
-            self._check_name(one.name)
+            try:
+                self._check_name(one.name)
+            except ConfigError as error:
+                raise ConfigError(said("line {line}: {error}", line=one.line, error=str(error))) from None
         users = [User(one.name, one.role, await self._hasher.hash(one.password)) for one in newcomers]
         async with self._changing:
             for user in users:
@@ -372,12 +375,8 @@ class Accounts:
 
     def _check_name(self, name: str) -> None:
         if not name or len(name) > MAX_NAME or name != name.strip() or not name.isprintable():
-            raise ConfigError(
-                said(
-                    "a user's name has 1 to {max_name} printable characters, without blanks around it",
-                    max_name=MAX_NAME,
-                )
-            )
+            raise ConfigError(said("a user's name has 1 to {max_name} printable characters, without blanks around it",
+                                   max_name=MAX_NAME))  # fmt: skip
         if name in self._users:
             raise ConfigError(said("there is a user {name!r} already: choose another name", name=name))
 

@@ -107,13 +107,13 @@ def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
     return people
 
 
-def read_list(text: str) -> list[tuple[str, str]]:
-    """Names and groups of a pasted list: a name on each line, the group after a semicolon or a tab.
+def read_list(text: str) -> list[tuple[str, str, int]]:
+    """Names, groups and lines of a pasted list: a name on each line, the group after a semicolon or a tab.
 
     Raises:
         ConfigError: nobody or somebody twice is in it, or too many are.
     """
-    found: dict[str, str] = {}
+    found: dict[str, tuple[str, str, int]] = {}
     for number, line in enumerate(text.splitlines(), 1):
         name, _, group = (part.strip() for part in line.replace("\t", ";").partition(";"))
         if not name:
@@ -122,12 +122,12 @@ def read_list(text: str) -> list[tuple[str, str]]:
             continue
         if name in found:
             raise ConfigError(said("line {number}: {name!r} is there twice", number=number, name=name))
-        found[name] = group
+        found[name] = (name, group, number)
     if not found:
         raise ConfigError(said("the list is empty: write a name on each line"))
     if len(found) > MOST_PEOPLE:
         raise ConfigError(said("the list has more than {most} names: divide it", most=MOST_PEOPLE))
-    return list(found.items())
+    return list(found.values())
 
 
 def new_password() -> str:

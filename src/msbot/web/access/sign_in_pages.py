@@ -84,8 +84,9 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
         except (SignInRefused, ConfigError) as error:
             status = 403 if isinstance(error, SignInRefused) else 400
             return page(
-                request, "set_up", "Set-up", token=token, error=language_of(request).say(str(error)), status=status
-            )
+                request, "set_up", "Set-up", token=token, name=form.get("name", "")[:64],
+                error=language_of(request).say(str(error)), status=status,
+            )  # fmt: skip
         return signed_in(request, session, "/")
 
     @router.get("/enter")

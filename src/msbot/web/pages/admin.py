@@ -17,7 +17,7 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done, UserLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import ask_first, file_button, heading, panel, set_html, show_dialog
+from msbot.web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
 
@@ -161,7 +161,7 @@ def _roles(page: Page) -> dict[str, str]:
 
 def _ask_password(page: Page, name: str) -> None:
     say = page.say
-    with ui.dialog() as dialog, ui.card():
+    with page_dialog(page) as dialog, ui.card():
         heading(say("New password for {name}", name=name))
         old = ui.input(say("Old password"), password=True).props("outlined autocomplete=current-password")
         old.set_visibility(name == page.session.name)

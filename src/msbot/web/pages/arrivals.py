@@ -15,7 +15,7 @@ from msbot.web.api.says import Offer
 from msbot.web.api.session import parts_for
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import heading, set_html, show_dialog
+from msbot.web.pages.page_elements import heading, page_dialog, set_html, show_dialog
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.pages.slots_by_hand import slot_name
 from msbot.web.pages.topics_by_hand import free_name
@@ -227,7 +227,7 @@ def _offer_slots(page: Page, part: PartLine, menu: ui.menu) -> None:
 
 def _why(page: Page, part: PartLine) -> None:
     lines = page.service.views.why(part.uid or part.part)
-    with ui.dialog() as dialog, ui.card().style("max-width:min(44rem,95vw)"):
+    with page_dialog(page) as dialog, ui.card().style("max-width:min(44rem,95vw)"):
         heading(page.say("Why?"))
         ui.html(render("lines", say=page.say, lines=lines), sanitize=False)
         ui.button(page.say("Close"), on_click=dialog.close).props("flat")

@@ -280,7 +280,11 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         dark_page="#0e151b",
     )
     with ui.header().classes("ms-header").props("role=banner"):
-        menu = ui.button(icon="menu").props(f'flat round dense color=primary aria-label="{page.say("Menu")}"')
+        menu = (
+            ui.button(icon="menu")
+            .props(f'flat round dense color=primary aria-label="{page.say("Menu")}"')
+            .classes("ms-menu")
+        )
         ui.label(service.robot_name).classes("ms-robot")
         hand_button(page)
         help_button(page, path)

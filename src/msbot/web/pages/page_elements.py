@@ -32,6 +32,12 @@ def show_dialog(dialog: ui.dialog, address: str = "") -> None:
     ui.run_javascript(f"msbot.opened({dialog.id}, {address!r})")
 
 
+def page_dialog(page: Page) -> ui.dialog:
+    """A dialog of the page itself: a list that its button is in may be drawn anew while it is open."""
+    with page.here():
+        return ui.dialog()
+
+
 def ask_first(
     page: Page, words: str, deed: Callable[[], Awaitable[object]], refused: Callable[[], None] = lambda: None
 ) -> None:
@@ -45,7 +51,7 @@ def ask_first(
     """
     answers: list[bool] = []
     # Escape leaves it, as every other dialog: who presses it twice, because nothing happens, says STOP.
-    with ui.dialog().props("no-backdrop-dismiss") as dialog, ui.card():
+    with page_dialog(page).props("no-backdrop-dismiss") as dialog, ui.card():
         ui.label(words).props("role=heading aria-level=2")
         with ui.element("div").classes("row"):
 

@@ -18,7 +18,7 @@ from msbot.web.api.models import Done
 from msbot.web.html import render
 from msbot.web.pages.admin import THIS_COMPUTER
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import ask_first, heading, panel, show_dialog
+from msbot.web.pages.page_elements import ask_first, heading, page_dialog, panel, show_dialog
 from msbot.web.pupils import PupilNow, PupilTicket
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
@@ -178,7 +178,7 @@ def _groups(page: Page) -> None:
                                 slots=", ".join(group.slots) or say("none"))
                         ).classes("soft")  # fmt: skip
                     with ui.element("div").classes("row"):
-                        ui.button(say("Change"), on_click=partial(_edit_group, page, group.name)).props("flat dense")
+                        ui.button(say("Edit"), on_click=partial(_edit_group, page, group.name)).props("flat dense")
                         words = say("Take the group {group} away? Its slots are everybody's then.", group=group.name)
                         remove = partial(page.act, "remove_group", group=group.name)
                         ui.button(say("Remove"), on_click=partial(ask_first, page, words, remove)).props("flat dense")
@@ -193,7 +193,7 @@ def _edit_group(page: Page, name: str) -> None:
     known = next((group for group in control.groups if group.name == name), None)
     pupils = sorted({*page.service.pupils.pupils(), *(known.pupils if known else ())}, key=str.casefold)
     slots = [card.name for card in page.service.robot().slots]
-    with ui.dialog() as dialog, ui.card().style("min-width:min(30rem,95vw)"):
+    with page_dialog(page) as dialog, ui.card().style("min-width:min(30rem,95vw)"):
         heading(say("Group"))
         title = ui.input(say("Name"), value=name).props("outlined dense autofocus").classes("w-full")
         title.set_enabled(not name)
@@ -239,6 +239,7 @@ class _Accounts:
     def __init__(self, page: Page, base: str) -> None:
         self._page = page
         self._base = base.rstrip("/")
+        self._is_busy = False
         say = page.say
         with panel().classes("w-full"):
             heading(say("New pupils"))
@@ -253,7 +254,7 @@ class _Accounts:
                 days[1] = say("tickets for one day")
                 self._days = ui.select(days, value=7).props("outlined dense")
                 self._days.props["aria-label"] = say("How long tickets are valid")
-                ui.button(say("Let them in"), icon="person_add", on_click=self._ask)
+                self._let_in = ui.button(say("Let them in"), icon="person_add", on_click=self._ask)
                 ui.button(say("Tickets for all"), icon="qr_code", on_click=self._tickets).props("outline")
                 ui.button(say("Show a class ticket"), icon="groups", on_click=self._class_ticket).props("outline")
             if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
@@ -263,6 +264,17 @@ class _Accounts:
                 )).classes("soft")  # fmt: skip
 
     async def _ask(self) -> None:
+        if self._is_busy:  # each password takes a moment to hash, so that a class takes long enough for another click
+            return
+        self._is_busy = True
+        self._let_in.props("loading")
+        try:
+            await self._let_them_in()
+        finally:
+            self._is_busy = False
+            self._let_in.props(remove="loading")
+
+    async def _let_them_in(self) -> None:
         page, text, days = self._page, str(self._list.value or ""), int(self._days.value)
         made: list[PupilTicket] = []
 
@@ -272,7 +284,16 @@ class _Accounts:
 
         if await page.do(deed) is not None:
             self._list.value = ""
+            self._tell_groups_without_slots({one.group for one in made})
             self._print(made)
+
+    def _tell_groups_without_slots(self, new: set[str]) -> None:
+        groups, say = self._page.service.operations.pupils.groups, self._page.say
+        bare = [group.name for group in groups if group.name in new and not group.slots]
+        if bare and any(group.slots for group in groups):  # the others have some: perhaps a name is misspelt
+            words = say("No slots belong to {groups}: are the names spelt as in Groups? Give them slots there.",
+                        groups=", ".join(bare))  # fmt: skip
+            ui.notify(words, type="warning", multi_line=True, close_button=say("Close"), timeout=0)
 
     async def _tickets(self) -> None:
         page, made = self._page, []  # type: Page, list[PupilTicket]

@@ -42,7 +42,8 @@ def _summary(page: Page) -> None:
         for card in robot.slots:
             counts[card.state] = counts.get(card.state, 0) + 1
         chips = [state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items()]
-        words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *robot.links) if word]
+        links = [page.say(link) for link in robot.links]  # one of them is no address: "simulated here"
+        words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *links) if word]
         hint = ""
         if robot.slots and set(counts) == {"empty"} and not page.is_past:
             hint = page.say("Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "

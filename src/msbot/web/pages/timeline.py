@@ -65,10 +65,10 @@ def _bars(page: Page) -> None:
 def _event_rows(page: Page, lanes: list[TimelineLane], span_s: float) -> Markup:
     spans = [(span, lane.slot) for lane in lanes for span in lane.spans if span.begin_age_s <= span_s]
     spans.sort(key=lambda pair: pair[0].begin_age_s)
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (f"{span.begin_age_s:.0f} s", slot, page.say(span.state), page.say(span.reason))
         for span, slot in spans[:EVENTS]
-    ]
+    ] or [(page.say("Nothing has changed in this time."),)]
     return render("table", heads=[page.say(title) for title in ("Ago", "Slot", "State", "Reason")], rows=rows)
 
 
