@@ -144,7 +144,7 @@ class Plain:
         return StopStatus(
             stopped=self.holds, number=self.number, by=self.by, reason=self.reason,
             since_ns=self.at_ns if self.holds else None, confirmed=tuple(confirmed),
-            silent=tuple(name for name, _ in waiting), also_by=tuple(also),
+            silent=tuple(name for name, _ in waiting), also_by=tuple(also), trouble="", is_stored=True,
         )  # fmt: skip
 
 

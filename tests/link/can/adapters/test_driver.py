@@ -347,3 +347,93 @@ def test_the_first_opening_is_no_warning(caplog: pytest.LogCaptureFixture) -> No
 
     run_virtual(main())
     assert [(record.levelname, record.getMessage()) for record in caplog.records] == [("INFO", "can:fake: open")]
+
+
+@pytest.mark.parametrize("before", [BusState.ACTIVE, BusState.PASSIVE, BusState.OFF])
+@pytest.mark.parametrize("after", [BusState.ACTIVE, BusState.PASSIVE, BusState.OFF])
+def test_room_is_told_with_the_first_frame_after_bus_off_and_with_no_other(before: BusState, after: BusState) -> None:
+    async def scene(bench: Bench) -> None:
+        driver, channel = bench.driver, bench.adapter.channel
+        driver.take([FRAME], 1.0)
+        assert bench.rooms == 0
+        driver.state(channel, before, "test", 2.0)
+        driver.state(channel, after, "test", 3.0)
+        driver.take([FRAME], 4.0)
+        driver.take([FRAME], 5.0)
+        assert bench.rooms == int(before is BusState.OFF and after is not BusState.OFF)
+        assert [at for _, at in bench.frames] == [1.0, 4.0, 5.0]
+
+    virtually(scene)()
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_so_many_frames_are_handled_in_one_turn(more: int) -> None:
+    async def scene(bench: Bench) -> None:
+        bench.driver.take([FRAME] * (FRAMES_PER_TURN + more), 1.0)
+        assert len(bench.frames) == (0 if more else FRAMES_PER_TURN)
+        await asyncio.sleep(0)
+        assert len(bench.frames) == FRAMES_PER_TURN
+        await asyncio.sleep(0)
+        assert len(bench.frames) == FRAMES_PER_TURN + more
+
+    virtually(scene)()
+
+
+def test_what_the_bus_tells_is_counted_each_time_and_said_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
+    driver = CanDriver(FakeAdapter())
+    assert driver.pending() == 0
+    said: list[tuple[float, list[str]]] = []
+    with caplog.at_level(logging.INFO):
+        for at in (100.0, 101.0, 159.5, 160.0, 219.5, 220.5):
+            driver.events(("stuff error", "no acknowledgement"), at, times=2)
+            said.append((at, [record.message for record in caplog.records]))
+            caplog.clear()
+    both = ["can:fake: stuff error", "can:fake: no acknowledgement"]
+    assert [at for at, words in said if words == both] == [100.0, 160.0, 220.5]
+    assert [at for at, words in said if not words] == [101.0, 159.5, 219.5]
+    assert driver.dropped == {"stuff error": 12, "no acknowledgement": 12}
+
+
+def test_so_many_messages_are_remembered_and_then_all_are_forgotten(caplog: pytest.LogCaptureFixture) -> None:
+    driver = CanDriver(FakeAdapter())
+    with caplog.at_level(logging.INFO):
+        for number in range(MOST_WORDS):
+            driver._say(logging.INFO, f"words {number}", 1.0)
+        driver._say(logging.INFO, "words 0", 2.0)
+        assert len(caplog.records) == MOST_WORDS, "it has been said"
+        driver._say(logging.INFO, "one more", 3.0)
+        driver._say(logging.INFO, "words 0", 4.0)
+        assert [record.message for record in caplog.records[MOST_WORDS:]] == ["one more", "words 0"]
+    assert len(driver._said) == 2
+
+
+def test_why_an_adapter_cannot_be_opened_again_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    async def scene(bench: Bench) -> None:
+        bench.adapter.absent = "there is no interface can0"
+        bench.driver.lost(bench.adapter.channel, "unplugged")
+        await asyncio.sleep(5.0)
+        bench.adapter.absent = ""
+        await asyncio.sleep(2.0)
+        assert [state for _, state, _ in bench.states[2:]] == [BusState.GONE, BusState.ACTIVE]
+
+    with caplog.at_level(logging.WARNING):
+        virtually(scene)()
+    assert [record.message for record in caplog.records] == [
+        "can:fake: unplugged",
+        "there is no interface can0",
+        "can:fake: back",
+    ]
+
+
+@pytest.mark.parametrize(("steady_s", "pause_s"), [(4.5, 0.2), (5.0, 0.1), (5.5, 0.1)])
+def test_who_was_open_for_long_is_looked_for_soon(steady_s: float, pause_s: float) -> None:
+    async def scene(bench: Bench) -> None:
+        for open_s in (1.0, steady_s):
+            opened_at, channel = bench.adapter.opened[-1]
+            await asyncio.sleep(opened_at + open_s - bench.now())
+            bench.driver.lost(channel, "unplugged")
+            gone_at = bench.now()
+            await asyncio.sleep(1.0)
+        assert bench.adapter.opened[-1][0] - gone_at == pytest.approx(pause_s)
+
+    virtually(scene)()
