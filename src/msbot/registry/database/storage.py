@@ -187,20 +187,30 @@ class Storage:
             RegistryError: the database does not answer in time; also whatever `ask` raises.
         """
         now = monotonic()
-        if len(self._asking) >= READERS + MOST_WAITING or (
-            len(self._asking) >= READERS and min(self._asking.values()) < now - LIMIT_S
-        ):
+        asked = [*self._asking.values()]
+        if len(asked) >= READERS + MOST_WAITING or (len(asked) >= READERS and min(asked) < now - LIMIT_S):
             raise RegistryError(self._no_answer())
         self._asked += 1
         number = self._asked
         self._asking[number] = now
-        loop = asyncio.get_running_loop()
-        answer = loop.run_in_executor(self._threads, lambda: ask(*args, **kwargs))
-        answer.add_done_callback(lambda _: self._asking.pop(number, None))
+        is_served = False
+
+        def serve() -> _T:
+            nonlocal is_served
+            is_served = True
+            try:
+                return ask(*args, **kwargs)
+            finally:
+                # Not before: a reader that hangs is busy, whether or not somebody still waits for what it reads.
+                self._asking.pop(number, None)
+
+        answer = asyncio.get_running_loop().run_in_executor(self._threads, serve)
         done, _ = await asyncio.wait({answer}, timeout=LIMIT_S)
         if not done:
             answer.cancel()
             answer.add_done_callback(_retrieve)
+            if not is_served:
+                self._asking.pop(number, None)
             raise RegistryError(self._no_answer())
         return answer.result()
 
