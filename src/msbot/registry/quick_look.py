@@ -121,8 +121,8 @@ def lock_file(database: Path, robot_id: int) -> Path:
 
 
 def without_master(record: PartRecord) -> PartRecord:
-    """The record of a part whose robot nobody runs: not active, whatever the database says about its last change."""
-    if not _STATES[record.state].is_registered:
+    """The record of a part whose robot nobody runs: not there, whatever the database says about its last change."""
+    if _STATES[record.state].is_over:
         return record
     return replace(record, state=PartState.LOST.value, reason=NO_MASTER)
 

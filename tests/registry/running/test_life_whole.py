@@ -154,6 +154,7 @@ class Lives:
     def __init__(self, connection: Connection, path: Path, random: Random) -> None:
         self.connection, self.random, self.now = connection, random, 1_000
         self.registered = frozenset(state.value for state in PartState if state.is_registered)
+        self.over = frozenset(("lost", "left"))
         self.plain = [Plain("R2"), Plain("R3")]
         self.robots: list[RobotRecord] = []
         for one in self.plain:
@@ -247,7 +248,7 @@ class Lives:
         for line in [line for line in there if line.number > newest]:
             identity = line.event.uid.hex() or f"{line.event.part_number}/{line.event.local_name}"
             old = plain.parts[identity]
-            assert old.state in self.registered
+            assert old.state not in self.over
             event = PartEvent(
                 at=0.0, part=old.local_name or old.slot or old.part_number, slot=old.slot,
                 from_state=PartState(old.state), to_state=PartState.LOST, reason="the master was restarted",
@@ -255,7 +256,7 @@ class Lives:
             )  # fmt: skip
             plain.line(line.number, event, self.now)
             plain.parts[identity] = replace(old, state="lost", reason=event.reason, changed_ns=self.now)
-        assert [one for one in plain.parts.values() if one.state in self.registered] == []
+        assert [one for one in plain.parts.values() if one.state not in self.over] == []
 
     def compare(self) -> None:
         connection, all_lines = self.connection, []
@@ -267,9 +268,7 @@ class Lives:
                 (order[one.slot], one.first_seen_ns) for one in parts
             )
             assert {*map(repr, parts)} == {*map(repr, plain.parts.values())}
-            lost = [
-                replace(one, state="lost", reason=NO_MASTER) if one.state in self.registered else one for one in parts
-            ]
+            lost = [one if one.state in self.over else replace(one, state="lost", reason=NO_MASTER) for one in parts]
             assert {*map(repr, self.look.parts(robot))} == {*map(repr, lost)}
             assert statements.read_journal(connection, robot.id, None, 99) == plain.lines
             all_lines += plain.lines

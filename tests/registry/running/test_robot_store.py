@@ -148,17 +148,23 @@ def test_parts_of_the_last_run_are_lost_until_they_claim_again(
     store.journal(changed(PartState.ACTIVE))
     store.journal(changed(PartState.LATE, slot="BB", number="EFGH", local_name="EFGH-local", uid=b"part BB."))
     store.journal(changed(PartState.LEFT, slot="CC", number="WXYZ", local_name="WXYZ-local", uid=b"part CC."))
+    store.journal(changed(PartState.STANDBY, slot=None, number="EFGH", local_name="spare", uid=b"a spare."))
+    store.journal(changed(PartState.REFUSED, slot=None, number="NOPE", local_name="mole", uid=b"the mole"))
     registry.storage.flush()
     registry.runs.begin(store.robot)
     assert [(part.state, part.reason) for part in registry.robots.parts()] == [
         ("lost", "the master was restarted"),
         ("lost", "the master was restarted"),
         ("left", "because"),
+        ("lost", "the master was restarted"),
+        ("lost", "the master was restarted"),
     ]
-    lines = [entry.event.sentences()[0] for entry in registry.robots.journal(2)]
-    assert lines == [
+    lines = [entry.event.sentences()[0] for entry in registry.robots.journal(4)]
+    assert sorted(lines) == [
         "ABCD-local: active -> lost in slot AA: the master was restarted",
         "EFGH-local: late -> lost in slot BB: the master was restarted",
+        "mole: refused -> lost: the master was restarted",
+        "spare: standby -> lost: the master was restarted",
     ]
 
 

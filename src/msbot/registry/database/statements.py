@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sqlalchemy.dialects import postgresql
 
 _REGISTERED = [state.value for state in PartState if state.is_registered]
+_OVER = [state.value for state in PartState if state.is_over]
 STATES = {state.value: state for state in PartState}
 """The states of parts by the words of the tables."""
 
@@ -141,8 +142,8 @@ def note_state(connection: Connection, robot_id: int, event: PartEvent, now_ns: 
 
 
 def end_run(connection: Connection, robot_id: int, reason: str, now_ns: int) -> None:
-    """Mark the parts that are registered when a run ends as lost, until they claim again."""
-    query = _PART_QUERY.where(parts.c.robot_id == robot_id, parts.c.state.in_(_REGISTERED))
+    """Mark the parts that are there when a run ends, in a slot or not, as lost, until they claim again."""
+    query = _PART_QUERY.where(parts.c.robot_id == robot_id, parts.c.state.not_in(_OVER))
     for record in [_part(row) for row in connection.execute(query)]:
         event = PartEvent(
             at=now_ns / 1e9,
