@@ -221,7 +221,7 @@ class Twins:
 
     def blueprint(self, name: str) -> Blueprint:
         random = self.random
-        names = random.sample(NAMES, random.choice((2, 3, 4, 5, 7, 8)))
+        names = random.sample(NAMES, random.choice((2, 2, 4, 8, 8)))
         found = [self.slot(one) for one in names]
         free = [(SlotPort(slot.name, port), publishes, slot.part_number == "EAR") for slot in found
                 for port, publishes in PORTS[slot.part_number] if random.random() < 0.7]  # fmt: skip
@@ -450,7 +450,7 @@ def connection(path: Path, empty_database: bytes) -> Iterator[Connection]:
     engine.dispose()
 
 
-@pytest.mark.parametrize("seed", range(tries(2, 200)))
+@pytest.mark.parametrize("seed", range(tries(3, 200)))
 def test_whatever_people_change_every_row_is_as_the_plain_model_has_it(connection: Connection, seed: int) -> None:
     twins = Twins(connection, Random(seed))
     twins.compare()
