@@ -70,7 +70,7 @@ def _note(connection: Connection, people: tuple[str, ...], lesson: str, check: s
     query = select(columns.person).where(columns.lesson == lesson, columns.check == check)
     have = {row.person for row in connection.execute(query)}
     if missing := [person for person in people if person not in have]:
-        count = connection.execute(select(func.count()).select_from(lesson_ticks)).scalar() or 0
+        count = connection.execute(select(func.count()).select_from(lesson_ticks)).scalar_one()
         if count + len(missing) > MOST_TICKS:
             raise ConfigError(said("more than {most} ticks of lessons are not kept", most=MOST_TICKS))
         connection.execute(

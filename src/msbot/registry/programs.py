@@ -90,9 +90,8 @@ class Programs:
 
 
 def remove_programs_of(connection: Connection, owner: str) -> None:
-    """Delete all programs of a person who is removed."""
-    for row in connection.execute(select(programs.c.id).where(programs.c.owner == owner)).all():
-        _remove_id(connection, row.id)
+    """Delete all programs of a person who is removed; their versions go with them."""
+    connection.execute(delete(programs).where(programs.c.owner == owner))
 
 
 def _programs_of(connection: Connection, owner: str) -> list[ProgramRecord]:
@@ -145,8 +144,8 @@ def _keep(connection: Connection, owner: str, name: str, source: ProgramSource, 
 
 
 def _make(connection: Connection, owner: str, name: str, now_ns: int) -> int:
-    count = connection.execute(select(func.count()).select_from(programs).where(programs.c.owner == owner)).scalar()
-    if (count or 0) >= MOST_PROGRAMS:
+    count = connection.execute(select(func.count()).select_from(programs).where(programs.c.owner == owner)).scalar_one()
+    if count >= MOST_PROGRAMS:
         raise ConfigError(
             said("{owner} has {most} programs already: remove one first", owner=owner, most=MOST_PROGRAMS)
         )
@@ -156,12 +155,7 @@ def _make(connection: Connection, owner: str, name: str, now_ns: int) -> int:
 
 
 def _remove(connection: Connection, owner: str, name: str) -> None:
-    _remove_id(connection, _id_of(connection, owner, name))
-
-
-def _remove_id(connection: Connection, program: int) -> None:
-    connection.execute(delete(program_texts).where(program_texts.c.program_id == program))
-    connection.execute(delete(programs).where(programs.c.id == program))
+    connection.execute(delete(programs).where(programs.c.id == _id_of(connection, owner, name)))
 
 
 def _share(connection: Connection, owner: str, name: str) -> str:

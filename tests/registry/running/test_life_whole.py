@@ -31,11 +31,11 @@ from msbot.registry.running.robot_store import RobotStore
 from tests.effort import tries
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
 
-UIDS = (b"", bytes(8), b"part one", b"part two", b"spare...")
+UIDS = (b"", bytes(8), b"part one", b"part two", b"stranger", b"spare...")
 SLOTS = ("left", "right", "leg", "nose")
 WORDS = ("left", "LEFT", "local", "eye", "EYE", b"part one".hex(), "nobody", "Ärm", "ärm")
 IN = ("checking", "accepted", "configuring", "active", "late")
-LINES, STRANGER_LINES, STRANGERS, EVERY = 7, 4, 2, 5
+LINES, STRANGER_LINES, STRANGERS, EVERY = 4, 2, 1, 3
 
 
 class Queue:
@@ -158,7 +158,8 @@ class Lives:
         self.plain = [Plain("R2"), Plain("R3")]
         self.robots: list[RobotRecord] = []
         for one in self.plain:
-            blueprint = replace(ROBOT, robot=replace(ROBOT.robot, name=one.name))
+            slots = tuple(replace(slot, local_name=f"of {one.name}") for slot in ROBOT.slots)
+            blueprint = replace(ROBOT, robot=replace(ROBOT.robot, name=one.name), slots=slots)
             self.now += 1
             made = blueprint_store.apply(connection, blueprint, LIBRARY, self.now)
             self.robots.append(made)
@@ -222,7 +223,7 @@ class Lives:
         random = self.random
         number, local = random.choice(("EYE", "LEG", "")), random.choice(("", "local", "Ärm"))
         return PartEvent(
-            at=12.5, part=local or number or "udp", slot=random.choice((None, None, "", *SLOTS)),
+            at=12.5, part=local or number or "udp", slot=random.choice((None, None, None, None, "", *SLOTS)),
             from_state=random.choice((None, PartState.CHECKING, PartState.LATE)),
             to_state=random.choice([*PartState]), reason=random.choice(("because", "it fits")),
             evidence=random.choice(((), (("rule", "outcome"), ("slot", "free")))), part_number=number, local_name=local,
@@ -272,6 +273,10 @@ class Lives:
             assert {*map(repr, self.look.parts(robot))} == {*map(repr, lost)}
             assert statements.read_journal(connection, robot.id, None, 99) == plain.lines
             all_lines += plain.lines
+            slots = [(slot.name, slot.part_number, slot.local_name)
+                     for slot in statements.list_slots(connection, robot.id)]  # fmt: skip
+            assert slots == [(slot.name, slot.part_number, f"of {plain.name}") for slot in ROBOT.slots]
+            assert self.look.slot_names(robot) == ["left", "right", "leg"]
             self.compare_memory(index)
         all_lines.sort(key=lambda line: line.number)
         word, limit = self.random.choice(WORDS), self.random.choice((1, 3, 99))

@@ -69,7 +69,9 @@ def record(
         "before": {} if before is None else before.as_json(),
         "after": {} if after is None else after.as_json(),
     }
-    (number,) = connection.execute(edits.insert().values(row)).inserted_primary_key or (0,)
+    made = connection.execute(edits.insert().values(row))
+    assert made.inserted_primary_key is not None
+    (number,) = made.inserted_primary_key
     connection.execute(delete(edits).where(edits_of(author.robot_id), edits.c.id <= number - EDITS_KEPT))
     found = connection.execute(select(edits).where(edits.c.id == number)).one()
     return _edit(found)
