@@ -71,6 +71,10 @@ def _print(*values, **options):
     tell("print", text, 0)  # noqa: F821
 
 
+def _input(*_):
+    raise msbot.ConfigError("nobody can answer input() here: the values come from ports and settings")
+
+
 def _where(error):
     """The innermost line of the program itself in a traceback, and the error."""
     story = io.StringIO()
@@ -104,7 +108,7 @@ def _start(request):
     msbot.use_host(host)
     try:
         program = compile(with_fields(request["program"]), _name, "exec")
-        exec(program, {"__name__": "__main__", "print": _print})
+        exec(program, {"__name__": "__main__", "print": _print, "input": _input})
         if not _parts:
             _say("info", "the program has come to its end; it runs no part")
     except _Runs:

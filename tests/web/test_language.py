@@ -22,6 +22,7 @@ from msbot.runtime.sentence import counted, said
 from msbot.web.api.models import JournalLine
 from msbot.web.html import render
 from msbot.web.language import COOKIE, language_of, languages
+from msbot.web.pages.part_sentences import PART_SAYS
 
 
 def texts_of_the_pages() -> set[str]:
@@ -42,6 +43,7 @@ def texts_of_the_pages() -> set[str]:
                 found |= _strings(node.args[3])
             elif called in ("PageHelp", "TourStep"):
                 found |= _strings(node.args[0])
+    found |= set(PART_SAYS)
     for path in (Path(str(msbot.web.__path__[0])) / "templates").glob("*.html"):
         found |= set(re.findall(r'\bsay\("([^"]+)"', path.read_text()))
     return found

@@ -55,6 +55,23 @@ def test_everything_that_matters_fits_and_the_link_is_first(sample: str, width: 
     assert ("plug-in to active" in screen) == (width > 100)
 
 
+@pytest.mark.parametrize("sample", SAMPLES)
+@pytest.mark.parametrize("width", range(36, 81, 4))
+def test_a_narrow_terminal_does_without_columns_and_cuts_none(sample: str, width: int) -> None:
+    (head,) = [line for line in shown(sample, width, 40, events=0) if line.startswith("key")]
+    lines = shown(sample, width, 40, events=0)
+    assert max(map(len, lines)) <= width
+    assert (
+        {"key", "slot", "state"} <= set(head.split()) <= {"key", "slot", "part", "state", "life", "beat", "in", "out"}
+    )
+    rows = lines[lines.index(head) + 2 :][: len(snapshot(sample).parts)]
+    for part, row in zip(snapshot(sample).parts, rows, strict=True):
+        assert row.split()[1] == part.slot
+        assert f"● {part.state}{'' if part.plugged else ' (out)'}" in row
+        assert ("▮▮▮ 3" in row) == ("life" in head)
+        assert "…" not in row
+
+
 def test_the_newest_events_are_shown_as_far_as_there_is_room() -> None:
     small, large = shown("rover", 80, 24), shown("rover", 80, 50)
     assert "no beat for 19 s" in small[-1]

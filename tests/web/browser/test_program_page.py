@@ -11,6 +11,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from msbot.web.language import COOKIE
 from tests.e2e.processes import run, running
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go, new_page
@@ -171,6 +172,37 @@ def test_an_error_in_a_function_is_marked_and_the_part_goes_on(open_desk: Callab
     expect_said(page, "in speak: ZeroDivisionError: divide by zero")
     expect(page.locator(".cm-line.ms-wrong-line")).to_have_text("    1 / 0")
     expect_state(page, "active")
+
+
+def test_what_python_and_the_part_say_is_in_the_persons_language(open_desk: Callable[..., Page], lesson: Site) -> None:
+    page = open_desk()
+    page.context.add_cookies([{"name": COOKIE, "value": "de", "url": lesson.base}])
+    go(page, page.url)
+    expect(page.locator(".cm-line", has_text="import").first).to_be_visible()  # the program has come
+    write(page, "from msbot import Part\n\nPart('NOPE').run()\n")
+    press(page, "Start")
+    expect(page.locator("#ms-prog-reason")).to_contain_text("die Bibliothek kennt diese Teilenummer nicht")
+    expect_said(page, "NOPE: abgelehnt; die Bibliothek kennt diese Teilenummer nicht")
+    hello = "from msbot import HelloWorld, Part\n\npart = Part('ABCD')\n\n\n@part.every(0.2)\ndef f():\n"
+    write(page, hello + "    part.publish('lefft', HelloWorld())\n\n\npart.run()\n")
+    press(page, "Start")
+    expect_said(page, ":8 in f: es gibt keinen Anschluss 'lefft' zum Senden; verbunden sind in diesem Roboter")
+    expect(page.locator(".cm-line.ms-wrong-line")).to_have_text("    part.publish('lefft', HelloWorld())")
+    for wrong, words in (
+        ("x = [1,\n", "SyntaxError: invalid syntax – Fehlt eine Klammer"),
+        ("x = y\n", ":1: NameError: name 'y' isn't defined – Ist der Name richtig geschrieben"),
+        ("x = input('how far?')\n", "auf input() kann hier niemand antworten"),
+    ):
+        write(page, wrong)
+        press(page, "Start")
+        expect_said(page, words)
+        expect_state(page, "not running")
+    write(page, hello + "    pass\n\n\npart.run()\n")
+    press(page, "Start")
+    expect_state(page, "active")
+    go(page, page.url)
+    expect_said(page, "endete, als diese Seite verlassen oder neu geladen wurde")
+    page.context.clear_cookies(name=COOKIE)
 
 
 def test_an_endless_loop_is_told_and_ended(open_desk: Callable[..., Page]) -> None:

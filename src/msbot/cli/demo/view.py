@@ -24,8 +24,15 @@ STATE_STYLES = {
 }
 LIFE_BARS = {3: "▮▮▮ 3", 2: "▮▮▯ 2", 1: "▮▯▯ 1", 0: "▯▯▯ 0"}
 MOST_EVENTS = 8
-WIDE = 110
-"""Columns of a terminal that has room for every column of the table."""
+KEYS = "a letter: pull that part out, plug it in again   q: quit"
+COLUMNS = ("key", "slot", "part", "state", "life", "beat", "in", "out", "plug-in to active", "outputs 0-7")
+RIGHT = frozenset({"beat", "in", "out", "plug-in to active"})
+GIVEN_UP = ("outputs 0-7", "plug-in to active", "out", "in", "part", "beat", "life")
+"""What a terminal without room does without, the first one first: a column is there whole, or not at all."""
+LEAST = {"state": len("✕ lost (out)"), "life": 5, "beat": len("99.9 s"), "in": 4, "out": 4}
+"""Characters that a column is taken to need, whatever is in it now: none comes and goes as values change."""
+_BETWEEN = 3
+"""Characters between two columns."""
 
 
 def live_view(
@@ -40,14 +47,15 @@ def live_view(
         width: columns of the terminal.
         height: lines of the terminal.
     """
+    title = f"{snapshot.robot} on {snapshot.link}   {snapshot.at_s:6.1f} s"
     above: list[RenderableType] = [
         *(Text(note, style="bold", overflow="fold") for note in notes),
-        Text(f"{snapshot.robot} on {snapshot.link}   {snapshot.at_s:6.1f} s", style="bold"),
-        _parts_table(snapshot, is_wide=width >= WIDE),
+        Text(title, style="bold"),
+        _parts_table(snapshot, width),
         Text(wire_words(snapshot), no_wrap=True, overflow="ellipsis"),
-        Text("a letter: pull that part out, plug it in again   q: quit", style="italic"),
+        Text(KEYS, style="italic"),
     ]
-    folded = sum(max(0, len(note) - 1) // width for note in notes)
+    folded = sum(max(0, len(line) - 1) // width for line in (*notes, title, KEYS))
     room = height - len(above) - folded - len(snapshot.parts) - _TABLE_FRAME
     recent = events[-min(MOST_EVENTS, max(room, 0)) :] if room > 0 else []
     return Group(*above, *(Text(event_words(one), style="dim", no_wrap=True, overflow="ellipsis") for one in recent))
@@ -57,41 +65,42 @@ _TABLE_FRAME = 3
 """Lines of the table besides its parts, and the one below everything, for the cursor."""
 
 
-def _parts_table(snapshot: DemoSnapshot, *, is_wide: bool) -> Table:
-    has_outputs = any(part.outputs for part in snapshot.parts)
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for title, right in (("key", False), ("slot", False), ("part", False), ("state", False), ("life", False),
-                         ("beat", True), ("in", True), ("out", True)):  # fmt: skip
-        table.add_column(title, justify="right" if right else "left", no_wrap=True)
-    if is_wide:
-        table.add_column("plug-in to active", justify="right", no_wrap=True)
-    if has_outputs and is_wide:
-        table.add_column("outputs 0-7", no_wrap=True)
+def _parts_table(snapshot: DemoSnapshot, width: int) -> Table:
     keys = {name: key for key, name in keys_of([part.name for part in snapshot.parts]).items()}
-    for part in snapshot.parts:
-        table.add_row(keys.get(part.name, ""), *_part_row(part, is_wide=is_wide, has_outputs=has_outputs))
+    rows = [_part_row(part, keys.get(part.name, "")) for part in snapshot.parts]
+    needed = {
+        title: max(len(title), LEAST.get(title, 0), *(len(row[title]) for row in rows))
+        for title in COLUMNS
+        if title != "outputs 0-7" or any(part.outputs for part in snapshot.parts)
+    }
+    for title in GIVEN_UP:
+        if sum(needed.values()) + _BETWEEN * (len(needed) - 1) > width:
+            needed.pop(title, None)
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    for title in needed:
+        table.add_column(title, justify="right" if title in RIGHT else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*(row[title] for title in needed))
     return table
 
 
-def _part_row(part: PartSnapshot, *, is_wide: bool, has_outputs: bool) -> list[str | Text]:
+def _part_row(part: PartSnapshot, key: str) -> dict[str, str | Text]:
     icon, style = STATE_STYLES.get(part.state, ("○", ""))
     state = Text(f"{icon} {part.state}", style=style)
     if not part.plugged:
         state.append(" (out)", style="dim")
-    row: list[str | Text] = [
-        part.slot or f"({part.name})",
-        part.part_number,
-        state,
-        LIFE_BARS.get(part.life, "-"),
-        "-" if part.beat_age_s is None else f"{part.beat_age_s:.1f} s",
-        str(part.messages_in),
-        str(part.messages_out),
-    ]
-    if is_wide:
-        row.append("-" if part.plug_in_to_active_ms is None else f"{part.plug_in_to_active_ms:.0f} ms")
-    if has_outputs and is_wide:
-        row.append("".join("●" if level else "·" for level in part.outputs))
-    return row
+    return {
+        "key": key,
+        "slot": part.slot or f"({part.name})",
+        "part": part.part_number,
+        "state": state,
+        "life": LIFE_BARS.get(part.life, "-"),
+        "beat": "-" if part.beat_age_s is None else f"{part.beat_age_s:.1f} s",
+        "in": str(part.messages_in),
+        "out": str(part.messages_out),
+        "plug-in to active": "-" if part.plug_in_to_active_ms is None else f"{part.plug_in_to_active_ms:.0f} ms",
+        "outputs 0-7": "".join("●" if level else "·" for level in part.outputs),
+    }
 
 
 def keys_of(names: Sequence[str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from msbot.part import JoinState
 from msbot.part.join.refusal import STANDBY, Refusal
+from msbot.web.pages.part_sentences import part_sentences
 
 
 def program_words(say: Callable[[str], str]) -> dict[str, object]:
@@ -21,6 +22,8 @@ def program_words(say: Callable[[str], str]) -> dict[str, object]:
     states |= {"not running": say("not running"), "starting": say("starting"), "busy": say("busy")}
     return {
         "states": states,
+        "said": part_sentences(say),
+        "reloaded": say("{name} ended when this page was left or loaded anew: press Run, and it runs again."),
         "no_slot": Refusal.NO_SLOT.words,
         "slot": say("In slot {slot}"),
         "unwired": say("not wired in this robot"),

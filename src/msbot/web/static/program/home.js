@@ -31,7 +31,8 @@ export async function openHome(base, files, tell) {
     mp.FS.writeFile(`/lib/${path}`, text);
   }
   mp.globals.set("tell", tell);
-  mp.runPython(files["host.py"]);
+  mp.globals.set("source", files["host.py"]); // under a name of the package: no line of it is the program's
+  mp.runPython("exec(compile(source, 'msbot/host.py', 'exec'))");
   const answer = mp.globals.get("answer");
   return Object.assign((request) => JSON.parse(answer(JSON.stringify(request))), { quiet });
 }

@@ -13,6 +13,25 @@ const msbotProgram = (() => {
   const say = (key, values = {}) => words()[key].replace(/{(\w+)}/g, (_, found) => values[found]);
   const text = () => getElement(editor).editor.state.doc.toString();
 
+  // What MsBOT's part and Python say, in the person's language and with a hint; what is not known stays as it is.
+  let forms = null;
+  function told(text) {
+    forms = forms || Object.entries(words().said).map(([form, mine]) => {
+      const names = [], plain = form.replace(/[.*+?^$()|[\]\\]/g, "\\$&");
+      const pattern = plain.replace(/{(\w+)}/g, (_, found) => { names.push(found); return "(.+?)"; });
+      return [new RegExp(`^${pattern}$`, "s"), names, mine];
+    });
+    const place = text.match(/^(\S+:\d+(?: in \S+)?|\w+Error): (.+)$/s);
+    if (place) return `${place[1]}: ${told(place[2])}`;
+    for (const [pattern, names, mine] of forms) {
+      const found = text.match(pattern), raw = (name) => found[names.indexOf(name) + 1], states = words().states;
+      if (!found || (names.includes("state") && !states[raw("state")])) continue;
+      const value = (name) => name === "state" ? states[raw(name)] : told(raw(name));
+      return mine.replace(/{(\w+)}/g, (_, name) => value(name));
+    }
+    return text;
+  }
+
   function line(kind, content, where) {
     write([[kind, content, where]]);
   }
@@ -56,8 +75,8 @@ const msbotProgram = (() => {
     if (isStuck) return;
     if (!seen.state) return;
     const reason = (held ? held + ". " : "") + (seen.slot ? say("slot", { slot: seen.slot }) + ". " : "") + (seen.stopped ? say("stopped") + ". " : "") +
-      (seen.state === "refused" ? `${seen.reason}. ${say(seen.describes ? "describes" : "adopt", { number: seen.number })}`
-        : seen.slot ? "" : seen.reason);
+      (seen.state === "refused" ? `${told(seen.reason)}. ${say(seen.describes ? "describes" : "adopt", { number: seen.number })}`
+        : seen.slot ? "" : told(seen.reason));
     showAdopt(seen.state === "refused", seen.describes);
     // What a refused part calls a full robot is, for people, a spare that waits.
     const word = seen.state === "refused" && seen.reason === words().no_slot ? "standby" : seen.state;
@@ -189,6 +208,7 @@ const msbotProgram = (() => {
       do: "run", base: location.origin, address: location.origin.replace("http", "ws") + "/api/link", files, program, name, uid: uid(), device,
     });
     document.documentElement.classList.add("ms-runs");
+    sessionStorage.setItem("msbot_runs", name);
   }
 
   function heard(data) {
@@ -196,14 +216,15 @@ const msbotProgram = (() => {
       askedAt = null; // in a hidden tab pings are rare, answers are not
       isStuck = false;
     }
-    const marks = [], told = [];
+    const marks = [], lines = [];
     for (const [kind, content, where] of data.said || []) {
-      if (kind === "tooFast") told.push(["error", say("tooFast", { number: content }), 0]);
-      else told.push([kind === "info" || kind === "print" ? kind : "error", kind === "info" ? `# ${content}` : content, where]);
+      if (kind === "tooFast") lines.push(["error", say("tooFast", { number: content }), 0]);
+      else if (kind === "print") lines.push([kind, content, where]);
+      else lines.push(kind === "info" ? [kind, `# ${told(content)}`, where] : ["error", told(content), where]);
       if (where) marks.push(where);
     }
-    if (data.left) told.push(["error", say("left", { number: data.left }), 0]);
-    write(told);
+    if (data.left) lines.push(["error", say("left", { number: data.left }), 0]);
+    write(lines);
     if (marks.length) emitEvent("ms_program_line", { lines: marks, show: false });
     if (data.look) show(data.look);
     for (const one of data.acts || []) act(one);
@@ -244,6 +265,7 @@ const msbotProgram = (() => {
     worker = null;
     isStuck = false;
     document.documentElement.classList.remove("ms-runs");
+    sessionStorage.removeItem("msbot_runs");
     showAdopt(false);
     state("not running", "empty", "");
   }
@@ -353,8 +375,12 @@ const msbotProgram = (() => {
   function opened(id, file) {
     editor = id;
     name = file;
-    const told = at("ms-prog");
-    if (told) useDevice(false);
+    const shown = at("ms-prog");
+    if (shown) useDevice(false);
+    if (worker === null && sessionStorage.getItem("msbot_runs")) {
+      line("info", `# ${say("reloaded", { name: sessionStorage.getItem("msbot_runs") })}`, 0);
+      sessionStorage.removeItem("msbot_runs");
+    }
     tellOpened();
   }
 
