@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sqlalchemy import Engine, text
 from sqlalchemy.exc import OperationalError
 
 from msbot.config import Blueprint, Library
@@ -13,7 +14,7 @@ from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.engine import parse_address
-from msbot.registry.running.master_lease import _LOOK
+from msbot.registry.running.master_lease import _LOOK, LOCK_CLASS
 from msbot.registry.running.run_lock import RunLock
 from tests.registry.events import changed
 
@@ -129,6 +130,53 @@ def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Bluep
     lock.release()
     lock.release()
     assert server.said[4:] == ["invalidate", "close"]
+
+
+def end_sessions_with_the_lock(engine: Engine) -> None:
+    """As a server that restarts does."""
+    with engine.connect() as connection:
+        ended = connection.execute(
+            text(
+                "SELECT pg_terminate_backend(pid, 10000) FROM pg_locks WHERE locktype = 'advisory' AND classid = :kind "
+                "AND granted AND database = (SELECT oid FROM pg_database WHERE datname = current_database())"
+            ),
+            {"kind": LOCK_CLASS},
+        ).all()
+    assert [row[0] for row in ended] == [True]
+
+
+def test_a_session_that_the_server_has_ended_gives_nobody_else_the_robot(
+    clean_server_database: str, sweeper: Engine, blueprint: Blueprint, library: Library,
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    with open_registry(clean_server_database) as first, open_registry(clean_server_database) as second:
+        robot = first.robots.apply_blueprint(blueprint, library)
+        first.runs.begin(robot)
+        first.storage.writer.watch(lambda _: None, lambda _: lambda _: None)  # the thread looks when this test says so
+        looks = first.storage.engine.connect()
+        assert second.runs.is_run(robot)
+        end_sessions_with_the_lock(sweeper)
+        first.runs._look(looks)  # as the writer's thread does once a second
+        assert second.runs.is_run(robot)
+        end_sessions_with_the_lock(sweeper)
+        second.runs.begin(robot)  # before that thread has looked
+        caplog.clear()
+        for _ in range(3):
+            first.runs._look(looks)
+        second.close()
+        for _ in range(3):
+            first.runs._look(looks)
+        assert [record.getMessage() for record in caplog.records if record.name == "msbot.registry.running.runs"] == [
+            "while the database was away, another master began to run MSBOT_MASTER: end one of the two",
+            "this master alone runs MSBOT_MASTER again",
+        ]
+        with open_registry(clean_server_database) as third:
+            assert third.runs.is_run(robot)
+        first.runs.release()
+        first.runs._look(looks)  # once more in that thread, after its end
+        with open_registry(clean_server_database) as third:
+            assert not third.runs.is_run(robot)
+        looks.close()
 
 
 @pytest.mark.parametrize(

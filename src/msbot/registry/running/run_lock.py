@@ -1,18 +1,18 @@
 """The lock that lets only one master at a time run a robot of a database.
 
 The lock ends with the process, however that ends: for a database file it is SQLite's own lock on an empty file beside
-it, on a server it is an advisory lock of the session.
+it, on a server it is an advisory lock of the session. A session also ends when the server restarts or the network is
+cut for long; `RunLock.keep` takes the lock anew.
 """
 
 from __future__ import annotations
 
 import contextlib
 import sqlite3
-from collections.abc import Callable
 from pathlib import Path
 
-from sqlalchemy import Engine, text
-from sqlalchemy.exc import OperationalError
+from sqlalchemy import Connection, Engine, text
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import told_as_registry_error
@@ -33,22 +33,41 @@ class RunLock:
     """
 
     def __init__(self, engine: Engine, address: Address, robot: RobotRecord, timeout_s: float) -> None:
+        self._engine = engine
+        self._robot = robot
+        self._is_released = False
         with told_as_registry_error(address.words):
-            if address.path is None:
-                self._release = _lock_on_server(engine, robot, timeout_s)
-            else:
-                self._release = _lock_beside(address.path, robot, timeout_s)
-        if self._release is None:
+            self._lock: _ServerLock | _FileLock | None = (
+                _lock_on_server(engine, robot, timeout_s)
+                if address.path is None
+                else _lock_beside(address.path, robot, timeout_s)
+            )
+        if self._lock is None:
             raise RegistryError(
                 f"robot {robot.name} is being run by another msbot master with the database {address.words}: "
                 "stop that one, or give this one another --db and another port"
             )
 
+    def keep(self) -> bool:
+        """Take the lock anew if its session has ended; False: somebody else has it by now. Of a file it never ends.
+
+        Raises:
+            SQLAlchemyError: the server does not answer.
+        """
+        if self._is_released or (self._lock is not None and self._lock.holds()):
+            return True
+        if self._lock is not None:
+            self._lock.release()
+        self._lock = None
+        self._lock = _lock_on_server(self._engine, self._robot, 0.0)
+        return self._lock is not None
+
     def release(self) -> None:
         """Let others run the robot."""
-        if self._release is not None:
-            self._release()
-            self._release = None
+        self._is_released = True
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
 
 
 def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
@@ -62,8 +81,38 @@ def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
     return False
 
 
-def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
-    """Take the lock; returns a function that releases it, or None when somebody else has it."""
+class _FileLock:
+    """A lock on a file."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self.release = connection.close
+
+    def holds(self) -> bool:
+        return True
+
+
+class _ServerLock:
+    """A lock of a session."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def holds(self) -> bool:
+        """Whether the session lives, and the lock with it."""
+        try:
+            self._connection.execute(text("SELECT 1"))
+        except SQLAlchemyError:
+            return False
+        return True
+
+    def release(self) -> None:
+        # A connection that merely went back to the pool would keep the lock and the time-out.
+        self._connection.invalidate()
+        self._connection.close()
+
+
+def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> _FileLock | None:
+    """Take the lock, or None when somebody else has it."""
     # The file is left behind: deleting it could let two waiting masters lock two files of the same name.
     with contextlib.suppress(OSError):  # the next line says what is wrong
         make_private(lock_file(database, robot.id))
@@ -75,27 +124,22 @@ def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> Callab
         if error.sqlite_errorname == "SQLITE_BUSY":
             return None
         raise
-    return connection.close
+    return _FileLock(connection)
 
 
-def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> Callable[[], None] | None:
-    """Take the lock; returns a function that releases it, or None when somebody else has it."""
+def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> _ServerLock | None:
+    """Take the lock, or None when somebody else has it."""
     connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
-
-    def end_session() -> None:
-        # A connection that merely went back to the pool would keep the lock and the time-out.
-        connection.invalidate()
-        connection.close()
-
+    lock = _ServerLock(connection)
     try:
         connection.execute(text(f"SET lock_timeout = {max(1, round(timeout_s * 1000))}"))
         connection.execute(text("SELECT pg_advisory_lock(:kind, :robot)"), {"kind": LOCK_CLASS, "robot": robot.id})
     except OperationalError as error:
-        end_session()
+        lock.release()
         if getattr(error.orig, "sqlstate", "") == _LOCK_NOT_AVAILABLE:
             return None
         raise
     if is_leased(connection, robot.id):
-        end_session()
+        lock.release()
         return None
-    return end_session
+    return lock

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import partial
 
@@ -17,6 +18,8 @@ from msbot.registry.running.node_ids import StoredNodeIds
 from msbot.registry.running.robot_memory import RobotMemory, read_memory, read_newest_edit
 from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore
 
+_log = logging.getLogger(__name__)
+
 
 class Runs:
     """Begins and ends the runs of robots."""
@@ -26,6 +29,8 @@ class Runs:
         self._locks: dict[int, run_lock.RunLock | MasterLease] = {}
         """Robots that this process is running, by number."""
         self._stores: dict[int, RobotStore] = {}
+        self._contested: set[int] = set()
+        """Robots of this process that another master has begun to run."""
 
     def wait_for_lease(self, robot: RobotRecord, say: Callable[[str], object]) -> MasterLease:
         """Share this robot with other masters: wait until none of them serves it; see `msbot.registry.MasterLease`.
@@ -132,8 +137,23 @@ class Runs:
 
         return take_over
 
+    def _keep(self, robot_id: int, robot: RobotRecord) -> None:
+        lock = self._locks.get(robot_id)
+        if not isinstance(lock, run_lock.RunLock):
+            return  # a lease keeps itself
+        if lock.keep():
+            if robot_id in self._contested:
+                _log.warning("this master alone runs %s again", robot.name)
+            self._contested.discard(robot_id)
+        elif robot_id not in self._contested:
+            self._contested.add(robot_id)
+            _log.error("while the database was away, another master began to run %s: end one of the two", robot.name)
+
     def _look(self, connection: Connection) -> None:
-        """Reload what other programs have changed, such as a new key; called by the writer's thread."""
+        """Reload what other programs have changed, such as a new key, and keep the right to run the robots; called by
+        the writer's thread about once a second."""
+        for robot_id, one in self._stores.items():
+            self._keep(robot_id, one.robot)
         newest = read_newest_edit(connection)
         for one in self._stores.values():
             if newest != one.newest_edit:
