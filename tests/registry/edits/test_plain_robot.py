@@ -101,10 +101,12 @@ class Twins:
         author = Author(self.number(index), who, self.now)
         slot, uid = random.choice((*NAMES[:4], *plain.in_blueprint())), random.choice((*UIDS, *UIDS, STRANGER, ""))
         octets, connection = bytes.fromhex(uid), self.connection
-        match random.choice(("value", "value", "put", "swap", "block", "bind", "bind", "move", "unbind", "undo", "undo",
-                             "apply", "slot", "forget")):  # fmt: skip
+        often = ("value", "value", "put", "swap", "bind", "bind", "move", "move", "unbind", "undo")
+        match random.choice((*often, *often, "block", "apply", "slot", "forget")):
             case "value":
-                name = random.choice(("period_s", "period_s", "invert", "colour"))
+                eyes = [one for one in plain.in_blueprint() if plain.slots[one].part_number == "EYE"]
+                slot = random.choice((*eyes, *eyes, slot))
+                name = random.choice(("period_s", "period_s", "period_s", "invert", "invert", "colour"))
                 values: tuple[Scalar | None, ...] = (2, 2.5, 0.5, 90, True, False, None, None, "x")
                 value = random.choice(values)
                 self.both(
@@ -143,8 +145,11 @@ class Twins:
             case "bind" | "move" as kind:
                 self.bind(plain, author, move=kind == "move")
             case "unbind":
-                topic = random.choice(("brightness", "glow", "noise", "heat"))
+                topic = random.choice(("brightness", "glow", "noise", "new", "heat"))
                 port = None if random.random() < 0.3 else self.port(plain)[0]
+                if plain.wires and random.random() < 0.5:
+                    wire = random.choice(plain.wires)
+                    topic, port = wire.topic, SlotPort(wire.slot, wire.port)
                 self.both(
                     lambda: wires.unbind(connection, author, topic, port),
                     lambda: plain.unbind(who, self.now, topic, port),
@@ -158,13 +163,12 @@ class Twins:
             case "slot":
                 self.apply(index, who, by_hand=True)
             case "forget":
-                if random.random() < 0.2:
-                    number_ = random.choice(("SPARE", "EYE"))
-                    self.both(
-                        lambda: part_types.forget_part_type(connection, author, number_),
-                        lambda: plain.forget_type(who, self.now, number_, self.plain),
-                        same_words=False,
-                    )
+                number_ = random.choice(("SPARE", "SPARE", "LEG", "EYE"))
+                self.both(
+                    lambda: part_types.forget_part_type(connection, author, number_),
+                    lambda: plain.forget_type(who, self.now, number_, self.plain),
+                    same_words=False,
+                )
         return index
 
     def bind(self, plain: PlainRobot, author: Author, *, move: bool) -> None:
@@ -175,7 +179,14 @@ class Twins:
         if random.random() < 0.1:
             source, targets = next(iter(targets), None), []
         topic = random.choice(("brightness", "glow", "glow", "noise", "msbot_masterTopic"))
-        type_name = "Sound" if topic == "noise" else random.choice(("Light", "Light", "Light", "Sound"))
+        heard = [wire for wire in plain.wires if wire.in_use and not wire.publishes]
+        if move and heard and random.random() < 0.9:  # to where nobody is, or others are
+            wire = random.choice(heard)
+            source, targets = None, [SlotPort(wire.slot, wire.port), *targets[: random.randrange(2)]]
+            topic = random.choice(("new", "noise" if wire.type_name == "Sound" else "glow"))
+            type_name = wire.type_name
+        else:
+            type_name = "Sound" if topic == "noise" else random.choice(("Light", "Light", "Light", "Sound"))
         reliable = random.random() < 0.5
         self.both(
             lambda: wires.bind(
@@ -455,7 +466,7 @@ def test_whatever_people_change_every_row_is_as_the_plain_model_has_it(connectio
     twins = Twins(connection, Random(seed))
     twins.compare()
     for _ in range(3):
-        for is_read in (False, True) * 6:
+        for is_read in (False, True) * 7:
             index = twins.step()
             twins.compare(read=[index] if is_read else [])
         twins.compare()
