@@ -101,7 +101,7 @@ class Twins:
         author = Author(self.number(index), who, self.now)
         slot, uid = random.choice((*NAMES[:4], *plain.in_blueprint())), random.choice((*UIDS, *UIDS, STRANGER, ""))
         octets, connection = bytes.fromhex(uid), self.connection
-        often = ("value", "value", "put", "swap", "bind", "bind", "move", "move", "unbind", "undo")
+        often = ("value", "value", "put", "swap", "bind", "bind", "move", "move", "unbind", "undo", "undo")
         match random.choice((*often, *often, "block", "apply", "slot", "forget")):
             case "value":
                 eyes = [one for one in plain.in_blueprint() if plain.slots[one].part_number == "EYE"]

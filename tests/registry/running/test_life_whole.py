@@ -17,7 +17,7 @@ import pytest
 from sqlalchemy import Connection
 
 from msbot.pnp import Claim, PartEvent, PartState, StopRecord
-from msbot.registry.blueprint import blueprint_store
+from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements
 from msbot.registry.database.class_look import look_at_class
 from msbot.registry.database.engine import make_engine, parse_address
@@ -165,11 +165,13 @@ class Lives:
             self.robots.append(made)
         self.look = QuickLook(connection.connection.driver_connection, path)  # type: ignore[arg-type]  # SQLite's own
         self.queues = [Queue(connection) for _ in self.plain]
-        self.stores = [
-            RobotStore(queue, "robot.db", robot, read_memory(connection, robot.id), lambda: self.now)  # type: ignore[arg-type]  # what it uses of the writer
-            for queue, robot in zip(self.queues, self.robots, strict=True)
-        ]
+        self.stores = [self.begin(index) for index in (0, 1)]
         self.nodes = [self.node_ids(index) for index in (0, 1)]
+
+    def begin(self, index: int) -> RobotStore:
+        queue: Any = self.queues[index]
+        robot = self.robots[index]
+        return RobotStore(queue, "robot.db", robot, read_memory(self.connection, robot.id), lambda: self.now)
 
     def node_ids(self, index: int) -> StoredNodeIds:
         rows = statements.read_node_ids(self.connection, self.robots[index].id, "can:0")
@@ -182,7 +184,7 @@ class Lives:
         index = random.randrange(2)
         plain, store = self.plain[index], self.stores[index]
         uid = random.choice(UIDS)
-        kinds = ("journal", "journal", "journal", "remember", "store", "store", "use", "node", "stop", "end")
+        kinds = ("journal", "journal", "journal", "remember", "store", "store", "use", "node", "stop", "end", "again")
         match random.choice(kinds):
             case "remember":
                 claim = Claim(random.choice(("EYE", "LEG")), random.choice(("", "local")), uid)
@@ -199,6 +201,14 @@ class Lives:
                 memory, stored = read_memory(self.connection, self.robots[index].id), store.stored
                 store.use(memory, stored)
                 plain.use()
+                assert store.kept_stop() == plain.stop
+            case "again":
+                assert store.is_kept(1.0)
+                self.store(index, 99)
+                self.stores[index] = self.begin(index)
+                plain.use()
+                plain.sessions.clear()
+                plain.written = plain.strangers = 0
             case "node":
                 node_id = self.nodes[index].find(uid) if uid and random.random() < 0.3 else None
                 if any(uid):
@@ -295,6 +305,12 @@ class Lives:
         for uid in UIDS:
             assert store.remembered_slot(uid) == plain.remembered.get(uid)
         assert store.strangers == plain.strangers
+        assert (store.newest_edit, store.users, store.groups) == (0, (), ())
+        assert store.blueprint == blueprint_reader.read(self.connection, robot.id, by_hand=True)
+        news: list[str] = []
+        store.on_news(lambda: news.append("news"))
+        store.tell_news()
+        assert news == ["news"]
         kept = sorted(((one, uid.hex(), at) for one, (uid, at) in plain.nodes.items()), key=lambda row: row[2])
         assert statements.read_node_ids(self.connection, robot.id, "can:0") == kept
         assert list(self.nodes[index].oldest_first()) == [row[0] for row in kept]

@@ -161,7 +161,6 @@ def bind(
     before = TopicCell(topic).as_it_is(connection, author.robot)
     ends = {end.at: replace(end, reliable=reliable) for end in before.ends}
     for port, publishes in wanted:
-        find_slot(connection, author.robot, port.slot)
         new = WireEnd(port.slot, port.port, type_name, publishes, reliable, "hand", in_use=True)
         old = ends.get(new.at)
         ends[new.at] = new if old is None else replace(old, type_name=type_name, in_use=True)
