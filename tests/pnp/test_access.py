@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from msbot.agent.gate import ClientInfo, Gate
+from msbot.link.net.websocket_server import SocketPeer, Visitor, WebSocketServerLink
 from msbot.part.join import plug
 from msbot.pnp import PROFILE_TOPIC, Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
@@ -265,3 +266,14 @@ def test_a_flood_is_noted_once_a_minute_and_anew_for_who_comes_back() -> None:
             door.let_in()
             door.rig.events.clear()
     assert noted == [100.0, 160.0, 219.9]
+
+
+@pytest.mark.parametrize("is_pupil", [True, False])
+def test_whose_browser_a_part_runs_in_is_known_of_pupils_alone(is_pupil: bool) -> None:
+    door = Door()
+    visitor = Visitor("ada", "192.168.1.30", is_pupil=is_pupil)
+    door.access.joined(
+        ClientInfo(7, "ws:", SocketPeer(WebSocketServerLink("ws:"), visitor, 0.0), "ada at 192.168.1.30")
+    )
+    door.access.joined(PART)
+    assert door.rig.inventory.pupil_parts.here() == ({"ada": ()} if is_pupil else {})

@@ -388,13 +388,14 @@ def test_who_listens_late_understands_every_kind_of_object(
 @pytest.mark.parametrize(
     ("ahead", "is_whole"), [(0, False), (1, False), (0x7FFF, False), (0x8000, True), (0xFFFF, True)]
 )
+@pytest.mark.parametrize("up", [True, False])
 def test_a_piece_from_the_half_circle_behind_is_a_repetition_and_one_from_ahead_means_a_loss(
-    ahead: int, is_whole: bool
+    ahead: int, is_whole: bool, up: bool
 ) -> None:
     odd = packet(Fragment(b"x", last=False), sequence_nr=(6 + ahead) & 0xFFFF)
     first = packet(Fragment(WHOLE[:20], last=False), sequence_nr=5)
     rest = packet(Fragment(WHOLE[20:], last=True), sequence_nr=6)
-    shown = after(RING, first, odd, rest, up=True)
+    shown = after(RING, first, odd, rest, up=up)
     assert any(line.endswith(f"HelloWorld(index=3, message='{'a' * 40}')") for line in shown) is is_whole
 
 

@@ -381,13 +381,17 @@ def test_a_proof_that_was_good_once_is_told_from_one_that_nobody_asked_for() -> 
     assert "it was good once, for another question" in again.refused.reason
 
 
-def test_a_part_that_claims_and_proves_nothing_is_noted_once_for_each_question() -> None:
+def test_a_part_that_claims_and_proves_nothing_is_complained_of_once_for_each_question() -> None:
     counter = Counter()
-    noted: list[str] = []
-    counter.rig.inventory.on_event(
-        lambda event: noted.append(event.reason) if "proves nothing" in event.reason else None
-    )
-    for _ in range(3):
-        counter.question()
-        counter.rig.now += UNANSWERED_S
-    assert len(noted) == 1
+    keys = counter.requests._keys
+    assert keys is not None
+    claim = Claim("ABCD", "eye", uid(1), 7)
+    complaints: list[str | None] = []
+    nonces: set[bytes | None] = set()
+    for at in (0.0, UNANSWERED_S, UNANSWERED_S + 0.5, UNANSWERED_S + 1.0):
+        asked = keys.ask(claim, b"asker", at)
+        complaints.append(None if asked.refused is None else asked.refused.reason)
+        nonces.add(asked.nonce)
+    assert len(nonces) == 1
+    assert [words is not None for words in complaints] == [False, True, False, False]
+    assert f"asked {UNANSWERED_S:.1f} s ago, it claims again and proves nothing" in str(complaints[1])

@@ -302,8 +302,7 @@ def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
         service = known.topic.removesuffix("_Request")
         make = RequesterDef if kind == ObjectKind.REQUESTER else ReplierDef
         return make(service, "", "", known.topic, "")
-    if kind == ObjectKind.DATAWRITER:
-        return WriterDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
+    # Or a writer: what is said of a sample depends on its topic alone.
     return ReaderDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
 
 
