@@ -1,5 +1,8 @@
 """A backup that waits beside the database until the master starts anew."""
 
+import errno
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -65,6 +68,47 @@ def test_a_torn_backup_is_refused(backup: Path, path: Path) -> None:
     with pytest.raises(RegistryError):
         held.hold(str(path), backup)
     assert not path.with_name("robot.db.restore").exists()
+
+
+def test_what_cannot_be_written_whole_leaves_what_waited_before(
+    backup: Path, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upkeep.back_up(str(path), tmp_path / "newer.db")
+    waiting = held.hold(str(path), backup)
+    before, copyfile = waiting.read_bytes(), shutil.copyfile
+
+    def full(source: Path, target: Path) -> None:
+        if target.parent == path.parent:
+            target.write_bytes(b"SQLite")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        copyfile(source, target)
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    with pytest.raises(RegistryError, match="No space left"):
+        held.hold(str(path), tmp_path / "newer.db")
+    assert waiting.read_bytes() == before
+    assert [one.name for one in path.parent.glob("robot.db.restore*")] == [waiting.name]
+
+
+def test_a_master_that_ends_meanwhile_leaves_no_half_backup(
+    backup: Path, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content, check = backup.read_bytes(), backup_check.check_backup
+
+    def check_and_end(copy: Path, *, needs_administrator: bool) -> None:
+        check(copy, needs_administrator=needs_administrator)
+        backup.unlink()  # as the folder of what was handed in, when its request is cancelled
+
+    monkeypatch.setattr(held, "check_backup", check_and_end)
+    assert held.hold(str(path), backup).read_bytes() == content
+
+
+def test_a_waiting_file_that_is_no_backup_is_named_with_the_way_out(path: Path, registry: Registry) -> None:
+    waiting = path.with_name("robot.db.restore")
+    waiting.write_bytes(b"")
+    with pytest.raises(RegistryError, match=r"robot\.db\.restore waits .* not a database; move it away to start"):
+        held.bring_back_held(str(path))
+    assert waiting.exists()
 
 
 def test_a_folder_that_cannot_be_written_is_told(backup: Path, path: Path) -> None:

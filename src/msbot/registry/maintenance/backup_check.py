@@ -25,6 +25,10 @@ LIMITS = WorkLimits(cpu_s=30, memory_mb=1024, wall_s=120.0)
 """The largest backup that may be uploaded, of 256 MB, takes some 10 s and 200 MB of memory."""
 
 
+class UnusableBackup(RegistryError):
+    """The file is no backup that could be restored; the text says why."""
+
+
 def check_backup(path: Path, *, needs_administrator: bool) -> None:
     """Check a file in a process of its own; brings the schema of an older backup up to date.
 
@@ -33,14 +37,14 @@ def check_backup(path: Path, *, needs_administrator: bool) -> None:
         needs_administrator: refuse a backup with which nobody could log in as administrator.
 
     Raises:
-        RegistryError: the backup cannot be used; the text says why.
+        UnusableBackup: it cannot be used; the text says why.
     """
     try:
         fault = run_limited(fault_of, LIMITS, str(path), needs_administrator)
     except ConfigError as error:
-        raise RegistryError(said("this backup is not used: {error}", error=str(error))) from None
+        raise UnusableBackup(said("this backup is not used: {error}", error=str(error))) from None
     if fault:
-        raise RegistryError(said("this backup is not used: {fault}", fault=fault))
+        raise UnusableBackup(said("this backup is not used: {fault}", fault=fault))
 
 
 def fault_of(path: str, needs_administrator: bool) -> str:

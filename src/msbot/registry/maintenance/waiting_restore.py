@@ -6,6 +6,7 @@ removes the file and keeps a copy of the old content, as `msbot db restore` does
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 from msbot.errors import RegistryError
 from msbot.registry.database.engine import make_private, parse_address
 from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance.backup_check import check_backup
+from msbot.registry.maintenance.backup_check import UnusableBackup, check_backup
 from msbot.runtime.sentence import said
 
 ENDING = ".restore"
@@ -42,7 +43,7 @@ def hold(address: str, backup: Path, *, needs_administrator: bool = True) -> Pat
         try:
             _copy(backup, copy)
             check_backup(copy, needs_administrator=needs_administrator)
-            _copy(backup, place)
+            _put(copy, place)
         except OSError as error:
             raise RegistryError(
                 said("cannot keep the backup at {place}: {strerror}", place=place, strerror=error.strerror)
@@ -59,9 +60,29 @@ def bring_back_held(address: str) -> Path | None:
     place = _place_of(address)
     if place is None or not place.exists():
         return None
-    kept = upkeep.restore(place, address)
+    try:
+        kept = upkeep.restore(place, address)
+    except UnusableBackup as error:
+        raise RegistryError(
+            said(
+                "{place} waits to be restored: {error}; move it away to start without it", place=place, error=str(error)
+            )
+        ) from None
     place.unlink()
     return kept or place
+
+
+def _put(source: Path, place: Path) -> None:
+    """Put a file in its place, whole or not at all: the next start would stumble over half of one.
+
+    What is kept is the copy that was checked: a master that ends meanwhile clears the one that was handed in away.
+    """
+    beside = place.with_name(f"{place.name}.new")
+    try:
+        _copy(source, beside)
+        os.replace(beside, place)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def _copy(source: Path, target: Path) -> None:
