@@ -15,8 +15,11 @@ from msbot.cli.agent.agent import port_names
 from msbot.cli.agent.serving import LARGEST_FILE, read_references
 from msbot.cli.db import command as db
 from msbot.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
+from msbot.cli.key import command as key
 from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.errors import ConfigError, RegistryError
+from msbot.lab.missions.mission_file import load_mission
+from msbot.lessons.reading import read_lesson
 from msbot.registry import open_registry
 
 
@@ -157,6 +160,24 @@ def test_a_backup_into_a_folder_that_is_not_there_names_the_folder(tmp_path: Pat
     assert str(result.exception) == (
         f"{folder}/a.db: there is no folder {folder}; create it with `mkdir -p '{folder}'`"
     )
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="there is no /dev/zero here")
+def test_missions_and_lessons_without_an_end_are_not_read_to_the_end() -> None:
+    with pytest.raises(ConfigError, match="/dev/zero: is larger than 256,000 bytes"):
+        load_mission(Path("/dev/zero"))
+    with pytest.raises(ConfigError, match="/dev/zero: a lesson has at most 256000 bytes"):
+        read_lesson(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("number", ["", " ", "a\nb"])
+def test_a_key_is_for_a_part_number(number: str, tmp_path: Path) -> None:
+    database = tmp_path / "robot.db"
+    open_registry(str(database)).close()
+    result = CliRunner().invoke(key, ["new", number, "--db", str(database)])
+    assert isinstance(result.exception, ConfigError)
+    assert "is no part number" in str(result.exception)
+    assert result.output == ""
 
 
 def test_nobody_is_asked_about_a_backup_that_is_not_there(tmp_path: Path) -> None:

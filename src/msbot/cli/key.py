@@ -45,6 +45,8 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
     with open_registry(db or database_beside(DEFAULT_BLUEPRINT)) as registry:
         known = None if uid is not None else _known(registry, part)
         number = part if known is None else known.part_number
+        if not number.strip() or not number.isprintable():
+            raise ConfigError(f"{number!r} is no part number: write it as on the part, for example SG90")
         local_name = name or (known.local_name if known is not None else "") or number
         octets = _uid(uid, known, number, local_name, here=here)
         key = secrets.token_bytes(KEY_OCTETS)

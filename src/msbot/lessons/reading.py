@@ -35,9 +35,10 @@ def read_lesson(path: Path) -> Lesson:
     """
     problems = Problems()
     try:
-        if path.stat().st_size > MOST_BYTES:
+        with path.open(encoding="utf-8-sig") as stream:
+            text = stream.read(MOST_BYTES + 1)  # it may be a device without an end
+        if len(text) > MOST_BYTES or path.stat().st_size > MOST_BYTES:
             raise ConfigError(said("{path}: a lesson has at most {most} bytes", path=str(path), most=MOST_BYTES))
-        text = path.read_text("utf-8-sig")
     except OSError as error:
         raise ConfigError(
             said("{path}: cannot be read ({reason})", path=str(path), reason=error.strerror or "")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from msbot.config.toml.document import Document, parse_document
+from msbot.config.toml.limits import MOST_BYTES
 from msbot.config.toml.problems import Problems
 from msbot.config.toml.table import Table
 from msbot.errors import ConfigError
@@ -59,7 +60,8 @@ def load_mission(path: Path) -> Mission:
         ConfigError: it cannot be read, or something in it is wrong.
     """
     try:
-        text = path.read_text("utf-8")
+        with path.open(encoding="utf-8") as stream:
+            text = stream.read(MOST_BYTES + 1)  # it may be a device without an end; too much is told when it is parsed
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ConfigError(

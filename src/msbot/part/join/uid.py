@@ -68,7 +68,7 @@ def _create(path: Path) -> bytes:
         finally:
             draft.unlink()
     except OSError as error:
-        raise ConfigError(f"cannot keep the part's UID in {path} ({error}): mend that or use --uid") from None
+        raise ConfigError(f"cannot keep the part's UID in {path} ({error.strerror}): mend that or use --uid") from None
     return uid
 
 
