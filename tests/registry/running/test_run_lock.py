@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -132,6 +133,35 @@ def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Bluep
     assert server.said[4:] == ["invalidate", "close"]
 
 
+def test_a_lock_file_that_somebody_has_deleted_gives_nobody_else_the_robot(
+    registry: Registry, impatient: Registry, path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    registry.runs.begin(robot)
+    registry.storage.writer.watch(lambda _: None, lambda _: lambda _: None)  # the thread looks when this test says so
+    file = path.with_name(f"robot.db.running{robot.id}")
+
+    def look() -> None:
+        with registry.storage.engine.connect() as connection:
+            registry.runs._look(connection)
+
+    file.unlink()
+    assert not impatient.runs.is_run(robot)
+    with ThreadPoolExecutor(1) as writer:  # it is another thread that looks
+        writer.submit(look).result()
+        assert impatient.runs.is_run(robot)
+        with pytest.raises(RegistryError, match="is being run by another msbot master"):
+            impatient.runs.begin(robot)
+        file.unlink()
+        file.mkdir()  # it cannot be made anew, by nobody
+        writer.submit(look).result()
+        file.rmdir()
+        writer.submit(look).result()
+    assert impatient.runs.is_run(robot)
+    registry.runs.release()
+    assert not impatient.runs.is_run(robot)
+
+
 def end_sessions_with_the_lock(engine: Engine) -> None:
     """As a server that restarts does."""
     with engine.connect() as connection:
@@ -167,7 +197,7 @@ def test_a_session_that_the_server_has_ended_gives_nobody_else_the_robot(
         for _ in range(3):
             first.runs._look(looks)
         assert [record.getMessage() for record in caplog.records if record.name == "msbot.registry.running.runs"] == [
-            "while the database was away, another master began to run MSBOT_MASTER: end one of the two",
+            "another master runs MSBOT_MASTER now, beside this one: end one of the two",
             "this master alone runs MSBOT_MASTER again",
         ]
         with open_registry(clean_server_database) as third:

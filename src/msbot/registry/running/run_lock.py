@@ -2,13 +2,15 @@
 
 The lock ends with the process, however that ends: for a database file it is SQLite's own lock on an empty file beside
 it, on a server it is an advisory lock of the session. A session also ends when the server restarts or the network is
-cut for long; `RunLock.keep` takes the lock anew.
+cut for long, and a file can be deleted by somebody who tidies up; `RunLock.keep` takes the lock anew.
 """
 
 from __future__ import annotations
 
 import contextlib
 import sqlite3
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, text
@@ -33,15 +35,14 @@ class RunLock:
     """
 
     def __init__(self, engine: Engine, address: Address, robot: RobotRecord, timeout_s: float) -> None:
-        self._engine = engine
-        self._robot = robot
+        self._take: Callable[[float], _ServerLock | _FileLock | None] = (
+            partial(_lock_on_server, engine, robot)
+            if address.path is None
+            else partial(_lock_beside, address.path, robot)
+        )
         self._is_released = False
         with told_as_registry_error(address.words):
-            self._lock: _ServerLock | _FileLock | None = (
-                _lock_on_server(engine, robot, timeout_s)
-                if address.path is None
-                else _lock_beside(address.path, robot, timeout_s)
-            )
+            self._lock = self._take(timeout_s)
         if self._lock is None:
             raise RegistryError(
                 f"robot {robot.name} is being run by another msbot master with the database {address.words}: "
@@ -49,7 +50,7 @@ class RunLock:
             )
 
     def keep(self) -> bool:
-        """Take the lock anew if its session has ended; False: somebody else has it by now. Of a file it never ends.
+        """Take the lock anew if its session has ended, or its file is gone; False: somebody else has it by now.
 
         Raises:
             SQLAlchemyError: the server does not answer.
@@ -59,7 +60,10 @@ class RunLock:
         if self._lock is not None:
             self._lock.release()
         self._lock = None
-        self._lock = _lock_on_server(self._engine, self._robot, 0.0)
+        try:
+            self._lock = self._take(0.0)
+        except sqlite3.Error:
+            return True  # the folder takes no file at the moment, of nobody; it is tried again
         return self._lock is not None
 
     def release(self) -> None:
@@ -84,11 +88,22 @@ def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
 class _FileLock:
     """A lock on a file."""
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self.release = connection.close
+        self._path = path
+        self._file = _file_at(path)
 
     def holds(self) -> bool:
-        return True
+        """Whether the locked file is still the one of that name."""
+        return self._file is not None and _file_at(self._path) == self._file
+
+
+def _file_at(path: Path) -> tuple[int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
 
 
 class _ServerLock:
@@ -114,9 +129,11 @@ class _ServerLock:
 def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> _FileLock | None:
     """Take the lock, or None when somebody else has it."""
     # The file is left behind: deleting it could let two waiting masters lock two files of the same name.
+    path = lock_file(database, robot.id)
     with contextlib.suppress(OSError):  # the next line says what is wrong
-        make_private(lock_file(database, robot.id))
-    connection = sqlite3.connect(lock_file(database, robot.id), timeout=timeout_s, isolation_level=None)
+        make_private(path)
+    # The thread that looks after the database may have to take the lock anew.
+    connection = sqlite3.connect(path, timeout=timeout_s, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.OperationalError as error:
@@ -124,7 +141,7 @@ def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> _FileL
         if error.sqlite_errorname == "SQLITE_BUSY":
             return None
         raise
-    return _FileLock(connection)
+    return _FileLock(connection, path)
 
 
 def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> _ServerLock | None:

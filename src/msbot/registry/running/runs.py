@@ -147,7 +147,7 @@ class Runs:
             self._contested.discard(robot_id)
         elif robot_id not in self._contested:
             self._contested.add(robot_id)
-            _log.error("while the database was away, another master began to run %s: end one of the two", robot.name)
+            _log.error("another master runs %s now, beside this one: end one of the two", robot.name)
 
     def _look(self, connection: Connection) -> None:
         """Reload what other programs have changed, such as a new key, and keep the right to run the robots; called by
