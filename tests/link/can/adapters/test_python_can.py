@@ -361,3 +361,43 @@ async def test_a_bus_that_opens_after_the_end_is_closed_again(monkeypatch: pytes
         while not buses or buses[0].ours.fileno() >= 0:
             await asyncio.to_thread(may_open.wait, 0)
     assert serving.cancelled()
+
+
+@pytest.mark.parametrize("refusals", [0, 3, 10**9])
+def test_a_frame_that_is_refused_is_tried_again_after_a_pause_until_it_is_given_up(
+    refusals: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Adapter:
+        """Refuses so often; each try takes a while."""
+
+        now, tries = 0.0, 0
+        paused: list[float] = []  # noqa: RUF012 - made anew for each test
+
+        def monotonic(self) -> float:
+            return self.now
+
+        def send(self, message: can.Message, timeout: float) -> None:
+            self.tries += 1
+            self.now += 0.01
+            if self.tries <= refusals:
+                raise can.CanOperationError("no room")
+
+        def is_set(self) -> bool:
+            return False
+
+        def wait(self, pause_s: float) -> None:
+            self.now += pause_s
+            self.paused.append(pause_s)
+
+    adapter = Adapter()
+    monkeypatch.setattr(python_can, "time", adapter)
+    channel = python_can.PythonCanChannel.__new__(python_can.PythonCanChannel)
+    channel._bus = channel._stop = adapter  # type: ignore[assignment]
+    error = channel._send_one(message_of(FRAME))
+    assert set(adapter.paused) <= {python_can.AGAIN_S}
+    assert len(adapter.paused) == adapter.tries - 1, "a pause after each refusal but the last"
+    if refusals > 3:
+        assert isinstance(error, can.CanOperationError)
+        assert python_can.GIVE_UP_S <= adapter.now <= python_can.GIVE_UP_S + 0.01 + python_can.AGAIN_S
+    else:
+        assert (error, adapter.tries) == (None, refusals + 1)
