@@ -233,6 +233,7 @@ def test_an_agent_may_what_its_parts_may_and_every_end_is_told() -> None:
 def test_who_cannot_be_displaced_by_strangers() -> None:
     door = Door()
     assert door.access.limits_strangers()
+    assert door.access.keeps(PART) is True
     door.access.joined(PART)
     agent = ClientInfo(0xA1, "sim:500000", 8, "CAN node 8")
 

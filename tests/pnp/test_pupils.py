@@ -204,3 +204,18 @@ def test_why_a_pupil_may_not_do_anything_with_a_slot_and_which_groups_there_are(
     pupils.freeze = Freeze("novak", "", 0.0)
     held = "the class is frozen by novak"
     assert answers() == [["", "", ""], [held, held, blue], [held, red, held], [held, red, blue]]
+
+
+def test_who_is_let_go_hears_again_of_what_others_say() -> None:
+    robot = rig()
+    told: list[tuple[int, str, bool]] = []
+    robot.join(1, pupil="ada")
+    for key, number, slot in ((1, "ABCD", "AA"), (2, "EFGH", "BB"), (3, "WXYZ", "CC")):
+        robot.claim(key, number, name=slot)
+    robot.inventory.on_partner(lambda *news: told.append(news))
+    for freeze in (Freeze("novak", "", robot.now), None):
+        told.clear()
+        robot.inventory.pupil_parts.pupils.freeze = freeze
+        robot.inventory.pupil_parts.follow(robot.now)
+        is_there = freeze is None
+        assert sorted(told) == [(1, "HelloWorldTopic_3_to_1", is_there), (2, "HelloWorldTopic_1_to_2", is_there)]
