@@ -10,6 +10,7 @@ import pytest
 from msbot.errors import NotThere
 from msbot.link.can.protocol import Frame
 from msbot.part import HelloWorld
+from msbot.web.svg.drawings import done_fields
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, ToyBench, show
 
@@ -53,6 +54,23 @@ def test_an_empty_slot_and_a_part_that_is_pulled_out(tmp_path: Path) -> None:
         assert lane.spans[0].begin_age_s > lane.spans[0].end_age_s == lane.spans[1].begin_age_s
 
     show(tmp_path, scene, parts=("AA=ABCD",))
+
+
+def test_what_an_actuator_does_is_not_shown_once_it_is_not_there(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        rig.views.slot("BB")  # somebody looks: from now on samples are kept
+        rig.stage.parts["AA"].publish("out", HelloWorld(index=7, message="now"))
+        await rig.look(0.5)
+        (heard,) = [port for port in rig.views.slot("BB").ports if port.port == "in"]
+        assert (heard.held, done_fields(heard)) == ("", {"index": 7, "message": "now"})
+        rig.stage.pull("BB")
+        await rig.look(6.0)
+        rig.stage.parts["AA"].publish("out", HelloWorld(index=8, message="to nobody"))
+        await rig.look(0.5)
+        (heard,) = [port for port in rig.views.slot("BB").ports if port.port == "in"]
+        assert (heard.held, heard.fields["message"], done_fields(heard)) == ("gone", "to nobody", {})
+
+    show(tmp_path, scene)
 
 
 def test_what_is_not_there_is_refused_with_what_there_is(tmp_path: Path) -> None:

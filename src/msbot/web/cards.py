@@ -254,7 +254,7 @@ def _held(look: _Look, slot: str, binding: Binding) -> str:
     """Why the part in a slot does not obey what comes in on a topic; see `PortLine.held`."""
     info = look.infos.get(slot)
     if info is None or not info.state.is_registered:
-        return ""
+        return "gone"
     if look.stop.stopped:
         return "stopped" if any(one.part == info.part for one in look.stop.confirmed) else "unconfirmed"
     source = look.infos.get(binding.source.slot)

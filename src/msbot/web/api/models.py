@@ -74,7 +74,7 @@ class PortLine(Model):
     held: str = ""
     """Why an actuator does not do what the sample says: `stopped` (it has confirmed STOP), `unconfirmed` (it has been
     told STOP and has not answered: what it does is not known), `partner lost`, `by hand` (somebody drives it instead of
-    the wire; the fields are theirs); empty: it does."""
+    the wire; the fields are theirs), `gone` (no part is there to do it); empty: it does."""
     safe: dict[str, Scalar] = Field(default_factory=dict)
     """What the part applies to itself while it is held; empty: it keeps on."""
 

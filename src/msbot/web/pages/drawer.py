@@ -21,7 +21,7 @@ from msbot.web.pages.layout import Page
 from msbot.web.pages.page_elements import heading, set_html, show_dialog
 from msbot.web.pages.simulator import simulator_panel
 from msbot.web.pages.values import values_panel
-from msbot.web.svg.drawings import HELD_WORDS, draw, fields_html, sparkline, state_chip
+from msbot.web.svg.drawings import HELD_WORDS, done_fields, draw, fields_html, sparkline, state_chip
 
 WHY_LINES = 40
 
@@ -139,7 +139,7 @@ def _ports(page: Page, slot: str) -> None:
     def show() -> None:
         ports = []
         for port in () if page.is_past != is_past else page.sight.slot(slot).ports:
-            fields = port.safe or ({} if port.held == "unconfirmed" else port.fields)
+            fields = done_fields(port)
             ports.append({
                 "line": port, "drawing": draw(port.type_name, fields, page.language), "fields": fields_html(fields, page.language),
                 "held": page.say(HELD_WORDS[port.held]) if port.held else "",

@@ -18,7 +18,16 @@ from msbot.web.pages.drawer import open_drawer
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.service import Service
-from msbot.web.svg.drawings import HELD_WORDS, beat_ring, draw, fields_html, main_port, sparkline, state_chip
+from msbot.web.svg.drawings import (
+    HELD_WORDS,
+    beat_ring,
+    done_fields,
+    draw,
+    fields_html,
+    main_port,
+    sparkline,
+    state_chip,
+)
 
 
 def register(service: Service) -> None:
@@ -157,14 +166,14 @@ def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
     """One slot as a card."""
     part, port = card.part, main_port(card)
     age = "" if part is None else _age(part, robot.beat_s)
-    # What the part does, not what it was told: its safe values while it is held.
-    fields = {} if port is None else port.safe or ({} if port.held == "unconfirmed" else port.fields)
+    fields = {} if port is None else done_fields(port)
+    is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
     return render(
         "card", say=page.say, card=card, look=card.state, port=port,
         ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language), chip=state_chip(card.state, page.say(card.state)),
         drawing="" if port is None else draw(port.type_name, fields, page.language), values=fields_html(fields, page.language),
-        spark="" if port is None else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
-        held="" if port is None or not port.held else page.say(HELD_WORDS[port.held]),
+        spark="" if port is None or is_gone else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
+        held="" if port is None or is_gone or not port.held else page.say(HELD_WORDS[port.held]),
         stale_age="" if port is None or port.held else _stale_age(port),
         beat=age and page.say("beat {age} s ago", age=page.language.digits(age)),
     )  # fmt: skip

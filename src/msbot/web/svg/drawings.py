@@ -33,8 +33,14 @@ HELD_WORDS = {
     "unconfirmed": "STOP not confirmed: it may still move",
     "partner lost": "partner lost: it applies its safe values",
     "by hand": "driven by hand: its wire is not heard",
+    "gone": "nobody is there who hears it",
 }
 """Why a part does not do what it was told, by `PortLine.held`."""
+
+
+def done_fields(port: PortLine) -> Mapping[str, Scalar]:
+    """What a part says or does at a port, not what it was told: its safe values while it is held; empty: not known."""
+    return port.safe or ({} if port.held in ("unconfirmed", "gone") else port.fields)
 
 
 def state_chip(state: str, word: str) -> Markup:
