@@ -280,6 +280,19 @@ def test_a_wire_is_moved_and_who_publishes_there_stays(
     assert _topics(store, "right") == []
 
 
+def test_a_moved_wire_is_moved_back_whatever_became_of_other_topics_meanwhile(
+    registry: Registry, robot: RobotRecord, store: RobotStore
+) -> None:
+    Hand(registry).bind(robot, "glow", "Ann", type_name="Light", source=None, targets=[SlotPort("right", "lamp")])
+    moving = partial(wires.bind, topic="other", type_name="Light", source=None, targets=[SlotPort("leg", "goal")],
+                     move=True)  # fmt: skip
+    edit = registry.edits.make(robot, "Ann", moving)
+    Hand(registry).unbind(robot, "glow", None, "Bob")
+    assert _topics(store, "leg") == [("goal", "other")]
+    Hand(registry).undo(robot, edit.id, "Ann")
+    assert (_topics(store, "leg"), _topics(store, "right")) == ([("goal", "brightness")], [])
+
+
 def test_the_blueprint_wins_where_a_wire_made_by_hand_contradicts_it(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
