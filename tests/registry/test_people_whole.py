@@ -327,7 +327,7 @@ def test_what_a_class_leaves_is_what_the_plain_lists_have(
     monkeypatch.setattr(lesson_ticks, "MOST_TICKS", 9)
     monkeypatch.setattr(edit_log, "EDITS_KEPT", 6)
     school = School(connection, Random(seed))
-    for _ in range(tries(55, 500)):
+    for _ in range(tries(48, 500)):
         school.compare([school.step()])
     school.compare()
     school.plain["groups"][0] = []

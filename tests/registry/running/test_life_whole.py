@@ -353,6 +353,6 @@ def test_what_is_kept_of_two_robots_is_what_the_plain_model_has(
                         ("STRANGERS_ROWS", STRANGER_LINES)):  # fmt: skip
         monkeypatch.setattr(robot_store, name, value)
     lives = Lives(connection, path, Random(3))
-    for _ in range(tries(90, 5_000)):
+    for _ in range(tries(75, 5_000)):
         lives.step()
         lives.compare()
