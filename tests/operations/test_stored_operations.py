@@ -111,6 +111,8 @@ def test_what_needs_a_master_says_so(folder: Path) -> None:
     async def act(do: Deeds, operations: Operations) -> None:
         answer = await perform(operations, {"do": "stop", "who": "ann"})
         assert answer == {"error": "stop needs the robot's master, and it does not run: start it, `msbot master`"}
+        answer = await perform(operations, {"do": "remove_slot", "args": {"slot": "AA"}, "who": "ann"})
+        assert str(answer["error"]).startswith("remove slot needs the robot's master")
 
     change(folder, act)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import re
 import subprocess
 import sys
@@ -19,6 +20,18 @@ from tests.part.test_part import Room, make_part, play
 from tests.part.wire import publishes
 
 HEAD = "from msbot import HelloWorld, Part\npart = Part('ABCD')\n"
+
+
+def test_a_mistake_in_msbot_part_is_no_beginners_mistake(tmp_path: Path) -> None:
+    script = tmp_path / "msbot"  # as pip writes it
+    script.write_text("import sys\nfrom msbot.cli import main\nsys.exit(main())\n")
+    done = subprocess.run(
+        [sys.executable, str(script), "part", "SG90", "--set", "nix=1"],
+        cwd=tmp_path, env={**os.environ, "XDG_STATE_HOME": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "msbot: part SG90 has no control 'nix'; controls: it has none\n"
+
 
 MISTAKES = {
     "run is forgotten": (

@@ -121,7 +121,7 @@ class Operations:
             raise ConfigError(
                 said(
                     "{operation} needs the robot's master, and it does not run: start it, `msbot master`",
-                    operation=operation,
+                    operation=operation.replace("_", " "),
                 )
             )
         if row.is_question:

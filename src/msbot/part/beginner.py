@@ -32,6 +32,7 @@ SILENCE_S = (2.0, 10.0, 60.0)
 """After this many seconds, a part that is still waiting says what it is waiting for."""
 
 _PACKAGE = str(Path(__file__).parents[1])
+_COMMANDS = str(Path(_PACKAGE, "cli"))
 _log = logging.getLogger("msbot.part")
 
 
@@ -144,6 +145,8 @@ def _place_in_main() -> str | None:
         return None
     frame = sys._getframe(1)  # noqa: SLF001 - nothing else says whose program it is
     while frame is not None:
+        if frame.f_code.co_filename.startswith(_COMMANDS):
+            return None  # `msbot part`, whose script is nobody's program
         if frame.f_globals.get("__name__") == "__main__" and not frame.f_code.co_filename.startswith(_PACKAGE):
             return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
         if frame.f_back is None:

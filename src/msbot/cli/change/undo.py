@@ -13,7 +13,7 @@ from msbot.cli.options import answer_options, wants_json
 
 
 @click.command("undo")
-@click.argument("number", type=WholeRange(), required=False)
+@click.argument("number", type=WholeRange(1, 2**53), required=False)
 @click.option("--list", "show", is_flag=True, help="Show what was changed lately, the newest last, and change nothing.")
 @click.option("--last", type=WholeRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
 @answer_options
