@@ -308,3 +308,32 @@ def test_a_part_that_loses_its_address_has_nothing_left(how: str) -> None:
             assert {frame.can_id & ~0xFFFFFF for frame in desk.sent()} == {IDS.join}, "it asks again, and says no more"
 
     play(part, scene)
+
+
+@pytest.mark.parametrize("is_full", [False, True])
+def test_who_sends_as_soon_as_there_is_room_speaks_to_the_new_program_after_its_answer(is_full: bool) -> None:
+    async def scene(desk: Desk) -> None:
+        await asyncio.sleep(LISTEN_S + 0.1)
+        desk.hear(join_frame(UID, 0, IDS))
+        node_id = next(assign.node_id for frame in desk.sent() if (assign := read_assign(frame, IDS)) is not None)
+        desk.hear(Frame(IDS.up + node_id, split(b"hi", 0, False)[0]))
+        while desk.link.has_room(node_id):
+            big(desk, node_id)
+        told: list[str] = []
+
+        def room(peer: Peer | None) -> None:
+            told.append("room")
+            if peer == node_id and desk.link.has_room(node_id):
+                desk.link.send(b"new", node_id)
+
+        desk.link.attach(room=room, signal=lambda signal, peer, words, now: told.append(signal.name))
+        desk.bus.takes = not is_full
+        desk.hear(join_frame(UID, 0, IDS))
+        desk.bus.takes = True
+        desk.bus.room(asyncio.get_running_loop().time())
+        assert told == ["PEER_JOINED", "room"]
+        answer, *rest = desk.sent()
+        assert read_assign(answer, IDS) is not None
+        assert [frame.data for frame in rest] == split(b"new", 0, False), "as the first packet of a new wire"
+
+    play(master, scene)

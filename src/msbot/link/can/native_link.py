@@ -134,13 +134,13 @@ class CanMasterLink(NativeEnd):
                 self._deliver(message, node_id, wire, now)
         elif is_joining(frame, self._ids):
             events = self._join.receive(frame, now)
-            for event in events:
-                if isinstance(event, NodeJoined | NodeEvicted):
-                    # Before the address is told, or its new holder might hear what waited for the one before.
-                    self._forget_waiting(event.node_id)
-            self._flush(now)
+            # The answer is the first of all that is sent from now on, but nothing is sent before what waited for the
+            # address is forgotten and its new holder has a wire: whoever is told of room may send at once.
+            refused = sum(not self._port.queue.put_urgent(answer) for answer in self._join.take_frames())
+            self._count_frames(TOO_MANY, refused)
             for event in events:
                 self._handle(event, now)
+            self._port.send_urgent([], now)
             self._up_if_alone(now)
         else:
             self.foreign += 1
@@ -195,6 +195,7 @@ class CanMasterLink(NativeEnd):
             self._welcome(event, now)
         elif isinstance(event, NodeEvicted):
             self._wires[event.node_id] = self._members[event.node_id] = None
+            self._forget_waiting(event.node_id)
             self._signal_handler(Signal.PEER_GONE, event.node_id, "its address was given to another part", now)
         elif isinstance(event, NodeRefused):
             _log.warning("part %s is refused on %s: all %d addresses are held", event.uid.hex(), self.info.name, NODES)
@@ -212,6 +213,7 @@ class CanMasterLink(NativeEnd):
 
     def _welcome(self, event: NodeJoined, now: float) -> None:
         node_id = event.node_id
+        self._forget_waiting(node_id)
         self._wires[node_id] = self._new_wire(self._ids.down + node_id, event.use)
         self._members[node_id] = self._join.members[node_id]
         self._signal_handler(Signal.PEER_JOINED, node_id, f"UID {event.uid.hex()}", now)
