@@ -82,7 +82,10 @@ def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> Non
 def _sum(robots: list[ClassRobot]) -> str:
     silent = sum(robot.far is not None and not robot.answers for robot in robots)
     elsewhere = sum(robot.runs_elsewhere or (robot.far is not None and robot.answers) for robot in robots)
-    parts = [f"{len(robots)} robots", f"{sum(robot.master is not None for robot in robots)} of them run here"]
+    parts = [
+        f"{len(robots)} robot{'' if len(robots) == 1 else 's'}",
+        f"{sum(robot.master is not None for robot in robots)} of them run here",
+    ]
     parts += [f"{elsewhere} on other computers"] if elsewhere else []
     parts += [f"{silent} do not answer"] if silent else []
     marks = {robot.blueprint for robot in robots if robot.blueprint}
