@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def test_parts_of_a_robot_that_nobody_runs_are_lost(store: RobotStore, registry:
 
 
 def test_an_active_part_is_lost_when_its_master_was_killed(store: RobotStore, path: Path, tmp_path: Path) -> None:
-    with sqlite3.connect(path) as source, sqlite3.connect(tmp_path / "copy.db") as target:
+    with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(tmp_path / "copy.db")) as target:
         source.backup(target)  # as after a kill: the part is active, and no lock says that a master runs
     with quick(tmp_path / "copy.db") as look:
         assert [(part.state, part.reason) for part in look.parts()] == [("lost", NO_MASTER)]
@@ -97,7 +98,7 @@ def test_what_is_no_database_of_this_version_is_left_to_the_registry(
     assert not (tmp_path / "none.db").exists()
     (tmp_path / "other.db").write_text("no database")
     assert look_into(str(tmp_path / "other.db")) is None
-    with sqlite3.connect(path) as connection:
+    with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE alembic_version SET version_num = '0001'")
     assert look_into(str(path)) is None
 

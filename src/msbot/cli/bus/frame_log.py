@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, TextIO
@@ -90,12 +90,13 @@ class FrameReader:
     def _read_foreign(self, path: Path) -> Iterator[LogLine]:
         try:
             from can.io.blf import BLFParseError
+            from can.io.generic import MessageReader
 
             import can
         except ImportError:
             raise _needs_python_can("reading", path) from None
         # Opened here, because python-can leaves files open when it finds errors in them; SQLite needs the name.
-        readers: dict[str, tuple[str, Callable[..., Iterable[can.Message]]]] = {
+        readers: dict[str, tuple[str, Callable[..., MessageReader]]] = {
             ".asc": ("r", partial(can.ASCReader, relative_timestamp=False)),
             ".blf": ("rb", can.BLFReader),
             ".trc": ("r", can.TRCReader),
@@ -105,8 +106,8 @@ class FrameReader:
         }
         mode, reader = readers[path.suffix.lower()]
         try:
-            with path.open(mode) as stream:
-                for message in reader(stream):
+            with path.open(mode) as stream, reader(stream) as messages:
+                for message in messages:
                     self.frames += 1
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
         except OSError as error:
