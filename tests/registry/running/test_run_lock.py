@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 from sqlalchemy import Engine, text
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from msbot.config import Blueprint, Library
 from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.engine import parse_address
+from msbot.registry.running import run_lock
 from msbot.registry.running.master_lease import _LOOK, LOCK_CLASS
 from msbot.registry.running.run_lock import RunLock
 from tests.registry.events import changed
@@ -110,6 +111,14 @@ class _Server:
     def one_or_none(self) -> None:
         """No master holds a lease."""
 
+    def scalar_one(self) -> int:
+        """The number of the session."""
+        return 7
+
+    @property
+    def closed(self) -> bool:
+        return "close" in self.said
+
     def invalidate(self) -> None:
         self.said.append("invalidate")
 
@@ -124,13 +133,14 @@ def test_on_a_server_it_is_an_advisory_lock(registry: Registry, blueprint: Bluep
     lock = RunLock(server, address, robot, 2.0)  # type: ignore[arg-type]  # see _Server
     assert server.said == [
         "{'isolation_level': 'AUTOCOMMIT'}",
+        "SELECT pg_backend_pid() None",
         "SET lock_timeout = 2000 None",
         "SELECT pg_advisory_lock(:kind, :robot) {'kind': 1299399252, 'robot': 1}",
         f"{_LOOK} {{'robot': 1}}",
     ]
     lock.release()
     lock.release()
-    assert server.said[4:] == ["invalidate", "close"]
+    assert server.said[5:] == ["invalidate", "close"]
 
 
 def test_a_lock_file_that_somebody_has_deleted_gives_nobody_else_the_robot(
@@ -207,6 +217,55 @@ def test_a_session_that_the_server_has_ended_gives_nobody_else_the_robot(
         with open_registry(clean_server_database) as third:
             assert not third.runs.is_run(robot)
         looks.close()
+
+
+def test_a_session_that_broke_on_the_way_does_not_keep_its_own_master_out(
+    clean_server_database: str, blueprint: Blueprint, library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with open_registry(clean_server_database) as first, open_registry(clean_server_database) as second:
+        robot = first.robots.apply_blueprint(blueprint, library)
+        first.runs.begin(robot)
+        first.storage.writer.watch(lambda _: None, lambda _: lambda _: None)
+        lock = first.runs._locks[robot.id]
+        assert isinstance(lock, RunLock)
+        held = lock._lock
+        assert isinstance(held, run_lock._ServerLock)
+        # The server still has the session, and nothing comes through it: neither an answer nor its end.
+        with monkeypatch.context() as broken:
+            broken.setattr(held._connection, "execute", _broken)
+            broken.setattr(held, "release", lambda: None)
+            assert lock.keep()
+        assert lock._lock is not held
+        assert second.runs.is_run(robot)
+        with pytest.raises(SQLAlchemyError):
+            held._connection.execute(text("SELECT 1"))
+        held.release()
+        assert second.runs.is_run(robot)
+        first.runs.release()
+        assert not second.runs.is_run(robot)
+
+
+def _broken(*_: object) -> None:
+    raise OperationalError("SELECT 1", None, Exception("no route to host"))
+
+
+def test_a_lock_that_is_given_back_while_it_is_taken_anew_stays_free(
+    registry: Registry, path: Path, blueprint: Blueprint, library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    lock = RunLock(registry.storage.engine, registry.storage.address, robot, 0.1)
+    file = path.with_name(f"robot.db.running{robot.id}")
+    file.unlink()
+    take = lock._take
+
+    def meanwhile(timeout_s: float) -> object:
+        taken = take(timeout_s)
+        lock.release()  # as another thread does when the master ends
+        return taken
+
+    monkeypatch.setattr(lock, "_take", meanwhile)
+    assert lock.keep()
+    assert not registry.runs.is_run(robot)
 
 
 @pytest.mark.parametrize(

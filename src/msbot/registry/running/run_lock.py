@@ -40,6 +40,7 @@ class RunLock:
             if address.path is None
             else partial(_lock_beside, address.path, robot)
         )
+        self._end_lost = partial(_end_session, engine, robot)
         self._is_released = False
         with told_as_registry_error(address.words):
             self._lock = self._take(timeout_s)
@@ -55,16 +56,21 @@ class RunLock:
         Raises:
             SQLAlchemyError: the server does not answer.
         """
-        if self._is_released or (self._lock is not None and self._lock.holds()):
+        lock = self._lock
+        if self._is_released or (lock is not None and lock.holds()):
             return True
-        if self._lock is not None:
-            self._lock.release()
-        self._lock = None
+        if lock is not None:
+            lock.release()
+            self._lock = None
+            if isinstance(lock, _ServerLock):
+                self._end_lost(lock.session)
         try:
-            self._lock = self._take(0.0)
+            lock = self._lock = self._take(0.0)
         except sqlite3.Error:
             return True  # the folder takes no file at the moment, of nobody; it is tried again
-        return self._lock is not None
+        if self._is_released and lock is not None:
+            lock.release()  # another thread has let others run the robot meanwhile
+        return lock is not None or self._is_released
 
     def release(self) -> None:
         """Let others run the robot."""
@@ -111,6 +117,8 @@ class _ServerLock:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self.session: int = connection.execute(text("SELECT pg_backend_pid()")).scalar_one()
+        """Its number at the server."""
 
     def holds(self) -> bool:
         """Whether the session lives, and the lock with it."""
@@ -122,8 +130,9 @@ class _ServerLock:
 
     def release(self) -> None:
         # A connection that merely went back to the pool would keep the lock and the time-out.
-        self._connection.invalidate()
-        self._connection.close()
+        if not self._connection.closed:
+            self._connection.invalidate()
+            self._connection.close()
 
 
 def _lock_beside(database: Path, robot: RobotRecord, timeout_s: float) -> _FileLock | None:
@@ -160,3 +169,16 @@ def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> _Se
         lock.release()
         return None
     return lock
+
+
+_END = """
+SELECT pg_terminate_backend(pid, 2000) FROM pg_locks
+WHERE locktype = 'advisory' AND classid = :kind AND objid = :robot AND objsubid = 2 AND granted AND pid = :session
+AND database = (SELECT oid FROM pg_database WHERE datname = current_database())
+"""
+
+
+def _end_session(engine: Engine, robot: RobotRecord, session: int) -> None:
+    """End a session of ours that broke on the way: the server may not know it for hours, and keeps its lock."""
+    with engine.connect() as connection:
+        connection.execute(text(_END), {"kind": LOCK_CLASS, "robot": robot.id, "session": session})

@@ -127,7 +127,7 @@ class Runs:
 
     def _follow(self, connection: Connection) -> Callable[[bool], None]:
         """Reload the robots that are running here after a change; called by the writer's thread."""
-        read = [(one, read_memory(connection, one.robot.id), one.stored) for one in self._stores.values()]
+        read = [(one, read_memory(connection, one.robot.id), one.stored) for one in [*self._stores.values()]]
 
         def take_over(is_late: bool) -> None:
             for one, memory, stored in read:
@@ -152,10 +152,10 @@ class Runs:
     def _look(self, connection: Connection) -> None:
         """Reload what other programs have changed, such as a new key, and keep the right to run the robots; called by
         the writer's thread about once a second."""
-        for robot_id, one in self._stores.items():
+        for robot_id, one in [*self._stores.items()]:  # another thread may begin to run a robot meanwhile
             self._keep(robot_id, one.robot)
         newest = read_newest_edit(connection)
-        for one in self._stores.values():
+        for one in [*self._stores.values()]:
             if newest != one.newest_edit:
                 stored = one.stored
                 one.use(read_memory(connection, one.robot.id), stored)
