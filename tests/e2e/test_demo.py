@@ -57,7 +57,7 @@ def test_without_a_terminal_it_prints_lines_and_ends_cleanly(number: signal.Sign
         (["--script", "soon:unplug AA"], "3:unplug AA"),
         (["--script", "1:unplug DD", "--seconds", "1"], "AA, BB, CC"),
         (["--link", "carrier-pigeon"], "'can', 'fd', 'udp'"),
-        (["--bitrate", "0"], "10000<=x<=1000000"),
+        (["--bitrate", "0"], "from 10000 to 1000000"),
     ],
 )
 def test_wrong_options_are_one_message_and_status_2(arguments: list[str], words: str) -> None:
