@@ -17,7 +17,7 @@ from msbot.lab.curves.names import field_name, is_wanted
 from msbot.lab.curves.reading import ReadCurves, read_curves, ring_files
 from msbot.lab.curves.units import units_of
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.lab.recorder.ring import RingLimits
+from msbot.lab.recorder.ring import RingLimits, segment_name
 from msbot.lab.recorder.storing import Storing
 from msbot.lab.recorder.topics import MEASURED
 from msbot.operations.dispatch import RunningOperations
@@ -140,6 +140,8 @@ def test_of_a_ring_only_the_files_of_the_time_are_read_and_nothing_twice(tmp_pat
     assert ring_files(tmp_path / "nowhere") == []
     (tmp_path / "begun").mkdir()
     assert ring_files(tmp_path / "begun") == []  # the recorder has made its folder, and no file yet
+    (tmp_path / "begun" / segment_name(BEGAN_NS, 0)).touch()
+    assert ring_files(tmp_path / "begun") == []  # nor anything in its file
 
 
 def test_too_much_is_refused_in_words(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.lab.recorder.ring import segments
+from msbot.lab.recorder.ring import begun_segments, segment_name, segments
 from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 from tests.e2e.processes import Process, run, running
 from tests.e2e.test_processes import free_port
@@ -44,7 +44,7 @@ def in_ring(folder: Path) -> list[RecordedMessage]:
     """What the ring's files hold at the moment."""
     if not folder.is_dir():
         return []
-    return [message for segment in segments(folder) for message in RecordingReader(segment.path).messages()]
+    return [message for segment in begun_segments(folder) for message in RecordingReader(segment.path).messages()]
 
 
 def test_a_killed_master_leaves_a_recording_that_is_whole(
@@ -74,6 +74,7 @@ def test_a_killed_master_leaves_a_recording_that_is_whole(
     (left,) = json.loads(run("rec", "list", "--json", cwd=tmp_path, env=env).stdout)["left"]
     assert left["folder"] == str(folder)
     assert [one["name"] for one in left["files"]] == [segment.path.name for segment in segments(folder)]
+    (folder / segment_name(time.time_ns(), 999_999)).touch(0o600)  # as of a recorder that is killed in a new file
     saved = run("rec", "save", "left", cwd=tmp_path, env=env)
     assert saved.returncode == 0, saved.stderr
     assert any(b"-> active" in one.data for one in RecordingReader(tmp_path / "left.mcap").messages())
@@ -96,7 +97,7 @@ def test_a_killed_recorder_leaves_what_it_wrote_and_another_one_goes_on(
     (recorder,) = children(master.pid)
     os.kill(recorder, signal.SIGKILL)
     master.wait_for("the recorder has ended; another one is started")
-    until(lambda: len(segments(folder)) == 2)
+    until(lambda: len(begun_segments(folder)) == 2)
     first, second = (segment.path for segment in segments(folder))
     assert any(b"-> active" in one.data for one in RecordingReader(first).messages())
 

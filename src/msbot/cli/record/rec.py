@@ -38,7 +38,7 @@ def command() -> None:
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None) -> None:
     """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""
-    from msbot.lab.recorder.ring import segments
+    from msbot.lab.recorder.ring import begun_segments
     from msbot.lab.recordings.cutting import write_cut
 
     if running_master(db, robot) is None:
@@ -51,7 +51,7 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
         end_s = time.time()
         time.sleep(JUST_NOW_S)  # until the last moment is in the file
     try:
-        found = segments(Path(folder))
+        found = begun_segments(Path(folder))
     except OSError as error:
         raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
     if not found:

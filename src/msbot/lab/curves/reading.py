@@ -26,7 +26,7 @@ from msbot.lab.curves.names import (
     port_curve,
     setting_curve,
 )
-from msbot.lab.recorder.ring import segments
+from msbot.lab.recorder.ring import begun_segments
 from msbot.lab.recorder.topics import BITRATE, DATA_BITRATE, MEASURED
 from msbot.lab.recordings.reading import FRAMES as FRAME_TOPICS
 from msbot.lab.recordings.reading import NS, OWN, Decoder, RecordedMessage, RecordingReader
@@ -70,7 +70,7 @@ def ring_files(folder: Path, from_s: float | None = None, to_s: float | None = N
         ConfigError: the folder cannot be read.
     """
     try:
-        found = segments(folder)
+        found = begun_segments(folder)
     except FileNotFoundError:
         return []  # nothing was recorded yet
     except OSError as error:

@@ -67,6 +67,15 @@ def segments(folder: Path) -> list[Segment]:
     return found
 
 
+def begun_segments(folder: Path) -> list[Segment]:
+    """Those that something is in: a file is empty for a moment, and for good if the recorder was killed in it.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    return [segment for segment in segments(folder) if segment.octets]
+
+
 def too_old(files: list[Segment], limits: RingLimits, now_s: float) -> list[Path]:
     """The files that must go so that the ring, without the file in progress, keeps its limits."""
     gone = []
