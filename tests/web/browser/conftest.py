@@ -38,8 +38,8 @@ def chromium() -> str | None:
 
 
 @pytest.fixture(scope="package")
-def browser() -> Iterator[Browser]:
-    """The browser; every file gets a context of its own from it, or several.
+def started_browser() -> Iterator[Browser]:
+    """The browser's processes.
 
     For this folder, not for the whole session: while it is there an event loop runs, and tests that are coroutines
     could not.
@@ -53,6 +53,15 @@ def browser() -> Iterator[Browser]:
         found = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         yield found
         found.close()
+
+
+@pytest.fixture(scope="module")
+def browser(started_browser: Browser) -> Iterator[Browser]:
+    """The browser; every file gets a context of its own from it, or several, which end with the file: a page that is
+    left open goes on looking for its robot."""
+    yield started_browser
+    for context in started_browser.contexts:
+        context.close()
 
 
 def free_port() -> int:

@@ -31,14 +31,16 @@ SERIAL = """
 class Port {
   async open() {
     if (!(await boardOpen())) throw new Error("Failed to open serial port.");
+    let isOpen = true;  // who has closed it takes nothing from who opens it next
     this.readable = new ReadableStream({ async pull(controller) {
-      for (;;) {
+      while (isOpen) {
         const octets = await boardRead();
+        if (!isOpen) return;
         if (octets === null) return controller.error(new Error("The device has been lost."));
         if (octets.length) return controller.enqueue(new Uint8Array(octets));
         await new Promise((done) => setTimeout(done, 3));
       }
-    } });
+    }, cancel() { isOpen = false; } });
     this.writable = new WritableStream({ write: (octets) => boardWrite(Array.from(octets)) });
   }
   async close() {}

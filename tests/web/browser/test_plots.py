@@ -50,8 +50,9 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 def test_curves_live_held_and_back_by_keyboard_with_their_figures(blank: Page, demo: Site, tmp_path: Path) -> None:
     page = blank
     go(page, demo.base + SHOWN)
-    row = page.locator("#ms-plot-figures tr", has_text="ear.level.percent")
-    expect(row.locator("td.at")).not_to_have_text("–")
+    for curve in ("ear.level.percent", "@bus"):
+        row = page.locator("#ms-plot-figures tr", has_text=curve)
+        expect(row.locator("td.at")).not_to_have_text("–")
     page.wait_for_function(f"{FRAMES} > 2")
     area = page.locator(".plot-area")
     area.focus()

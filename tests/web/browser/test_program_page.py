@@ -121,10 +121,9 @@ def test_two_examples_in_two_browsers_speak_to_each_other(open_desk: Callable[..
     speaker = open_desk("?name=01_hello.py")
     listener = open_desk("?name=02_listen.py", elsewhere=True, width=390, height=844)
     for page, name in ((speaker, "01_hello.py"), (listener, "02_listen.py")):
-        shown = page.evaluate(
-            "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
-        )
-        assert shown == (EXAMPLES / name).read_text(), "unchanged"
+        text = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
+        page.wait_for_function(f"{text} !== ''")
+        assert page.evaluate(text) == (EXAMPLES / name).read_text(), "unchanged"
         press(page, "Run")
     for page in (speaker, listener):
         expect_state(page, "active")

@@ -203,7 +203,7 @@ def test_what_is_printed_are_all_tickets_and_nothing_else(site: Site, teacher: P
     teacher.get_by_role("button", name="Tickets for all").click()
     expect(teacher.locator(".ticket svg")).to_have_count(2)
     teacher.emulate_media(media="print", color_scheme="dark")
-    assert teacher.evaluate(ON_PAPER, ".ticket") == [True, True]
+    teacher.wait_for_function(f"({ON_PAPER})('.ticket').join() === 'true,true'")  # the dialog has come to its size
     expect(teacher.get_by_text("New pupils")).to_be_hidden()
     for selector in ("#ms-stop", ".ms-nav", ".tickets .q-btn"):
         expect(teacher.locator(selector).first).to_be_hidden()
