@@ -40,6 +40,11 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(import_order)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Of `-n auto`: one worker more than there are processors, because one always waits, for a process or a page."""
+    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection() -> Generator[None, object, object]:
     """No garbage is looked for among ten thousand tests and all of MsBOT, neither now nor while they run."""
