@@ -12,6 +12,7 @@ import pytest
 from msbot.errors import LinkDown, LinkFull
 from msbot.link import Link, Peer, Signal
 from msbot.link.net import UdpClientLink, UdpServerLink
+from msbot.link.net.host_address import cannot_reach
 from msbot.link.net.udp import DRAIN_PACKETS, NOBODY_LISTENS, QUEUE_PACKETS, UDP_MTU
 
 
@@ -217,6 +218,14 @@ async def test_a_port_in_use_is_named_with_the_remedy() -> None:
 async def test_an_address_that_cannot_be_is_explained(link: UdpServerLink | UdpClientLink, words: str) -> None:
     with pytest.raises(LinkDown, match=words):
         await link.run()
+
+
+@pytest.mark.parametrize(
+    ("host", "words"),
+    [("255.255.255.255", "that is a broadcast address"), ("192.0.2.1", "no way to that network")],
+)
+def test_without_a_network_it_is_explained_too(host: str, words: str) -> None:
+    assert words in str(cannot_reach(f"udp:{host}:8888", OSError(errno.ENETUNREACH, "Network is unreachable")))
 
 
 async def test_a_machine_without_ipv6_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:

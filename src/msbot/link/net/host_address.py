@@ -63,9 +63,12 @@ def cannot_listen(name: str, host: str, port: int, error: OSError, *, lister: st
 
 def cannot_reach(name: str, error: OSError) -> LinkDown:
     """The error for a client that cannot even try."""
+    broadcast = "that is a broadcast address: give the address of one machine"
     remedies = {
         errno.ENETUNREACH: "no way to that network: check the cable, the wireless network and `ip route`",
         errno.EAFNOSUPPORT: _NO_IPV6,
-        errno.EACCES: "that is a broadcast address: give the address of one machine",
+        errno.EACCES: broadcast,
     }
+    if ":255.255.255.255:" in name:  # without a network, too
+        remedies[errno.ENETUNREACH] = broadcast
     return LinkDown(f"cannot reach {name}: {remedies.get(error.errno or 0) or os.strerror(error.errno or 0)}")

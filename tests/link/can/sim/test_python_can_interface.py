@@ -82,7 +82,7 @@ def server(runtime_folder: Path) -> Iterator[Server]:
     thread.start()
     it = started.result(PATIENCE_S)
     yield it
-    if thread.is_alive():
+    if not it.end.is_set():  # a test has not ended it already
         it.loop.call_soon_threadsafe(it.end.set)
     thread.join(PATIENCE_S)
 
