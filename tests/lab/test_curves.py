@@ -16,6 +16,7 @@ from msbot.lab.curves.curve import figures_of, thinned
 from msbot.lab.curves.names import field_name, is_wanted
 from msbot.lab.curves.reading import ReadCurves, read_curves, ring_files
 from msbot.lab.curves.units import units_of
+from msbot.lab.curves.wanted import WantedCurves
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
 from msbot.lab.recorder.ring import RingLimits, segment_name
 from msbot.lab.recorder.storing import Storing
@@ -177,3 +178,18 @@ def test_figures_leave_out_what_is_no_number() -> None:
     assert found is not None
     assert (found.count, found.mean, found.least, found.most) == (2, 2.0, 1.0, 3.0)
     assert figures_of([float("nan")]) is None
+
+
+def test_what_is_asked_for_before_it_is_measured_is_found_once_it_is() -> None:
+    wanted = WantedCurves(["ear.level", "", "knob", "@bus"], most=4)
+    assert wanted.found(["ear.level.percent", "ear.other"]) == ["ear.level.percent"]
+    assert wanted.awaited == ["knob", "@bus"]
+    shown = ["ear.level.percent"]
+    assert wanted.found(["ear.level.percent", "ear.other", "earlier"], shown) == []
+    assert wanted.awaited == ["knob", "@bus"]
+    known = ["ear.level.percent", "knob.level.percent", "knob:step", "knobs", "@bus"]
+    assert wanted.found(known, shown) == ["knob.level.percent", "knob:step", "@bus"]
+    assert wanted.awaited == []
+    assert wanted.found(known) == []
+    assert WantedCurves(["knob"], most=2).found(known, shown) == ["knob.level.percent"]
+    assert WantedCurves(["knob"], most=1).found(known, shown) == []

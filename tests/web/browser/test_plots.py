@@ -50,9 +50,9 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 def test_curves_live_held_and_back_by_keyboard_with_their_figures(blank: Page, demo: Site, tmp_path: Path) -> None:
     page = blank
     go(page, demo.base + SHOWN)
-    for curve in ("ear.level.percent", "@bus"):
-        row = page.locator("#ms-plot-figures tr", has_text=curve)
-        expect(row.locator("td.at")).not_to_have_text("–")
+    row, bus = (page.locator("#ms-plot-figures tr", has_text=curve) for curve in ("ear.level.percent", "@bus"))
+    for curve in (row, bus):
+        expect(curve.locator("td.at")).not_to_have_text("–")
     page.wait_for_function(f"{FRAMES} > 2")
     area = page.locator(".plot-area")
     area.focus()
@@ -96,6 +96,8 @@ def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(blank: 
     page.get_by_label("Name of this view").fill("noise")
     page.get_by_role("button", name="Save").click()
     page.wait_for_function("(JSON.parse(localStorage.msbot_plots_views || '{}').noise || '').includes('span=600')")
+    go(page, f"{demo.base}/plots?show=nobody,ear.level&span=10")
+    expect(page.get_by_text("Not measured so far: nobody")).to_be_visible()
     go(page, f"{demo.base}/plots?show=ear.level,ear:threshold,@late,@beat.ear&span=10")
     page.wait_for_function(f"{FRAMES} > 3")
     assert page.locator(".plot-charts canvas").count() == 3, "three units, three charts"

@@ -18,7 +18,7 @@ from nicegui.events import GenericEventArguments
 
 from msbot.errors import MsbotError
 from msbot.lab.curves.curve import Figures, Point, figures_of, thinned
-from msbot.lab.curves.names import is_wanted
+from msbot.lab.curves.wanted import WantedCurves
 from msbot.pnp.explain_samples import value_words
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.html import render
@@ -81,8 +81,8 @@ class _Plots:
         """When the robot's clock was 0."""
         self._zone_s = (datetime.now().astimezone().utcoffset() or datetime.min - datetime.min).total_seconds()
         known = self._curves.known()
-        names = [name for name in known if is_wanted(name, wanted)][:MOST_CURVES]
-        self._view = _View(names or self._first(known), span_s)
+        self._wanted = WantedCurves(wanted, MOST_CURVES)
+        self._view = _View(self._wanted.found(known) if wanted else self._first(known), span_s)
         self._sent: dict[str, float] = {}
         self._past: dict[str, tuple[Sequence[Point], Figures | None]] = {}
         """What was read from the recorder for a view that stands still."""
@@ -155,8 +155,13 @@ class _Plots:
     def _show_known(self) -> None:
         found = [*self._curves.known()]
         known = [*found, *(name for name in self._view.names if name not in found)]  # of parts that are gone
-        if list(self._choice.options) != known:
+        more = self._wanted.found(found, self._view.names)
+        if more:
+            self._view.names = [*self._view.names, *more]
+        if more or list(self._choice.options) != known:
             self._choice.set_options(known, value=list(self._view.names))
+        if more:
+            self._page.later(self._show_window())
 
     def _show_state(self, words: str = "") -> None:
         view = self._view
@@ -165,6 +170,8 @@ class _Plots:
                 datetime.fromtimestamp(self._epoch_s + at).strftime("%H:%M:%S") for at in (view.from_s, view.to_s)
             )
             words = self._page.say("The past: {begin} to {end}", begin=begin, end=end)
+        if not words and self._wanted.awaited:
+            words = self._page.say("Not measured so far: {names}", names=", ".join(self._wanted.awaited))
         set_html(self._state, render("plot_state", words=words))
         self._pause.set_visibility(view.live)
         self._live.set_visibility(not view.live)
@@ -264,7 +271,7 @@ class _Plots:
     async def _chosen(self) -> None:
         names = [str(name) for name in self._choice.value or []][:MOST_CURVES]
         if names != self._view.names:
-            self._view.names = names
+            self._view.names, self._wanted = names, WantedCurves()  # who chooses has seen what is there
             await self._show_window()
 
     async def _span_chosen(self) -> None:
@@ -376,7 +383,10 @@ class _Plots:
     def _open_view(self, address: str) -> None:
         found = dict(parse_qsl(address.removeprefix("/plots?")))
         word = next((word for word, span in SPANS_S.items() if f"{span:g}" == found.get("span")), "1 min")
-        self._choice.set_value([name for name in found.get("show", "").split(",") if name in self._choice.options])
+        self._wanted = WantedCurves(found.get("show", "").split(","), MOST_CURVES)
+        self._view.names = self._wanted.found(self._curves.known())
+        self._choice.set_value(list(self._view.names))
+        self._page.later(self._show_window())
         self._span.set_value(word)
 
 
