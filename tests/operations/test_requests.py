@@ -157,6 +157,8 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
         ({"do": "go", "who": "ann", "args": {"x": 1}}, "go knows no x; it takes nothing"),
         ({"do": "go", "who": "ann", "args": {"who": "eve"}}, "go knows no who; it takes nothing"),
         ({"do": "undo", "who": "ann", "args": {"edit": 10**400}}, "undo: edit must be a whole number"),
+        ({"do": "undo", "who": "ann", "args": {"edit": 0}}, "undo: edit is 0; it must be 1 to 9007199254740992"),
+        ({"do": "window", "who": "ann", "args": {"seconds": 0.5}}, "window: seconds is 0.5; it must be 1 to 3600"),
         ({"do": "window", "who": "ann", "args": {"seconds": 10**400}}, "window: seconds must be a number"),
         ({"do": "go", "who": "ann"}, "nobody said STOP: there is nothing to end"),
         ({"do": "undo", "who": "ann", "args": {"edit": True}}, "undo: edit must be a whole number"),

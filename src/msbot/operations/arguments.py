@@ -67,15 +67,20 @@ def _read(do: str, argument: Argument, value: object) -> object:
         if is_low or is_high:
             raise ConfigError(
                 said(
-                    "{do}: {argument} is {found:g}; it must be {least:g} to {most:g}",
+                    "{do}: {argument} is {found}; it must be {least} to {most}",
                     do=do,
                     argument=argument.name,
-                    found=found,
-                    least=argument.least,
-                    most=argument.most,
+                    found=_figure(found),
+                    least=_figure(argument.least),
+                    most=_figure(argument.most),
                 )
             )
     return found
+
+
+def _figure(value: float | None) -> str:
+    """A number as people write it; a whole one with all its digits."""
+    return "any" if value is None else str(value) if isinstance(value, int) else f"{value:g}"
 
 
 def _of_kind(kind: ArgumentKind, value: object) -> str | list[str] | float | int | bool | None:
