@@ -7,6 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
+from msbot.cli.demo.plain_lines import event_lines
 from msbot.cli.demo.view import keys_of, live_view
 from msbot.config import SAMPLES, load_library, parse_blueprint
 from msbot.demo import DemoEvent, DemoSnapshot, PartSnapshot
@@ -72,8 +73,29 @@ def test_a_narrow_terminal_does_without_columns_and_cuts_none(sample: str, width
         assert "…" not in row
 
 
+@pytest.mark.parametrize("width", [40, 50, 60, 70])
+def test_a_narrow_terminal_cuts_neither_the_bus_nor_a_reason(width: int) -> None:
+    lines = shown("rover", width, 60, events=3)
+    assert max(map(len, lines)) <= width
+    assert "…" not in "".join(lines)
+    (bus,) = [line for line in lines if "load now" in line]
+    assert "load now 1.6 %" in bus
+    assert "errors 0" in bus
+    assert ("bus 500 kbit/s" in bus) == (width >= 50)
+    events = " ".join("".join(lines).split())
+    for number in range(3):
+        assert f"{number}.0 s knob lost: no beat for {number} s, x" in events
+
+
+def test_a_reason_has_the_lines_that_there_are() -> None:
+    event = DemoEvent(9.731, "fan", "late", "lost", "no beat for 4.9 s: life status 0")
+    assert event_lines(event, 80, None) == ["  9.731 s  fan       late -> lost: no beat for 4.9 s: life status 0"]
+    assert event_lines(event, 30, None) == ["9.7 s fan lost: no beat for", "  4.9 s: life status 0"]
+    assert event_lines(event, 30, 1) == ["9.7 s fan lost: no beat for…"]
+
+
 def test_the_newest_events_are_shown_as_far_as_there_is_room() -> None:
     small, large = shown("rover", 80, 24), shown("rover", 80, 50)
-    assert "no beat for 19 s" in small[-1]
+    assert "no beat for 19 s" in [line for line in small if "no beat" in line][-1]
     assert sum("no beat" in line for line in small) < sum("no beat" in line for line in large) == 8
     assert "no beat" not in "".join(shown("rover", 80, 16))

@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from msbot.cli.demo.plain_lines import event_words, wire_words
+from msbot.cli.demo.plain_lines import event_lines, wire_words
 from msbot.demo import DemoEvent, DemoSnapshot, PartSnapshot
 
 STATE_STYLES = {
@@ -52,13 +52,18 @@ def live_view(
         *(Text(note, style="bold", overflow="fold") for note in notes),
         Text(title, style="bold"),
         _parts_table(snapshot, width),
-        Text(wire_words(snapshot), no_wrap=True, overflow="ellipsis"),
+        Text(wire_words(snapshot, width), no_wrap=True, overflow="ellipsis"),
         Text(KEYS, style="italic"),
     ]
     folded = sum(max(0, len(line) - 1) // width for line in (*notes, title, KEYS))
     room = height - len(above) - folded - len(snapshot.parts) - _TABLE_FRAME
-    recent = events[-min(MOST_EVENTS, max(room, 0)) :] if room > 0 else []
-    return Group(*above, *(Text(event_words(one), style="dim", no_wrap=True, overflow="ellipsis") for one in recent))
+    recent: list[str] = []
+    for event in reversed(events[-MOST_EVENTS:]):
+        lines = event_lines(event, width, None if recent else max(room, 1))
+        if len(recent) + len(lines) > room:
+            break
+        recent[:0] = lines
+    return Group(*above, *(Text(line, style="dim", no_wrap=True, overflow="ellipsis") for line in recent))
 
 
 _TABLE_FRAME = 3
