@@ -185,3 +185,89 @@ def test_nobody_is_asked_about_a_backup_that_is_not_there(tmp_path: Path) -> Non
     assert isinstance(result.exception, RegistryError)
     assert "there is no backup" in str(result.exception)
     assert result.output == ""
+
+
+def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> str:
+    """What `msbot` says on standard error of a command line that it refuses."""
+    monkeypatch.setattr(sys, "argv", ["msbot", *words])
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 2
+    return capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--bogus", "No such option '--bogus'. Try `msbot --help`."),
+        ("bus decod", "No such command 'decod'. Did you mean 'decode'? Try `msbot bus --help`."),
+        ("bus selftest x", "Got unexpected extra argument (x). Try `msbot bus selftest --help`."),
+        ("part", "Missing argument 'NAME'. Try `msbot part --help`."),
+        (
+            "demo --port web",
+            "Invalid value for '--port': 'web' is not a whole number from 0 to 65535. Try `msbot demo --help`.",
+        ),
+        ("demo --json", "--json prints at the end: say when with --seconds N. Try `msbot demo --help`."),
+        (
+            "demo --rec 5",
+            'Invalid value for \'--rec\': \'5\': say how much to keep ("10min", "2h", "500MB", "30min,500MB"), a '
+            'file ("lesson.mcap"), or "off". Try `msbot demo --help`.',
+        ),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_as_every_mistake_is(
+    words: str, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert told(capsys, monkeypatch, *words.split()) == f"msbot: {said}\n"
+
+
+def test_a_group_without_a_command_lists_its_commands(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert told(capsys, monkeypatch, "bus").startswith("Usage: msbot bus [OPTIONS] COMMAND [ARGS]...\n\n  Tools for")
+
+
+@pytest.mark.parametrize(
+    ("variable", "words"),
+    [("MSBOT_REC", "demo"), ("MSBOT_LINK", "part BUTTON"), ("MSBOT_LINK", "host"), ("MSBOT_LINK", "play x.mcap")],
+)
+def test_a_wrong_environment_variable_is_told_by_its_name(
+    variable: str, words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(variable, "bogus")
+    said = told(capsys, monkeypatch, *words.split())
+    assert said.startswith(f"msbot: Invalid value for the environment variable {variable}: ")
+    assert "bogus" in said
+    assert "--rec" not in said
+    assert "--link" not in said
+    if variable == "MSBOT_LINK":
+        assert told(capsys, monkeypatch, *words.split(), "--link", "nope").startswith(
+            "msbot: Invalid value for '--link': link 'nope': unknown kind"
+        )
+
+
+@pytest.mark.parametrize("words", ["part BUTTON --uid zz", "part AA --uid zz", "part BUTTON --key zz"])
+def test_what_is_wrong_with_a_part_is_told_as_everything_is(
+    words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = told(capsys, monkeypatch, *words.split())
+    assert said.startswith("msbot: ")
+    assert said.count("\n") == 1
+
+
+def test_what_is_broken_off_says_so(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken_off(*_: object, **__: object) -> None:
+        raise click.Abort
+
+    monkeypatch.setattr(LazyGroup, "__call__", broken_off)
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 1
+    assert capsys.readouterr().err == "msbot: broken off before it was done\n"
+
+
+def test_a_mission_that_is_no_text_is_told_as_a_lesson_is(tmp_path: Path) -> None:
+    path = tmp_path / "mission.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match=r"mission\.toml: is no text in UTF-8; save it as UTF-8$"):
+        load_mission(path)

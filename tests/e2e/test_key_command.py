@@ -51,5 +51,5 @@ def test_a_part_joins_a_robot_with_keys_only_with_its_key(folder: Path) -> None:
 def test_a_key_that_is_no_key_is_one_sentence_and_status_2(folder: Path) -> None:
     done = run("part", "AA", "--key", "secret", cwd=folder)
     assert done.returncode == 2
-    assert done.stderr == "that is not a key: write 32 hexadecimal digits, as `msbot key new` shows them\n"
+    assert done.stderr == "msbot: that is not a key: write 32 hexadecimal digits, as `msbot key new` shows them\n"
     assert sys.executable not in done.stderr

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.bus.telling import library_of, listener_for
+from msbot.cli.group import complain
 from msbot.cli.numbers import WholeRange
 from msbot.cli.options import json_option, library_option
 from msbot.errors import ConfigError
@@ -55,7 +56,7 @@ def command(
             return
     if not what:
         raise click.UsageError("say what: octets in hexadecimal, a frame such as 103#C181000A, or a file")
-    told = _told(what, agent_port, library_of(blueprint, folders, _complain), fields=fields)
+    told = _told(what, agent_port, library_of(blueprint, folders, complain), fields=fields)
     if as_json:
         click.echo(json.dumps(list(told), ensure_ascii=False))
         return
@@ -104,9 +105,7 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
             facts = _frame_facts(line.frame) if fields else {}
             yield {"at_s": line.at, "frame": _notation(line.frame), "plain": list(words.plain),
                    "words": list(words.protocol), **facts}  # fmt: skip
-        if reader.unreadable:
-            lines = reader.frames + reader.unreadable
-            _complain(f"{reader.unreadable} of {lines} lines were no frames; {reader.first_problem}")
+        reader.tell(str(path), complain)
         return
     overhearer = Overhearer()
     for found in read_capture(path):
@@ -217,7 +216,3 @@ def _write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{path} cannot be written ({error.strerror}): name another file") from None
-
-
-def _complain(text: str) -> None:
-    click.echo(f"msbot: {text}", err=True)

@@ -8,6 +8,7 @@ import os
 import sys
 
 import click
+from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from msbot.cli import CHANGING, COMMANDS
@@ -63,7 +64,17 @@ def msbot() -> None:
 def run() -> None:
     """Run what the command line says; a mistake of the user's ends in one sentence and status 2."""
     try:
-        msbot(prog_name="msbot")
+        status = msbot(prog_name="msbot", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:  # a group without a command: its commands are listed
+        error.show()
+        sys.exit(error.exit_code)
+    except click.UsageError as error:
+        words = usage_words(error)
+    except click.ClickException as error:
+        words = error.format_message()
+    except click.Abort:
+        complain("broken off before it was done")
+        sys.exit(1)
     except MsbotError as error:
         words = str(error)
     except OSError as error:
@@ -81,9 +92,28 @@ def run() -> None:
         wrong = next((text for text in sys.argv if whole(text) != text), error.object)
         words = f"{name_in_words(wrong)} is not UTF-8, as names and texts must be"
     else:
-        return
-    click.echo(f"msbot: {words}", err=True)
+        # Where click does not end the program itself, what `ctx.exit()` was told comes back.
+        sys.exit(status if isinstance(status, int) else 0)
+    complain(words)
     sys.exit(2)
+
+
+def complain(words: str) -> None:
+    """Say on standard error what is wrong."""
+    click.echo(f"msbot: {words}", err=True)
+
+
+def usage_words(error: click.UsageError) -> str:
+    """What is wrong with a command line, in one line, and how to find what would be right."""
+    context = error.ctx
+    if isinstance(error, click.BadParameter) and error.param is not None and context is not None and error.param.name:
+        source = context.get_parameter_source(error.param.name)
+        if source is ParameterSource.ENVIRONMENT and isinstance(error.param.envvar, str):
+            error.param_hint = f"the environment variable {error.param.envvar}"
+    words = " ".join(error.format_message().split())
+    if not words.endswith((".", "?", "!", "?)")):
+        words += "."
+    return words if context is None else f"{words} Try `{context.command_path} --help`."
 
 
 def name_in_words(name: object) -> str:

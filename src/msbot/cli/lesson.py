@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
+from msbot.cli.group import complain
 from msbot.cli.options import answer_options, json_option, lessons_option, mistakes_told, robot_options
 
 
@@ -38,7 +39,7 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
     for one in found:
         click.echo(f"{one.name:<18}{one.title} ({one.minutes} minutes, {len(one.checks)} checks)")
     for words in wrong:
-        click.echo(f"not read: {words}", err=True)
+        complain(f"not read: {words}")
 
 
 @command.command("check")

@@ -79,6 +79,29 @@ space_option = click.option(
 )
 
 
+class LinkType(click.ParamType[str]):
+    """A part's way to its master, such as `udp:127.0.0.1:8888`; what makes no sense is told before anything begins."""
+
+    name = "link"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The address, as it is."""
+        from msbot.link import open_link
+        from msbot.part.run import CAN
+
+        try:
+            open_link(value, can=CAN)
+        except ConfigError as error:
+            self.fail(str(error), param, ctx)
+        return value
+
+
+link_option = click.option(
+    "--link", type=LinkType(), metavar="ADDRESS", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK",
+    help="The way to the master; $MSBOT_LINK unless given.",
+)  # fmt: skip
+
+
 def robot_options(function: _C) -> _C:
     """The options of every command that changes a robot: which one."""
     robot = click.option("--robot", metavar="NAME", help="The robot's name, where several run or share a database.")

@@ -12,6 +12,9 @@ import click
 from msbot.cli.numbers import WholeRange
 from msbot.cli.options import json_option
 
+LONGEST_ANSWER = 1000
+"""Characters of an answer that are read: standard input may have no line break."""
+
 
 @click.command("quiz")
 @click.option("--count", type=WholeRange(1, 1000), default=5, show_default=True, help="How many questions.")
@@ -33,7 +36,7 @@ def command(*, count: int, seed: int | None, as_json: bool) -> None:
         )
     for number, question in enumerate(islice(questions(seed), count), 1):
         if as_json:
-            given = sys.stdin.readline().strip()
+            given = sys.stdin.readline(LONGEST_ANSWER).strip()
         else:
             click.echo(f"\n{number}. {question.text}\n   {question.shown}")
             given = click.prompt("  ", default="", show_default=False, prompt_suffix="> ")

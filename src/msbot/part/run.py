@@ -27,6 +27,8 @@ from msbot.runtime.terminal_log import TerminalHandler
 from msbot.xrce import compress, decompress, is_whole
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from msbot.part.part import Part
 
 DEFAULT_LINK = "udp:127.0.0.1:8888"
@@ -48,23 +50,64 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
         SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can fix.
     """
     options = _parse(args)
-    logging.basicConfig(level=logging.WARNING if options.quiet else logging.INFO, handlers=[TerminalHandler()])
-    if options.verbose:
-        logging.getLogger("msbot.part").setLevel(logging.DEBUG)
-    for part in parts:
-        part_is_run(part)
     try:
-        _give_uids(parts, options.uid)
-        _give_keys(parts, options.key)
-        links = [open_link(options.link, can=replace(CAN, uid=part.uid)) for part in parts]
-        with contextlib.suppress(KeyboardInterrupt):
-            run_to_end(_run_all(list(zip(parts, links, strict=True))))
+        run_parts(
+            parts, link=options.link, uid=options.uid, key=options.key, quiet=options.quiet, verbose=options.verbose
+        )
     except MsbotError as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")
         raise SystemExit(2) from None
 
 
-def _give_uids(parts: tuple[Part, ...], uid: str | None) -> None:
+def run_parts(
+    parts: Sequence[Part], *, link: str | None, uid: str | None, key: str | None, quiet: bool, verbose: bool = False
+) -> None:
+    """What `run` does once the options are read.
+
+    Args:
+        parts: what to run.
+        link: the way to the master; None: $MSBOT_LINK, or this computer.
+        uid: that of the one part; None: the one kept on this computer.
+        key: that of the one part, or the file with it; None: $MSBOT_KEY, or the one kept on this computer.
+        quiet: say only what is wrong.
+        verbose: say more.
+
+    Raises:
+        MsbotError: something is wrong that the user can fix.
+    """
+    logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, handlers=[TerminalHandler()])
+    if verbose:
+        logging.getLogger("msbot.part").setLevel(logging.DEBUG)
+    for part in parts:
+        part_is_run(part)
+    _give_uids(parts, uid)
+    _give_keys(parts, key)
+    links = [_open(link, part) for part in parts]
+    with contextlib.suppress(KeyboardInterrupt):
+        run_to_end(_run_all(list(zip(parts, links, strict=True))))
+
+
+def _open(link: str | None, part: Part) -> Link:
+    can = replace(CAN, uid=part.uid)
+    return linked_by_environment(can) if link is None else open_link(link, can=can)
+
+
+def linked_by_environment(can: CanSettings) -> Link:
+    """The link that $MSBOT_LINK names; this computer when it names none.
+
+    Raises:
+        ConfigError: the address makes no sense.
+    """
+    address = os.environ.get(LINK_VARIABLE)
+    if not address:
+        return open_link(DEFAULT_LINK, can=can)
+    try:
+        return open_link(address, can=can)
+    except ConfigError as error:
+        raise ConfigError(f"${LINK_VARIABLE}: {error}") from None
+
+
+def _give_uids(parts: Sequence[Part], uid: str | None) -> None:
     if not parts:
         raise ConfigError("run() needs a part: run(part)")
     if uid is not None and len(parts) > 1:
@@ -76,7 +119,7 @@ def _give_uids(parts: tuple[Part, ...], uid: str | None) -> None:
             part.uid = stored_uid(part.part_number, part.local_name)
 
 
-def _give_keys(parts: tuple[Part, ...], key: str | None) -> None:
+def _give_keys(parts: Sequence[Part], key: str | None) -> None:
     if key is not None and len(parts) > 1:
         raise ConfigError(f"--key is for a program with one part, this one has {len(parts)}")
     for part in parts:
@@ -109,7 +152,7 @@ def end_on_signals(parts: list[Part]) -> None:
 def _parse(args: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="A part of a MsBOT robot.")
     default = os.environ.get(LINK_VARIABLE) or DEFAULT_LINK
-    parser.add_argument("--link", default=default, help=f"the way to the master (now {default}; ${LINK_VARIABLE})")
+    parser.add_argument("--link", help=f"the way to the master (now {default}; ${LINK_VARIABLE})")
     parser.add_argument("--uid", help="16 hexadecimal digits that identify the piece of hardware")
     parser.add_argument("--key", help=f"file with the part's key, or the key itself (${KEY_VARIABLE})")
     parser.add_argument("-v", "--verbose", action="store_true", help="show the whole traceback of an error, and more")

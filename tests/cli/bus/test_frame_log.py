@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import sys
 from pathlib import Path
 
 import pytest
 
 import can
+from msbot.cli.bus import frame_log
+from msbot.cli.bus.decode import decode_log
 from msbot.cli.bus.frame_log import FrameLog, FrameReader
+from msbot.cli.bus.telling import Manner
 from msbot.errors import ConfigError
 from msbot.link.can.adapters.python_can import frame_of
 from msbot.link.can.protocol import Frame
 from msbot.link.can.protocol.notation import LogLine, parse_frame
+from msbot.pnp import FrameListener
 
 FRAMES = ["123#DEADBEEF", "1ABCDEF0#1122", "123##1112233", "123##2112233", "7FF#R4", "20000004#0008000000000000"]
 
@@ -48,6 +53,51 @@ def test_a_file_without_a_frame_is_a_mistake(tmp_path: Path) -> None:
     path.write_text("roses are red\n")
     with pytest.raises(ConfigError, match=r"there is no frame in .*poem.txt: line 1: 'roses are red' is not a line of"):
         list(FrameReader().read(str(path)))
+
+
+@pytest.mark.parametrize("name", ["bus.log", "bus.asc", "bus.trc", "bus.csv"])
+def test_a_line_without_an_end_is_no_log_and_is_not_kept(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frame_log, "LONGEST_SKIPPED", 10_000)
+    path = tmp_path / name
+    path.write_text("x" * 20_000)
+    with pytest.raises(ConfigError, match=r"is no log of frames: line 1 is longer than 10,000 characters; that of a"):
+        list(FrameReader().read(str(path)))
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="there is no /dev/zero here")
+def test_a_device_without_an_end_is_not_read_to_the_end() -> None:
+    with pytest.raises(ConfigError, match=r"^/dev/zero is no log of frames: line 1 is longer than 1,000,000 char"):
+        list(FrameReader().read("/dev/zero"))
+
+
+def test_lines_without_an_end_that_are_no_frames_are_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame_log, "MOST_WITHOUT", 3)
+    path = tmp_path / "poem.txt"
+    path.write_text("rose\n" * 4)
+    reader = FrameReader()
+    with pytest.raises(ConfigError, match=r"^there is no frame in .*poem.txt: line 1: 'rose' is not a line of"):
+        list(reader.read(str(path)))
+    assert reader.unreadable == 3
+    path.write_text("(1.0) can0 123#11\n" + "rose\n" * 4)
+    assert len(list(FrameReader().read(str(path)))) == 1, "one frame, and it is a log"
+
+
+def test_a_long_line_is_told_in_short(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text("x" * 3000)
+    with pytest.raises(ConfigError) as refused:
+        list(FrameReader().read(str(path)))
+    assert f"line 1: '{'x' * 100}...' is not a line of candump" in str(refused.value)
+
+
+def test_that_a_file_is_empty_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "empty.log"
+    path.touch()
+    said: list[str] = []
+    decode_log(str(path), FrameListener(), Manner.BOTH, print, said.append)
+    assert said == [f"there is no frame in {path}: it is empty"]
 
 
 def test_an_empty_file_has_no_frames(tmp_path: Path) -> None:

@@ -12,14 +12,14 @@ from msbot.config import write_sample
 from msbot.errors import ConfigError
 from msbot.part import Part, PinDirection
 
-Ran = list[tuple[Part, list[str]]]
+Ran = list[tuple[Part, dict[str, object]]]
 
 
 @pytest.fixture
 def ran(monkeypatch: pytest.MonkeyPatch) -> Ran:
     """The parts that would be run, with their arguments."""
     found: Ran = []
-    monkeypatch.setattr(msbot.cli.run.part, "run", lambda part, args: found.append((part, args)))
+    monkeypatch.setattr(msbot.cli.run.part, "run_parts", lambda parts, **options: found.append((parts[0], options)))
     return found
 
 
@@ -31,25 +31,25 @@ def invoke(*arguments: str) -> str:
 
 def test_any_type_of_the_library_runs(ran: Ran) -> None:
     text = invoke("POT-10K", "--set", "knob=80", "--name", "volume", "--link", "udp:127.0.0.1:1", "--uid", "00" * 8)
-    part, arguments = ran[0]
+    part, options = ran[0]
     assert (part.part_number, part.local_name) == ("POT-10K", "volume")
-    assert arguments == ["--link", "udp:127.0.0.1:1", "--uid", "00" * 8]
+    assert options == {"link": "udp:127.0.0.1:1", "uid": "00" * 8, "key": None, "quiet": False}
     assert text == "Potentiometer, 10 kilo-ohm; controls: knob (0 to 100 %)\n"
 
 
 def test_the_parts_of_the_sample_robot_are_those_of_the_thesis(ran: Ran) -> None:
     assert invoke("BB", "--quiet") == ""
-    part, arguments = ran[0]
+    part, options = ran[0]
     assert (part.part_number, part.local_name, part.robot.name) == ("EFGH", "EFGH-local", "MSBOT_MASTER")
-    assert arguments[-1] == "--quiet"
+    assert options["quiet"]
     with pytest.raises(ConfigError, match="run its part number instead: msbot part ABCD"):
         invoke("AA", "--set", "x=1")
 
 
 def test_the_sample_toggle_switch_says_what_its_outputs_do(ran: Ran, capsys: pytest.CaptureFixture[str]) -> None:
     invoke("BB", "--key", "key.txt")
-    part, arguments = ran[0]
-    assert arguments[-2:] == ["--key", "key.txt"]
+    part, options = ran[0]
+    assert options["key"] == "key.txt"
     part.board.set_direction(3, PinDirection.OUTPUT)
     part.board.set(3)
     assert capsys.readouterr().out == "output 3 is on\n"
@@ -57,7 +57,7 @@ def test_the_sample_toggle_switch_says_what_its_outputs_do(ran: Ran, capsys: pyt
 
 def test_quiet_says_nothing(ran: Ran) -> None:
     assert invoke("LED", "-q") == ""
-    assert ran[0][1][-1] == "--quiet"
+    assert ran[0][1]["quiet"]
 
 
 def test_a_type_of_ones_own_runs(ran: Ran, tmp_path: Path) -> None:
@@ -85,9 +85,9 @@ def test_a_simulated_part_stands_in_for_the_one_of_a_slot(
     (tmp_path / "robot.toml").write_text((tmp_path / "robot.toml").read_text().replace('"BB"', '"switch"').replace(
         "BB.", "switch."))  # fmt: skip
     text = invoke("switch", "--simulate")
-    part, arguments = ran[0]
-    uid = arguments[arguments.index("--uid") + 1]
+    part, options = ran[0]
+    uid = options["uid"]
     assert part.part_number == "EFGH"
     assert text.splitlines()[0] == f"For slot switch; while another part holds it: msbot swap switch --to {uid}"
     assert invoke("EFGH", "--simulate") != ""
-    assert len({one[1][one[1].index("--uid") + 1] for one in ran}) == 2, "a UID of its own"
+    assert len({one[1]["uid"] for one in ran}) == 2, "a UID of its own"

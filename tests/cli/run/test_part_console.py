@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import os
 import pty
 from dataclasses import replace
 
 import pytest
 
-from msbot.cli.run.part_console import PartConsole, _is_ours, apply_settings
+from msbot.cli.run.part_console import MOST_TYPED, PartConsole, _is_ours, apply_settings
 from msbot.errors import ConfigError
 from msbot.sim import make_simulator
 from tests.sim.robot import LIBRARY, Bench, play
@@ -91,6 +92,16 @@ def test_what_is_typed_into_a_pipe_is_done_line_by_line_until_it_is_closed() -> 
         'control press must be true or false; it is the text "oops"',
         "'foo' sets nothing: write CONTROL=VALUE; controls: press (true, false)",
     ]
+
+
+def test_a_line_without_an_end_is_not_kept() -> None:
+    lines: list[str] = []
+    console = PartConsole(make_simulator("BUTTON", library=LIBRARY), lines.append, io.StringIO())
+    for _ in range(100):
+        console.take("x" * MOST_TYPED)
+    assert len(console._unfinished) == MOST_TYPED + 1
+    console.take("\npress=true\n")
+    assert lines == ["a line of more than 4096 characters is left out: write CONTROL=VALUE", "output true"]
 
 
 def test_a_program_in_the_background_leaves_the_keyboard_alone(monkeypatch: pytest.MonkeyPatch) -> None:

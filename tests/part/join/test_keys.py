@@ -92,13 +92,19 @@ def test_a_key_is_given_by_digits_file_variable_or_its_kept_file(
     assert keys.given_key(str(other), "ABCD", "eye") == b"\x44" * 16
 
 
+def test_a_wrong_key_of_the_environment_is_told_by_the_name_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(keys.KEY_VARIABLE, "zz")
+    with pytest.raises(ConfigError, match=r"^\$MSBOT_KEY: that is not a key: write 32 hexadecimal digits"):
+        keys.given_key(None, "ABCD", "eye")
+
+
 def test_a_file_that_holds_no_key_is_named(tmp_path: Path) -> None:
     path = tmp_path / "my.key"
     path.write_text("hello")
     with pytest.raises(ConfigError, match=r"my\.key: that is not a key"):
         keys.given_key(str(path), "ABCD", "eye")
     path.write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match=r"cannot read the part's key from .*my\.key"):
+    with pytest.raises(ConfigError, match=r"my\.key: that is not a key"):
         keys.given_key(str(path), "ABCD", "eye")
     with pytest.raises(ConfigError, match="that is not a key"):
         keys.given_key("x" * 5000, "ABCD", "eye")

@@ -9,6 +9,7 @@ from typing import TypeVar
 import click
 
 from msbot.cli.bus.frame_filter import FilterType, FrameFilter
+from msbot.cli.group import complain
 from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.cli.options import DEFAULT_BLUEPRINT, json_option, library_option
 from msbot.link.can.sim import DEFAULT_NAME
@@ -75,7 +76,7 @@ def decode(
     LOG is a file of `candump -l` or `msbot demo --log`; without it, what candump shows is read from standard input:
     candump can0 | msbot bus decode. Files ending in .asc, .blf or .trc are read by python-can.
     """
-    from msbot.cli.bus.decode import complain, decode_log
+    from msbot.cli.bus.decode import decode_log
     from msbot.cli.bus.telling import library_of, listener_for, manner_of
 
     library = library_of(blueprint, folders, complain)
@@ -121,7 +122,6 @@ def dump(
     BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
     .trc, .csv, .db, .mf4), or - for what candump shows. A live bus is shown until Ctrl-C.
     """
-    from msbot.cli.bus.decode import complain
     from msbot.cli.bus.dump import DumpWishes, Understanding, dump
     from msbot.cli.bus.source import is_log
     from msbot.cli.bus.telling import library_of, listener_for, manner_of
@@ -155,7 +155,6 @@ def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
     A FRAME is written as in can-utils: 123#DEADBEEF, 1ABCDEF0#11.22 (extended), 123#R4 (remote), 123##1DEADBEEF
     (CAN FD; 1 = bit-rate switch, 2 = ESI). BUS is can0 or an address, such as sim:classroom.
     """
-    from msbot.cli.bus.decode import complain
     from msbot.cli.bus.send import send
 
     send(bus, frames, repeat, period, complain)
@@ -204,7 +203,6 @@ def load(
     from msbot.cli.bus.source import is_bus
 
     if is_bus(what):
-        from msbot.cli.bus.decode import complain
         from msbot.cli.bus.load_measured import show_load
 
         show_load(

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import click
-
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.cli.bus.telling import Manner, tell_unknown, told_lines
 from msbot.pnp import FrameListener
@@ -31,12 +29,4 @@ def decode_log(
         for text in told_lines(line, listener.hear(line.frame, line.at or 0.0), manner):
             say(text)
     tell_unknown(listener, manner, complain)
-    if reader.unreadable:
-        complain(
-            f"{reader.unreadable} of {reader.frames + reader.unreadable} lines were no frames; {reader.first_problem}"
-        )
-
-
-def complain(text: str) -> None:
-    """Print something that is not part of the answer."""
-    click.echo(f"msbot: {text}", err=True)
+    reader.tell(name, complain)

@@ -142,9 +142,7 @@ def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None
         dumping.show(line)
         if dumping.finished:
             return
-    if reader.unreadable:
-        total = reader.frames + reader.unreadable
-        complain(f"{reader.unreadable} of {total} lines were no frames; {reader.first_problem}")
+    reader.tell(name, complain)
 
 
 async def _dump_bus(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sqlite3
 import struct
 import zlib
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
 LONGEST_LINE = 4096
 """Most characters of a line that are read; a line with a CAN FD frame has some two hundred."""
+LONGEST_SKIPPED = 1_000_000
+"""Characters of a line after which a file is no log: it may be a device without an end."""
+MOST_WITHOUT = 10_000
+"""Lines without one frame after which a file is no log."""
 OWN_FORMAT = ".log"
 """Ending of log files as `candump -l` writes them."""
 FOREIGN_FORMATS = (".asc", ".blf", ".trc", ".csv", ".db", ".mf4")
@@ -59,7 +64,7 @@ class FrameReader:
         """Every frame in the file of that name, or, with `-`, on standard input.
 
         Raises:
-            ConfigError: the file cannot be read, or there are lines, but no frame in them.
+            ConfigError: the file cannot be read, may have no end, or there are lines, but no frame in them.
         """
         if Path(name).suffix.lower() in FOREIGN_FORMATS:
             yield from self._read_foreign(Path(name))
@@ -68,14 +73,24 @@ class FrameReader:
 
         try:
             with click.open_file(name, encoding="utf-8", errors="replace") as stream:
-                yield from self._read_lines(stream)
+                yield from self._read_lines(stream, name)
         except OSError as error:
             raise ConfigError(f"cannot read {name}: {error.strerror}") from None
         if self.unreadable and not self.frames:
-            raise ConfigError(f"there is no frame in {name}: {self.first_problem}")
+            raise self._no_frame(name)
 
-    def _read_lines(self, stream: IO[str]) -> Iterator[LogLine]:
-        for number, text in enumerate(_lines(stream), 1):
+    def _no_frame(self, name: str) -> ConfigError:
+        return ConfigError(f"there is no frame in {name}: {self.first_problem}")
+
+    def tell(self, name: str, complain: Callable[[str], None]) -> None:
+        """Say what was no frame, once all is read; also that nothing was in it."""
+        if self.unreadable:
+            complain(f"{self.unreadable} of {self.frames + self.unreadable} lines were no frames; {self.first_problem}")
+        elif not self.frames:
+            complain(f"there is no frame in {name}: it is empty")
+
+    def _read_lines(self, stream: IO[str], name: str) -> Iterator[LogLine]:
+        for number, text in enumerate(_lines(stream, name), 1):
             if not text.strip():
                 continue
             try:
@@ -83,6 +98,8 @@ class FrameReader:
             except ConfigError as error:
                 self.unreadable += 1
                 self.first_problem = self.first_problem or f"line {number}: {error}"
+                if not self.frames and number >= MOST_WITHOUT:
+                    raise self._no_frame(name) from None
                 continue
             self.frames += 1
             yield line
@@ -106,7 +123,7 @@ class FrameReader:
         }
         mode, reader = readers[path.suffix.lower()]
         try:
-            with path.open(mode) as stream, reader(stream) as messages:
+            with _Text(path) if mode == "r" else path.open(mode) as stream, reader(stream) as messages:
                 for message in messages:
                     self.frames += 1
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
@@ -121,14 +138,46 @@ class FrameReader:
             raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {why}") from None
 
 
-def _lines(stream: IO[str]) -> Iterator[str]:
-    """Every line, cut where it is longer than any frame's, and without characters that would control a terminal."""
+def _lines(stream: IO[str], name: str) -> Iterator[str]:
+    """Every line, cut where it is longer than any frame's, and without characters that would control a terminal.
+
+    Raises:
+        ConfigError: a line may have no end.
+    """
+    number = 0
     while text := stream.readline(LONGEST_LINE):
-        rest = text
+        number += 1
+        rest, length = text, len(text)
         while rest and not rest.endswith("\n"):
             rest = stream.readline(LONGEST_LINE)
-        text = text.strip()
-        yield printable(text)
+            length += len(rest)
+            if length > LONGEST_SKIPPED:
+                raise _endless(name, number)
+        yield printable(text.strip())
+
+
+def _endless(name: str, number: int) -> ConfigError:
+    return ConfigError(
+        f"{name} is no log of frames: line {number} is longer than {LONGEST_SKIPPED:,} characters; "
+        "that of a frame has some 200"
+    )
+
+
+class _Text(io.TextIOWrapper):
+    """A file that python-can reads line by line; it would take a line without an end into memory."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path.open("rb"), encoding="utf-8", errors="replace", newline=None)
+        self._path = path
+        self._number = 0
+
+    def readline(self, size: int | None = -1) -> str:  # type: ignore[override]
+        """See `io.TextIOBase`; the base class iterates by it."""
+        self._number += 1
+        line = super().readline(LONGEST_SKIPPED + 1 if size is None or size < 0 else size)
+        if len(line) > LONGEST_SKIPPED:
+            raise _endless(str(self._path), self._number)
+        return line
 
 
 class FrameWriter:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from msbot.cli.group import complain
 from msbot.errors import ConfigError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.wire import is_name
@@ -123,7 +124,7 @@ def bring_into_world(simulated: SimulatedPart, slot: str, door: Door) -> None:
 
     def ended(task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
-            click.echo(f"{error}; the part runs on without a world", err=True)
+            complain(f"{error}; the part runs on without a world")
 
     def begin() -> None:
         if not staying:

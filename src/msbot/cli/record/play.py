@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.numbers import FiniteRange
-from msbot.cli.options import DEFAULT_LINK, robot_options
+from msbot.cli.options import link_option, robot_options
 from msbot.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
@@ -35,8 +35,7 @@ NOTICEABLE_S = 0.1
 @click.option("--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS",
               help="From this time in the recording on.")  # fmt: skip
 @click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Until this time in the recording.")
-@click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
-              help="The way to the master.")  # fmt: skip
+@link_option
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
 @click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
 @click.option("--acts", "with_acts", is_flag=True,

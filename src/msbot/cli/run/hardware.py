@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from msbot.cli.group import complain
 from msbot.cli.options import json_option, library_here, library_option
 
 
@@ -33,7 +34,7 @@ def scan_command(folders: tuple[Path, ...], *, as_json: bool) -> None:
             for line in thing.lines:
                 click.echo(f"    {line}")
         for fault in result.faults:
-            click.echo(fault, err=True)
+            complain(fault)
         if not result.found and not result.faults:
             click.echo("Nothing is plugged in that can be found: parts at plain pins do not answer.")
     sys.exit(1 if result.faults else 0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.demo.world import WorldWishes, guest_door, place_option, world_option
-from msbot.cli.options import DEFAULT_LINK, json_option, library_here, library_option
+from msbot.cli.options import json_option, library_here, library_option, link_option
 from msbot.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 @click.command("host")
 @click.argument("path", metavar="[FILE]", type=click.Path(path_type=Path), default=Path("parts.toml"))
-@click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
-              help="The way to the master.")  # fmt: skip
+@link_option
 @click.option("--check", is_flag=True, help="Only read the file and say what is in it; touch no hardware.")
 @world_option
 @place_option

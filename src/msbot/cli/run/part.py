@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.demo.world import WorldWishes, bring_into_world, guest_door, place_option, world_option
-from msbot.cli.options import DEFAULT_LINK, library_here, library_option
+from msbot.cli.options import library_here, library_option, link_option
 from msbot.errors import ConfigError
-from msbot.part import Part, SimGpio, run
+from msbot.part import Part, SimGpio
+from msbot.part.run import run_parts
 from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
 
 if TYPE_CHECKING:
@@ -35,8 +36,7 @@ if TYPE_CHECKING:
               help="Something about the real thing, as calibration; may be given several times.")  # fmt: skip
 @click.option("--name", "local_name", metavar="LOCAL",
               help="What this one is called; the part number if absent.")  # fmt: skip
-@click.option("--link", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK", show_envvar=True,
-              help="The way to the master.")  # fmt: skip
+@link_option
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
 @click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
 @world_option
@@ -95,14 +95,7 @@ def command(
         part = _sample(name, quiet=quiet)
     else:
         part = _simulated(name, settings, local_name, folders, door=door, slot=slot, quiet=quiet)
-    arguments = ["--link", link]
-    if uid is not None:
-        arguments += ["--uid", uid]
-    if key is not None:
-        arguments += ["--key", key]
-    if quiet:
-        arguments.append("--quiet")
-    run(part, args=arguments)
+    run_parts([part], link=link, uid=uid, key=key, quiet=quiet)
 
 
 def _stand_in(

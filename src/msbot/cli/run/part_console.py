@@ -16,7 +16,7 @@ from msbot.sim import SimulatedPart
 LOOK_S = 0.2
 """Period in which readings are checked for changes."""
 MOST_TYPED = 4096
-"""Most octets read from the terminal at once."""
+"""Most octets read from the terminal at once, and most characters of a line."""
 SHARE = 0.02
 SIGMAS = 8
 """A number is printed again when it has changed by more than a share of itself and by this multiple of its noise;
@@ -99,9 +99,17 @@ class PartConsole:
         typed = os.read(self._source.fileno(), MOST_TYPED).decode(errors="replace")
         if not typed:
             asyncio.get_running_loop().remove_reader(self._source)
+        self.take(typed)
+
+    def take(self, typed: str) -> None:
+        """Do what each line says that is whole now."""
         *lines, self._unfinished = (self._unfinished + typed).split("\n")
         for line in lines:
-            self.typed(line)
+            if len(line) > MOST_TYPED:
+                self._say(f"a line of more than {MOST_TYPED} characters is left out: write CONTROL=VALUE")
+            else:
+                self.typed(line)
+        self._unfinished = self._unfinished[: MOST_TYPED + 1]  # too long already, whatever follows
 
 
 def _is_ours(source: TextIO) -> bool:

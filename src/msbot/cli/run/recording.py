@@ -53,7 +53,7 @@ class RobotRecording:
         self._wish = wish
         self._folder = folder
         if wish.file is not None and wish.file.exists():
-            raise ConfigError(f"--rec {wish.file}: the file is there already; give the recording another name")
+            raise ConfigError(f"{wish.file}: the file is there already; give the recording another name")
         if wish.on:
             from msbot.lab.recorder.recorder import Recorder  # with `--rec off`, nothing of it is needed
 

@@ -22,6 +22,8 @@ from msbot.runtime.event_loop import run_to_end
 if TYPE_CHECKING:
     from msbot.web.access.accounts import Accounts
 
+LONGEST_READ = 10_000
+"""Characters of a password that are read from standard input, which may have no end; fewer are too many already."""
 ROLES = tuple(role.word for role in Role)
 
 role_option = click.option("--role", type=click.Choice(ROLES), default="student", show_default=True,
@@ -195,7 +197,7 @@ def _password(*, from_stdin: bool, generate: bool) -> str:
 
         return new_password()
     if from_stdin:
-        return sys.stdin.readline().rstrip("\r\n")
+        return sys.stdin.readline(LONGEST_READ).rstrip("\r\n")
     if not sys.stdin.isatty():
         raise ConfigError("nobody is there to type a password: add --password-stdin or --generate")
     return str(click.prompt("Password", hide_input=True, confirmation_prompt=True))

@@ -62,6 +62,8 @@ def load_mission(path: Path) -> Mission:
     try:
         with path.open(encoding="utf-8") as stream:
             text = stream.read(MOST_BYTES + 1)  # it may be a device without an end; too much is told when it is parsed
+    except UnicodeDecodeError:
+        raise ConfigError(said("{path}: is no text in UTF-8; save it as UTF-8", path=str(path))) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ConfigError(

@@ -50,7 +50,7 @@ def read_wish(text: str) -> RecordingWish:
         unit = "" if match is None else match[2].upper() if match[2].upper() in _OCTETS else match[2].lower()
         if match is None or (unit in _OCTETS and octets is not None) or (unit in _SECONDS and seconds is not None):
             raise ConfigError(
-                f'--rec {text!r}: say how much to keep ("10min", "2h", "500MB", "30min,500MB"), '
+                f'{text!r}: say how much to keep ("10min", "2h", "500MB", "30min,500MB"), '
                 f'a file ("lesson{SUFFIX}"), or "off"'
             )
         if unit in _OCTETS:
@@ -61,5 +61,5 @@ def read_wish(text: str) -> RecordingWish:
         seconds=RING_S if seconds is None else seconds, octets=RING_OCTETS if octets is None else octets
     )
     if not LEAST_S <= wish.seconds <= MOST_S or not LEAST_OCTETS <= wish.octets <= MOST_OCTETS:
-        raise ConfigError(f"--rec {text!r}: at least 10s and 1MB, at most 720h and 1024GB")
+        raise ConfigError(f"{text!r}: at least 10s and 1MB, at most 720h and 1024GB")
     return wish

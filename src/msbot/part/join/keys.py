@@ -24,6 +24,8 @@ KEY_OCTETS = 16
 LONGEST_KEY = 64
 """Octets of the longest key that it accepts: one block of SHA-256."""
 KEY_VARIABLE = "MSBOT_KEY"
+MOST_READ = 4096
+"""Octets of a file with a key; one has some forty digits and signs."""
 
 _LABEL = b"MsBOT claim 1\0"
 """What the proof is for: a proof made for another purpose never fits."""
@@ -116,8 +118,11 @@ def given_key(text: str | None, part_number: str, local_name: str) -> bytes | No
     Raises:
         ConfigError: what was found is not a key.
     """
-    if text is None:
-        text = os.environ.get(KEY_VARIABLE) or None
+    if text is None and (of_environment := os.environ.get(KEY_VARIABLE)):
+        try:
+            return given_key(of_environment, part_number, local_name)
+        except ConfigError as error:
+            raise ConfigError(f"${KEY_VARIABLE}: {error}") from None
     if text is None:
         path = kept_file("key", part_number, local_name)
         return _read(path) if path.exists() else None
@@ -134,8 +139,9 @@ def _is_file(path: Path) -> bool:
 
 def _read(path: Path) -> bytes:
     try:
-        return parse_key(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read the part's key from {path}: {error}") from None
+        with path.open("rb") as file:
+            return parse_key(file.read(MOST_READ).decode("ascii", "replace"))
+    except OSError as error:
+        raise ConfigError(f"cannot read the part's key from {path}: {error.strerror}") from None
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None

@@ -31,6 +31,8 @@ HOW: Final = (
 )
 """The notation in one sentence."""
 
+_LONGEST_SHOWN = 100
+"""Of a line that is none, in characters."""
 _ERROR_REPORT = 0x20000000
 _FLAGS = 7
 """BRS, ESI, and 4, with which newer programs mark the frame as CAN FD once more."""
@@ -109,7 +111,8 @@ def parse_log_line(line: str) -> LogLine:
         return LogLine(float(match[1]), match[2], parse_frame(match[3]))
     if match := _SHOWN.fullmatch(line):
         return LogLine(float(match[1]) if match[1] else None, match[2], _read_columns(line, match))
-    raise ConfigError(f"{line!r} is not a line of candump, such as (1700000000.123456) can0 123#DEADBEEF")
+    shown = line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
+    raise ConfigError(f"{shown!r} is not a line of candump, such as (1700000000.123456) can0 123#DEADBEEF")
 
 
 def format_log_line(line: LogLine) -> str:
