@@ -22,6 +22,7 @@ import device
 from msbot.annotations import with_fields
 from msbot.links import PacketLink
 from msbot.message import type_name_of
+from shown import shown
 
 import msbot
 
@@ -175,13 +176,6 @@ def _step(request):
     return part.step(request["now"])
 
 
-def _shown(message, message_class):
-    try:
-        return str(message if message_class is None else message_class.decode(message))
-    except msbot.MsbotError as error:
-        return str(error)
-
-
 def _look():
     """The state that the page shows beside the program."""
     if not _parts:
@@ -193,8 +187,8 @@ def _look():
             _, topic, carries, subscribes, _ = part._ports[port][0]
             last = _last.get(port)
             age = None if last is None else time.ticks_diff(time.ticks_ms(), last[0])
-            shown = "" if last is None else _shown(last[1], last[2])[:200]
-            ports.append([port, "in" if subscribes else "out", carries, topic, age, shown])
+            words = "" if last is None else shown(last[1], last[2])[:200]
+            ports.append([port, "in" if subscribes else "out", carries, topic, age, words])
     bound = {port[0] for port in ports}
     idle = [[port, "in", type_name_of(kind[0]), "", None, ""] for port, kind in part._listeners.items()]
     idle += [
