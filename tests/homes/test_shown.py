@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.homes import runners
+from tests.homes import micro, runners
 
 SHOWN = runners.ROOT / "micropython/browser/shown.py"
 
@@ -26,7 +26,7 @@ SHOWN = runners.ROOT / "micropython/browser/shown.py"
     ],
 )
 def test_a_float32_is_shown_with_the_digits_that_it_can_tell(number: str, small: str, large: str) -> None:
-    engine = runners.NodeEngine(runners.micro.FOLDER, f"shown={SHOWN}", str(runners.HERE / "shown_host.py"))
+    engine = runners.NodeEngine(micro.FOLDER, f"shown={SHOWN}", str(runners.HERE / "shown_host.py"))
     told = engine.ask({"number": number})
     engine.close()
     words = """Sample(small={}, large={}, words="it's", inner=Inner(level={}))"""
