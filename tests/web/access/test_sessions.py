@@ -10,7 +10,7 @@ import pytest
 from msbot.operations.rights import Role
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.kept_sessions import MOST_FILES, SessionFile, remove_old
-from msbot.web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Session, Sessions
+from msbot.web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Ending, Session, Sessions
 from msbot.web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
@@ -36,10 +36,37 @@ def test_who_listens_hears_of_ends_and_of_other_roles() -> None:
     assert heard == []
     sessions.change_role("bob", Role.TEACHER)
     assert heard == [first, second]
-    sessions.end_all_of("bob", but=second)
-    assert heard == [first, second, first]
     sessions.end(first)
     assert heard == [first, second, first]
+    sessions.end_all_of("bob", Ending.REMOVED)
+    assert heard == [first, second, first, second]
+
+
+def test_who_is_signed_out_is_told_why() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    one, other, left = (sessions.begin(name, Role.STUDENT) for name in ("bob", "eve", "ann"))
+    guest = sessions.begin("guest of bob", Role.VIEWER, guest_of="bob")
+    assert sessions.why_ended(one.token) == ""
+    sessions.end(left)
+    sessions.end_all_of("bob", Ending.NEW_PASSWORD)
+    clock.now += IDLE_S + 1
+    sessions.end_old()
+    assert sessions.why_ended(one.token) == "the password of bob was changed: sign in with the new one"
+    assert sessions.why_ended(guest.token) == "your time as a guest is over: ask for a new code"
+    assert "eve was signed out because nothing was done" in sessions.why_ended(other.token)
+    assert sessions.why_ended(left.token) == ""  # by their own click
+    for _ in range(MOST_SESSIONS):
+        sessions.end(sessions.begin("eve", Role.STUDENT, guest_of="eve"))
+    assert sessions.why_ended(one.token) == ""  # long ago
+
+
+def test_who_is_removed_while_no_master_runs_is_told_so() -> None:
+    before = Sessions(Clock())
+    session = before.begin("bob", Role.STUDENT)
+    after = Sessions(Clock())
+    after.bring_back(before.kept(), 5.0, lambda _: None)
+    assert after.why_ended(session.token).startswith("the account bob was removed")
 
 
 def mode_of(path: Path) -> int:

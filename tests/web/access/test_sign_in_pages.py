@@ -8,6 +8,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
+from msbot.operations.rights import Role
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.attempts import FREE_TRIES
 from msbot.web.access.cookies import cookie_names
@@ -73,6 +74,22 @@ async def test_signing_in_and_out(accounts: Accounts, browser: httpx.AsyncClient
     out = await browser.post("/logout")
     assert (out.status_code, out.headers["location"]) == (303, "/login")
     assert accounts.session(session.token) is None
+
+
+async def test_a_removed_pupil_reads_why(accounts: Accounts, browser: httpx.AsyncClient) -> None:
+    await accounts.set_up(accounts.setup_token(), "ada", "correct horse")
+    await accounts.add_user("bob <i>", Role.STUDENT, "correct horse", who="ada")
+    await browser.post("/login", data={"name": "bob <i>", "password": "correct horse"})
+    await accounts.remove_user("bob <i>", who="ada")
+    gone = await browser.get("/program")
+    assert (gone.status_code, gone.headers["location"]) == (303, "/login?next=/program")
+    words = "the account bob &lt;i&gt; was removed: ask your teacher if that is a mistake"
+    assert words in (await browser.get("/login?next=/program")).text
+    assert "Das Konto bob" in (await browser.get("/login", headers={"accept-language": "de"})).text
+    await browser.post("/login", data={"name": "ada", "password": "correct horse"})
+    assert words not in (await browser.get("/login")).text
+    browser.cookies.clear()
+    assert words not in (await browser.get("/login")).text
 
 
 async def test_wrong_passwords_lock_for_a_while(accounts: Accounts, browser: httpx.AsyncClient) -> None:

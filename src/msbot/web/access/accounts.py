@@ -20,7 +20,7 @@ from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.guests import DEMO, Guests
 from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, check_password
-from msbot.web.access.sessions import Session, Sessions, digest_of, told_octets
+from msbot.web.access.sessions import Ending, Session, Sessions, digest_of, told_octets
 from msbot.web.access.users import User, UserStore
 
 MAX_NAME = 64
@@ -82,7 +82,7 @@ class Accounts:
         for name, old in before.items():
             new = self._users.get(name)
             if new is None or new.password_hash != old.password_hash:
-                self.guests.end_all_of(name)
+                self.guests.end_all_of(name, Ending.REMOVED if new is None else Ending.NEW_PASSWORD)
             elif new.role is not old.role:
                 self.sessions.change_role(name, new.role)
 
@@ -321,7 +321,7 @@ class Accounts:
         hashed = await self._hasher.hash(password)
         async with self._changing:
             await self._keep(who, replace(self._find(name), password_hash=hashed, tokens=()))
-        self.guests.end_all_of(name)
+        self.guests.end_all_of(name, Ending.NEW_PASSWORD)
 
     async def remove_user(self, name: str, *, who: str) -> None:
         """Remove a person, who can no longer sign in.

@@ -9,7 +9,7 @@ from msbot.operations.rights import Right, Role
 from msbot.runtime.sentence import said
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guest_tickets import GuestTickets, Ticket
-from msbot.web.access.sessions import Session
+from msbot.web.access.sessions import Ending, Session
 
 if TYPE_CHECKING:
     from msbot.web.access.accounts import Accounts
@@ -61,7 +61,7 @@ class Guests:
         is_demo = maker == DEMO and self._accounts.has_entry_link
         return is_demo or (role is not None and role >= Right.OPERATE.least)
 
-    def end_all_of(self, name: str) -> None:
+    def end_all_of(self, name: str, why: Ending) -> None:
         """End the sessions of a person, those of their guests, and their tickets."""
         self.tickets.forget_those_of(name)
-        self._accounts.sessions.end_all_of(name)
+        self._accounts.sessions.end_all_of(name, why)

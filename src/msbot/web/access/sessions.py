@@ -11,9 +11,11 @@ import secrets
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import field
+from enum import Enum, auto
 
 from msbot.operations.rights import Right, Role
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.sentence import said
 
 IDLE_S = 8 * 3600.0
 """A session that is not used for this long ends: a school day."""
@@ -23,6 +25,29 @@ GUEST_S = 4 * 3600.0
 """A guest of a lesson stays no longer."""
 MOST_SESSIONS = 1000
 """If there are more, the person with the most loses their longest unused one: nobody ends another's."""
+
+
+class Ending(Enum):
+    """Why a session has ended, as far as the person has to be told."""
+
+    SIGNED_OUT = auto()
+    REMOVED = auto()
+    NEW_PASSWORD = auto()
+    TIME_OVER = auto()
+    GUEST_OVER = auto()
+
+    def words(self, name: str) -> str:
+        """What the browser of that person says about it; empty: nothing."""
+        match self:
+            case Ending.REMOVED:
+                return said("the account {name} was removed: ask your teacher if that is a mistake", name=name)
+            case Ending.NEW_PASSWORD:
+                return said("the password of {name} was changed: sign in with the new one", name=name)
+            case Ending.TIME_OVER:
+                return said("{name} was signed out because nothing was done here for long: sign in again", name=name)
+            case Ending.GUEST_OVER:
+                return said("your time as a guest is over: ask for a new code")
+        return ""
 
 
 @dataclass(slots=True, eq=False)
@@ -82,6 +107,8 @@ class Sessions:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._by_key: dict[str, Session] = {}
+        self._why_ended: dict[str, str] = {}
+        """What those are told whose sessions have ended, by the SHA-256 of the cookie's word; the newest last."""
         self._listeners: list[Callable[[Session], None]] = []
 
     @property
@@ -119,17 +146,31 @@ class Sessions:
         """Note that the person did something."""
         session.used_at = self._clock()
 
-    def end(self, session: Session) -> None:
+    def end(self, session: Session, why: Ending = Ending.SIGNED_OUT) -> None:
         """End a session."""
         if self._by_key.get(session.key) is session:
+            if why is Ending.SIGNED_OUT and not self.is_fresh(session):
+                why = Ending.TIME_OVER
             del self._by_key[session.key]
+            self._note_end(session, why)
             self._tell(session)
 
-    def end_all_of(self, name: str, *, but: Session | None = None) -> None:
+    def end_all_of(self, name: str, why: Ending) -> None:
         """End the sessions of a person, and of the guests whom that person has let in."""
         for session in list(self._by_key.values()):
-            if (session.is_of(name) or session.guest_of == name) and session is not but:
-                self.end(session)
+            if session.is_of(name) or session.guest_of == name:
+                self.end(session, why)
+
+    def why_ended(self, token: str) -> str:
+        """Why the session of a cookie has ended, in words for its person; empty: there is nothing to tell."""
+        return self._why_ended.get(digest_of(token), "") if token else ""
+
+    def _note_end(self, session: Session | KeptSession, why: Ending) -> None:
+        words = (Ending.GUEST_OVER if session.guest_of else why).words(session.name)
+        if words:
+            self._why_ended[session.key] = words
+            if len(self._why_ended) > MOST_SESSIONS:
+                del self._why_ended[next(iter(self._why_ended))]
 
     def change_role(self, name: str, role: Role) -> None:
         """Give the sessions of a person another role; their open pages are rebuilt."""
@@ -168,6 +209,8 @@ class Sessions:
         now = self._clock()
         for one in kept:
             role = role_of(one.guest_of or one.name)
+            if role is None:
+                self._note_end(one, Ending.REMOVED)
             if role is None or len(self._by_key) >= MOST_SESSIONS:
                 continue
             session = Session(
@@ -177,6 +220,7 @@ class Sessions:
             self._by_key[one.key] = session
             if not self.is_fresh(session):
                 del self._by_key[one.key]
+                self._note_end(session, Ending.TIME_OVER)
 
     def _drop_one(self) -> None:
         ((greedy, _),) = Counter(session.name for session in self._by_key.values()).most_common(1)

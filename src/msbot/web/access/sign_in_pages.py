@@ -43,7 +43,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
         language = language_of(request)
         html = render(
             template, language=language, say=language.say, title=language.say(title), robot=robot,
-            **{"error": "", "name": "", **values},
+            **{"error": "", "name": "", "why": "", **values},
         )  # fmt: skip
         return HTMLResponse(html, status_code=status, headers=headers)
 
@@ -51,7 +51,9 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
     async def show_login(request: Request, next: str = "/") -> Response:
         if accounts.needs_setup and not accounts.has_entry_link:
             return page(request, "set_up_hint", "Set-up")
-        return page(request, "sign_in", "Sign in", wanted=local_path(next))
+        ended = accounts.sessions.why_ended(request.cookies.get(cookies.session, ""))
+        why = language_of(request).say(ended)
+        return page(request, "sign_in", "Sign in", wanted=local_path(next), why=why)
 
     @router.post("/login")
     async def login(request: Request) -> Response:
