@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 from fastapi import Request
 from nicegui import ui
+from nicegui.elements.upload_files import FileUpload
 from nicegui.events import UploadEventArguments
 
 from msbot.errors import MsbotError
@@ -39,7 +40,7 @@ def register(service: Service) -> None:
                 return
             _People(page, str(request.base_url))
             _tokens(page)
-            _backup(page)
+            _Backup(page)
             _changes(page)
 
 
@@ -227,22 +228,37 @@ def _remove_token(page: Page, name: str, purpose: str) -> None:
     ask_first(page, page.say("Remove the token of {name} for {purpose}?", name=name, purpose=purpose), remove)
 
 
-def _backup(page: Page) -> None:
-    service, say = page.service, page.say
-    with panel():
-        heading(say("Backup"))
-        ui.label(say("The whole database in one file: robots, slots, settings, journal, people.")).classes("soft")
+class _Backup:
+    """Download a backup; hand one in, which is checked: of a large one that takes a while."""
 
-        async def restore(event: UploadEventArguments) -> None:
-            words = say("Put this backup in force with the master's next start?")
-            ask_first(page, words, lambda: page.do(lambda session: service.restore(session, event.file.iterate())))
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        say = page.say
+        with panel():
+            heading(say("Backup"))
+            ui.label(say("The whole database in one file: robots, slots, settings, journal, people.")).classes("soft")
+            with ui.element("div").classes("row").style("margin-top:.6rem"):
+                ui.button(
+                    say("Download a backup"), icon="download",
+                    on_click=lambda: ui.download("/api/backup", "msbot-backup.db"),
+                )  # fmt: skip
+                self._button = file_button(page, say("Restore a backup"), self._ask, max_size=MAX_RESTORE)
+            self._state = ui.label("").classes("soft").props("role=status")
 
-        with ui.element("div").classes("row").style("margin-top:.6rem"):
-            ui.button(
-                say("Download a backup"), icon="download",
-                on_click=lambda: ui.download("/api/backup", "msbot-backup.db"),
-            )  # fmt: skip
-            file_button(page, say("Restore a backup"), restore, max_size=MAX_RESTORE)
+    async def _ask(self, event: UploadEventArguments) -> None:
+        words = self._page.say("Put this backup in force with the master's next start?")
+        ask_first(self._page, words, partial(self._restore, event.file))
+
+    async def _restore(self, file: FileUpload) -> None:
+        page, say, mb = self._page, self._page.say, file.size() / 1e6
+        self._button.props("loading")
+        self._state.set_text(say("{name} ({mb:.1f} MB) is being checked ...", name=file.name, mb=mb))
+        done = None
+        try:
+            done = await page.do(lambda session: page.service.restore(session, file.iterate()))
+        finally:
+            self._button.props(remove="loading")
+            self._state.set_text("" if done is None else say(done.words))
 
 
 def _changes(page: Page) -> None:

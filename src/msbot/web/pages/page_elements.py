@@ -84,8 +84,8 @@ def panel() -> ui.element:
 
 def file_button(
     page: Page, title: str, taken: Callable[[UploadEventArguments], Awaitable[None]], *, max_size: int, ending: str = ""
-) -> None:
-    """A button that takes a file from the person's computer.
+) -> ui.button:
+    """A button that takes a file from the person's computer, and shows that it is on its way.
 
     Args:
         page: where.
@@ -100,7 +100,10 @@ def file_button(
     upload.props["headers"] = [{"name": CSRF_HEADER, "value": page.session.csrf}]
     if ending:
         upload.props(f"accept={ending}")
+    button = ui.button(title, icon="upload_file").props("outline")
     # Without a detour by the server: browsers open the dialog only in answer to a click.
-    ui.button(title, icon="upload_file").props("outline").on(
-        "click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])"
-    )
+    button.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+    upload.on("start", lambda: button.props("loading"), args=[])
+    upload.on("finish", lambda: button.props(remove="loading"), args=[])
+    upload.on("failed", lambda: ui.notify(page.say("The file has not come in: try again."), type="negative"), args=[])
+    return button
