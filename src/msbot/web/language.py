@@ -8,6 +8,8 @@ parts, by the text.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cache
@@ -17,12 +19,18 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
+from msbot.errors import ConfigError
 from msbot.runtime.kept_beside import carried_toml
 from msbot.runtime.lazy_dataclass import dataclass
-from msbot.runtime.sentence import Sentence
+from msbot.runtime.sentence import Sentence, said
 
 COOKIE = "msbot_language"
 ENGLISH = "en"
+LONGEST_NUMBER = 40
+"""Characters of a number that somebody types."""
+_WHOLE = re.compile(r"[+-]?[0-9]+")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
 CATALOGUES = ("pages", "robot", "library", "doctor", "missions")
 """The files of a language: words of the pages, sentences of the robot, texts of the part library, the doctor, the
 missions."""
@@ -65,6 +73,23 @@ class Language:
         if self.decimal == "." and self.thousands == ",":
             return text
         return text.translate({ord("."): self.decimal, ord(","): self.thousands})
+
+    def read_number(self, text: str, *, is_whole: bool = False) -> float:
+        """A number that a person has typed, with a comma or a point, whatever is usual here; without groups of digits.
+
+        Raises:
+            ConfigError: it is none, or not a whole one.
+        """
+        plain = text.strip().replace("\N{MINUS SIGN}", "-").replace(",", ".")
+        if len(plain) <= LONGEST_NUMBER and _WHOLE.fullmatch(plain):
+            return int(plain)
+        number = float(plain) if len(plain) <= LONGEST_NUMBER and _NUMBER.fullmatch(plain) else math.nan
+        if not math.isfinite(number):
+            raise ConfigError(said("{text!r} is not a number: write 12 or {example}", text=text[:LONGEST_NUMBER],
+                                   example=self.number(0.1)))  # fmt: skip
+        if is_whole and not number.is_integer():
+            raise ConfigError(said("{number} is not a whole number", number=self.number(number)))
+        return int(number) if is_whole else number
 
     def _put_in(self, form: str, values: Mapping[str, object]) -> str:
         return _Formatter(self).vformat(form, (), values) if values else form

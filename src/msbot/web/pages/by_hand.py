@@ -16,6 +16,7 @@ from nicegui.events import ValueChangeEventArguments
 from msbot.config import Direction, FieldKind, MessageType, Port, Scalar
 from msbot.operations.rights import Right
 from msbot.web.pages.layout import Page
+from msbot.web.pages.number_field import NumberField
 
 HELD_S = 3.0
 """A port is held for this long at a time."""
@@ -120,7 +121,10 @@ def _fields(page: Page, message: MessageType, values: Mapping[str, Scalar], chan
                 f'label debounce=100 aria-label="{title}"'
             )
         else:
-            ui.number(title, value=float(values[name]), on_change=take).props("debounce=300")
+            field = NumberField(
+                page, title, number=float(values[name]), is_whole=kind.is_whole, on_number=partial(changed, name)
+            )
+            field.props("debounce=300")
 
 
 def _colour(page: Page, values: Mapping[str, Scalar], changed: Changed) -> None:

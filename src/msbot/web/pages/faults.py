@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from fastapi import Request
 from nicegui import ui
 
-from msbot.lab.faults.engine import FOR_S, LONGEST_S
+from msbot.lab.faults.engine import FOR_S
 from msbot.lab.faults.kinds import KINDS, Amount
 from msbot.operations.rights import Right
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.number_field import NumberField
 from msbot.web.pages.page_elements import ask_first, heading, panel, show_dialog
 from msbot.web.service import Service
 
@@ -45,10 +47,11 @@ class _Form:
                 self._kind.props("dense outlined").style("min-width:16rem;max-width:100%")
                 self._slot = ui.select(slots, value=slots[0] if slots else None, label=say("Slot"))
                 self._slot.props("dense outlined").style("min-width:8rem")
-                self._amount = ui.number("").props("dense outlined").style("width:9rem")
-                self._after = ui.number(say("After [s]"), value=0, min=0, max=LONGEST_S)
+                self._amount = NumberField(page, "")
+                self._amount.props("dense outlined").style("width:9rem")
+                self._after = NumberField(page, say("After [s]"), number=0, may_be_negative=False)
                 self._after.props("dense outlined").style("width:6rem")
-                self._for = ui.number(say("For [s]"), value=FOR_S, min=0.1, max=LONGEST_S)
+                self._for = NumberField(page, say("For [s]"), number=FOR_S, may_be_negative=False)
                 self._for.props("dense outlined").style("width:6rem")
                 self._when = ui.input(say("When")).props('dense outlined placeholder="knob.level > 60"')
                 self._hidden = ui.checkbox(say("Hidden"))
@@ -65,7 +68,7 @@ class _Form:
         if kind.amount is not None:
             self._amount.props["label"] = self._label(kind.amount)
             # What fits this robot's beats is worked out when it is planted.
-            self._amount.set_value(None if kind.name == "late" else kind.amount.default)
+            self._amount.number = None if kind.name == "late" else kind.amount.default
             self._amount.update()
 
     def _label(self, amount: Amount) -> str:
@@ -73,15 +76,19 @@ class _Form:
 
     async def _plant(self) -> None:
         kind = KINDS[str(self._kind.value)]
+        asked = [self._after, self._for] if kind.amount is None else [self._amount, self._after, self._for]
+        if not all([field.validate() for field in asked]):  # all of them, so that each says what is wrong with it
+            return
+        during: dict[str, Any] = {"for": self._for.number}
         await self._page.act(
             "plant_fault",
             kind=kind.name,
             at=str(self._slot.value or "") if kind.at_part else "",
-            amount=None if kind.amount is None else self._amount.value,
-            after=self._after.value or 0.0,
+            amount=None if kind.amount is None else self._amount.number,
+            after=self._after.number or 0.0,
             when=str(self._when.value or ""),
             hidden=bool(self._hidden.value),
-            **{"for": self._for.value},
+            **during,
         )
 
 

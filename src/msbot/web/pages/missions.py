@@ -17,6 +17,7 @@ from msbot.operations.rights import Right
 from msbot.web.api.mission_models import MissionState
 from msbot.web.mission_report import report_body, report_page
 from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.number_field import NumberField
 from msbot.web.pages.page_elements import file_button, heading, panel
 from msbot.web.service import Service
 
@@ -174,18 +175,20 @@ class _Missions:
             with ui.element("div").classes("row").style("align-items:flex-end"):
                 chosen = ui.select(titles, value=FIRST, label=say("Mission"))
                 chosen.props("dense outlined").style("min-width:20rem;max-width:100%")
-                seed = ui.number(say("Seed"), min=0, precision=0).props("dense outlined").style("width:7rem")
+                seed = NumberField(page, say("Seed"), is_whole=True, may_be_negative=False)
+                seed.props("dense outlined").style("width:7rem")
 
                 async def start() -> None:
-                    given = None if seed.value is None else int(seed.value)
-                    await page.act("start_mission", mission=str(chosen.value), seed=given)
+                    if seed.validate():
+                        await page.act("start_mission", mission=str(chosen.value), seed=seed.number)
 
                 async def taken(event: UploadEventArguments) -> None:
                     text = (await event.file.read()).decode("utf-8", "replace")
-                    given = None if seed.value is None else int(seed.value)
+                    if not seed.validate():
+                        return
                     name = PurePath(event.file.name).name
                     with page.here():
-                        await page.act("start_mission", mission=name, toml=text, seed=given)
+                        await page.act("start_mission", mission=name, toml=text, seed=seed.number)
 
                 ui.button(say("Start"), icon="play_arrow", on_click=start)
                 file_button(page, say("Mission of a file"), taken, max_size=MOST_TEXT, ending=".toml")

@@ -9,6 +9,7 @@ from nicegui import ui
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import ControlLine, Done, Scalar
 from msbot.web.pages.layout import Page
+from msbot.web.pages.number_field import NumberField
 from msbot.web.pages.page_elements import heading
 from msbot.web.svg.drawings import fields_html
 
@@ -78,7 +79,7 @@ def _control(page: Page, slot: str, control: ControlLine) -> None:
         # It stays where it was put: an answer that comes late would take the next key presses back.
         slider.LOOPBACK = slider.props["loopback"] = False
     elif control.kind == "number":
-        ui.number(f"{title}{unit}", value=float(control.value or 0), on_change=lambda event: changed(event.value))
+        NumberField(page, f"{title}{unit}", number=float(control.value or 0), on_number=changed)
     elif control.kind == "choice":
         ui.select(control.choices, label=title, value=control.value, on_change=lambda event: changed(event.value))
     else:

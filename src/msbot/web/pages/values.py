@@ -12,6 +12,7 @@ from msbot.operations.rights import Right
 from msbot.web.api.models import Scalar, Value
 from msbot.web.html import render
 from msbot.web.pages.layout import Page
+from msbot.web.pages.number_field import NumberField
 from msbot.web.pages.wire_editor import edit_wires
 from msbot.web.svg.drawings import value_words
 
@@ -101,7 +102,6 @@ class _Line:
         if wanted is None or wanted == self._value.value:
             return
         done = await self._page.act("set", slot=self._slot, name=self._value.name, value=wanted)
-        self._said = self._field.value  # which NiceGUI may have brought within its limits meanwhile
         if done is None:
             self.show(self._value)
         else:
@@ -120,18 +120,19 @@ class _Line:
             return None
         if self._value.kind == "bool":
             return bool(typed)
-        if self._value.kind in ("int", "float"):
-            return int(typed) if self._value.kind == "int" and float(typed).is_integer() else float(typed)
+        if isinstance(self._field, NumberField):
+            number = self._field.number
+            return float(number) if self._value.kind == "float" and number is not None else number
         return str(typed)
 
-    def _shown(self, value: Value) -> bool | float | str:
+    def _shown(self, value: Value) -> bool | str:
         if value.kind == "bool":
             return bool(value.value)
-        if value.kind in ("int", "float"):
-            return 0.0 if isinstance(value.value, str) else float(value.value)
+        if isinstance(self._field, NumberField):
+            return self._field.written(0.0 if isinstance(value.value, str) else float(value.value))
         return str(value.value)
 
-    def _make_field(self) -> ui.switch | ui.number | ui.input:
+    def _make_field(self) -> ui.switch | ui.input:
         value = self._value
         title = f"{value.name} [{value.unit}]" if value.unit else value.name
         hint = " · ".join(filter(None, (self._page.say(value.description), self._limits(), self._default())))
@@ -140,8 +141,9 @@ class _Line:
             ui.label(hint).classes("soft").style("font-size:.8rem")
             return switch
         if value.kind in ("int", "float"):
-            field: ui.number | ui.input = ui.number(
-                title, min=value.least, max=value.most, step=1 if value.kind == "int" else None
+            may_be_negative = value.least is None or value.least < 0
+            field: ui.input = NumberField(
+                self._page, title, is_whole=value.kind == "int", may_be_negative=may_be_negative
             )
         else:
             field = ui.input(title)
