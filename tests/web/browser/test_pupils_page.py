@@ -226,6 +226,13 @@ def test_a_form_stays_while_its_list_changes_and_two_clicks_let_a_class_in_once(
     assert call(teacher, "PUT", "/api/class/groups/Green", {"pupils": ["Ben"], "slots": []}) == 200
     expect(teacher.locator(".line", has_text="Ben; slots: none")).to_be_visible()  # drawn anew
     expect(slots).to_be_visible()
+    slots.press_sequentially("_red")  # among those of all groups
+    found = teacher.get_by_role("option")
+    expect(found).to_have_text(["program_Red", "eyes_Red", "bumper_Red", "wheels_Red", "lamp_Red"])
+    found.filter(has_text="lamp").click()
+    expect(slots).to_have_value("")  # ready for the next
+    expect(teacher.locator(".q-dialog .q-chip")).to_contain_text(["Ben"] + ["_Blue"] * 5 + ["lamp_Red"])
+    slots.press("Escape")
     teacher.get_by_role("button", name="Cancel").click()
 
     teacher.get_by_role("textbox", name="Names").fill("Kim; green\nLou; blue")

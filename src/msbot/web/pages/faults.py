@@ -42,7 +42,7 @@ class _Form:
         kinds = {name: f"{name} · {say(kind.words)}" for name, kind in KINDS.items()}
         with panel():
             heading(say("Let something go wrong"))
-            with ui.element("div").classes("row").style("align-items:flex-end"):
+            with ui.element("div").classes("row").style("align-items:flex-start"):
                 self._kind = ui.select(kinds, value="loss", label=say("Fault"), on_change=self._chosen)
                 self._kind.props("dense outlined").style("min-width:16rem;max-width:100%")
                 self._slot = ui.select(slots, value=slots[0] if slots else None, label=say("Slot"))
@@ -50,9 +50,9 @@ class _Form:
                 self._amount = NumberField(page, "")
                 self._amount.props("dense outlined").style("width:9rem")
                 self._after = NumberField(page, say("After [s]"), number=0, may_be_negative=False)
-                self._after.props("dense outlined").style("width:6rem")
+                self._after.props("dense outlined").style("width:7rem")
                 self._for = NumberField(page, say("For [s]"), number=FOR_S, may_be_negative=False)
-                self._for.props("dense outlined").style("width:6rem")
+                self._for.props("dense outlined").style("width:7rem")
                 self._when = ui.input(say("When")).props('dense outlined placeholder="knob.level > 60"')
                 self._hidden = ui.checkbox(say("Hidden"))
                 ui.button(say("Plant"), icon="bug_report", on_click=self._plant)

@@ -172,7 +172,7 @@ class _Missions:
                 return
             ready = ready_missions()
             titles = {name: f"{say(one.title)} · {name}" for name, one in ready.items()}
-            with ui.element("div").classes("row").style("align-items:flex-end"):
+            with ui.element("div").classes("row").style("align-items:flex-start"):
                 chosen = ui.select(titles, value=FIRST, label=say("Mission"))
                 chosen.props("dense outlined").style("min-width:20rem;max-width:100%")
                 seed = NumberField(page, say("Seed"), is_whole=True, may_be_negative=False)

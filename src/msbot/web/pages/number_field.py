@@ -40,7 +40,9 @@ class NumberField(ui.input):
         super().__init__(title, value=self.written(number), on_change=self._typed, validation=self._complaint)
         self.without_auto_validation()
         # The keys for numbers on a phone have a comma, but not everywhere a minus.
-        self.props(f"hide-bottom-space autocomplete=off inputmode={'text' if may_be_negative else 'decimal'}")
+        self.props(
+            f"hide-bottom-space no-error-icon autocomplete=off inputmode={'text' if may_be_negative else 'decimal'}"
+        )
         self.on("change", self.validate)
 
     @property

@@ -14,6 +14,8 @@ from msbot.web.html import Markup, render
 if TYPE_CHECKING:
     from msbot.web.pages.layout import Page
 
+END_WITH_MASTER = "What is simulated here ends with the master: simulate it again when it has started anew."
+
 
 def set_html(element: ui.html, content: Markup) -> None:
     """Show something if it is not shown already: what stays the same is not sent again."""

@@ -18,7 +18,7 @@ from msbot.web.api.models import Done
 from msbot.web.html import render
 from msbot.web.pages.admin import THIS_COMPUTER
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import ask_first, heading, page_dialog, panel, show_dialog
+from msbot.web.pages.page_elements import END_WITH_MASTER, ask_first, heading, page_dialog, panel, show_dialog
 from msbot.web.pupils import PupilNow, PupilTicket
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
@@ -162,6 +162,7 @@ def _groups(page: Page) -> None:
 
             ui.button(say("Make the groups by the slots' names"), on_click=make).props("flat")
             ui.button(say("Simulate all empty slots"), on_click=partial(_simulate, page)).props("flat")
+        ui.label(say(END_WITH_MASTER)).classes("soft")
 
     def show() -> None:
         if shown == [control.groups] and lines.default_slot.children:
@@ -197,11 +198,13 @@ def _edit_group(page: Page, name: str) -> None:
         heading(say("Group"))
         title = ui.input(say("Name"), value=name).props("outlined dense autofocus").classes("w-full")
         title.set_enabled(not name)
-        who = ui.select(pupils, multiple=True, value=list(known.pupils) if known else [], label=say("Pupils"))
-        who.props("outlined dense use-chips").classes("w-full")
+        who = ui.select(
+            pupils, multiple=True, value=list(known.pupils) if known else [], label=say("Pupils"), with_input=True
+        )
+        _find_by_typing(who)
         own = [slot for slot in known.slots if slot in slots] if known else []
-        what = ui.select(slots, multiple=True, value=own, label=say("Slots"))
-        what.props("outlined dense use-chips").classes("w-full")
+        what = ui.select(slots, multiple=True, value=own, label=say("Slots"), with_input=True)
+        _find_by_typing(what)
 
         async def keep() -> None:
             done = await page.act(
@@ -214,6 +217,12 @@ def _edit_group(page: Page, name: str) -> None:
             ui.button(say("Keep"), on_click=keep)
             ui.button(say("Cancel"), on_click=dialog.close).props("flat")
     show_dialog(dialog)
+
+
+def _find_by_typing(chosen: ui.select) -> None:
+    """Let what is chosen from many be found by a part of its name; whoever has found one can look for the next."""
+    chosen.props("outlined dense use-chips").props(remove="fill-input").classes("w-full")
+    chosen.on("add", js_handler=f"() => getElement({chosen.id}).$refs.qRef.updateInputValue('')")
 
 
 async def _simulate(page: Page) -> None:
@@ -257,6 +266,12 @@ class _Accounts:
                 self._let_in = ui.button(say("Let them in"), icon="person_add", on_click=self._ask)
                 ui.button(say("Tickets for all"), icon="qr_code", on_click=self._tickets).props("outline")
                 ui.button(say("Show a class ticket"), icon="groups", on_click=self._class_ticket).props("outline")
+            ui.label(
+                say(
+                    "Not printed, or lost? Tickets for all makes new ones: their codes sign in without a password. A new "
+                    "password is given under Admin."
+                )
+            ).classes("soft")
             if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
                 ui.label(say(
                     "Tickets made here lead to {address}, which no other computer can open: start the master with "
@@ -311,7 +326,11 @@ class _Accounts:
         shown = [(one, qr_svg(self._base + one.path, scale=3)) for one in tickets]
         with ui.dialog() as dialog, ui.card().classes("tickets"):
             with ui.element("div").classes("row no-print"):
-                ui.label(say("Whoever has a ticket can act as that pupil. Passwords are never shown again."))
+                ui.label(say("Whoever has a ticket can act as that pupil."))
+                if any(one.password for one in tickets):
+                    ui.label(
+                        say("Print them now: the passwords are never shown again, and are lost when the master ends.")
+                    )
                 ui.button(say("Print"), icon="print", on_click=lambda: ui.run_javascript("window.print()"))
                 ui.button(say("Close"), on_click=dialog.close).props("flat")
             days = int(self._days.value)

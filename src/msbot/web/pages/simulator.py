@@ -10,7 +10,7 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import ControlLine, Done, Scalar
 from msbot.web.pages.layout import Page
 from msbot.web.pages.number_field import NumberField
-from msbot.web.pages.page_elements import heading
+from msbot.web.pages.page_elements import END_WITH_MASTER, heading
 from msbot.web.svg.drawings import fields_html
 
 
@@ -22,6 +22,8 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
         plugged = ui.switch(page.say("Plugged in"), value=service.views.bench.is_plugged(slot))
         controls = ui.element("div").classes("w-full")
         seen = ui.html("", sanitize=False)
+        if slot in service.operations.stand_ins.names:
+            ui.label(page.say(END_WITH_MASTER)).classes("soft")
 
     def plug() -> None:
         wanted = bool(plugged.value)
