@@ -295,7 +295,8 @@ class _Accounts:
 
         async def deed(session: Session) -> Done:
             made.extend(await page.service.pupils.add(session, text, days, page.service.asker(session)))
-            return Done(words=page.say("{count} pupils can sign in.", count=len(made)))
+            words = page.language.count(len(made), "{count} pupil can sign in.", "{count} pupils can sign in.")
+            return Done(words=words)
 
         if await page.do(deed) is not None:
             self._list.value = ""
