@@ -21,11 +21,11 @@ class Way(BaseLink):
         super().__init__(LinkInfo(name, 1000, shared_bus=shared_bus), remote=name)
         self.answers = True
         self.listens = True
-        self.opens = True
+        self.opens = self.has_space = True
         self.got: list[bytes] = []
 
     def has_room(self, peer: Peer) -> bool:
-        return peer == self.remote
+        return peer == self.remote and self.has_space
 
     def send(self, packet: bytes, peer: Peer) -> None:
         assert peer == self.remote
@@ -201,3 +201,14 @@ def test_addresses_with_commas_are_several_masters_for_a_part_and_none_for_a_mas
         open_link("udp:127.0.0.1:8888,udp:127.0.0.1:8889", serve=True)
     with pytest.raises(ConfigError, match="a bus has one master at a time"):
         EitherLink([Way("one"), Way("bus", shared_bus=True)])
+
+
+def test_there_is_room_where_the_link_in_use_has_some_and_only_for_the_master() -> None:
+    async def scene(stage: Stage) -> None:
+        assert (stage.link.has_room(MASTER), stage.link.has_room("one")) == (True, False)
+        stage.one.has_space = False
+        assert not stage.link.has_room(MASTER)
+        stage.one.remote, stage.one.has_space = None, True
+        assert not stage.link.has_room(MASTER)
+
+    play(scene)

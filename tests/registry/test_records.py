@@ -31,3 +31,10 @@ def test_a_uid_is_16_digits_and_no_uid_is_empty() -> None:
 def test_blanks_around_a_value_count_in_texts_only(kind: str, default: object, text: str, value: object) -> None:
     record = ValueRecord("p", kind, "", None, None, default, default, "library", "", 0, "")  # type: ignore[arg-type]
     assert record.read(text) == value
+
+
+@pytest.mark.parametrize(("words", "value"), [(("true", "ON", "yes", "1"), True), (("false", "Off", "no", "0"), False)])
+def test_a_truth_has_many_words(words: tuple[str, ...], value: bool) -> None:
+    for text in words:
+        record = ValueRecord("p", "bool", "", None, None, not value, not value, "library", "", 0, "")
+        assert record.read(text) is value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from hypothesis import given
@@ -82,3 +83,16 @@ def test_every_submessage_has_its_fields_and_its_row_in_the_dissector() -> None:
         for field in body:
             assert f"f.{field.name} = ProtoField." in text
     assert "ports:add(7777, xrce)" in text
+
+
+@pytest.mark.parametrize("flags", [0, 1])
+@pytest.mark.parametrize("kind", [SubmessageId.TIMESTAMP, SubmessageId.TIMESTAMP_REPLY])
+def test_numbers_are_read_in_the_order_of_octets_that_the_message_says(kind: SubmessageId, flags: int) -> None:
+    size = sum(field.size for field in BODIES[kind] if field.size)
+    body = bytes(range(1, size + 1))
+    packet = bytes([0x80, 0, 0, 0, kind, flags, size, 0])
+    fields, fault = read_fields(packet + body)
+    assert not fault
+    found = [one for one in fields if one.part == kind.name][3:]
+    order: Literal["little", "big"] = "little" if flags else "big"
+    assert [one.value for one in found] == [int.from_bytes(body[at : at + 4], order) for at in range(0, size, 4)]

@@ -69,3 +69,10 @@ def test_one_identifier_is_told_by_all_its_bits(extended: bool) -> None:
     assert heard(only, 0x123, extended=extended)
     assert not heard(only, 0x122, extended=extended)
     assert not heard(only, 0x123, extended=not extended)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "count"), [(0, 0x7FF, 1), (0x100, 0x1FF, 1), (0x100, 0x100, 1), (0x101, 0x102, 2), (1, 0x7FE, 20)]
+)
+def test_a_range_takes_as_few_filters_as_there_are_blocks_in_it(first: int, last: int, count: int) -> None:
+    assert len(id_range(first, last)) == count

@@ -15,6 +15,8 @@ from msbot.link.relay.forwarder import (
     STRANGE,
     Forwarder,
     ForwarderEvent,
+    MasterBack,
+    MasterSilent,
     StopSaid,
     Welcomed,
 )
@@ -238,3 +240,16 @@ def test_all_that_waits_for_a_part_goes_to_it_in_order() -> None:
     for count, packet in enumerate((b"one", b"two", b"three")):
         made.from_master(encode(Down(up.number, count, packet)), 0.0)
     assert [made.to_part(anybody) for _ in range(4)] == [(3, b"one"), (3, b"two"), (3, b"three"), None]
+
+
+def test_a_master_that_is_silent_is_told_once_and_how_long_it_was_when_it_is_back() -> None:
+    events: list[ForwarderEvent] = []
+    made = welcomed(events=events)
+    events.clear()
+    made.from_master(encode(Heard(0, 0, 0, 0)), 10.0)
+    for now in (12.0, 12.1, 15.0):
+        made.handle_timer(now)
+    assert events == [MasterSilent(was_there=True)]
+    made.from_master(encode(Heard(0, 0, 0, 0)), 17.5)
+    made.from_master(encode(Heard(0, 0, 0, 0)), 18.0)
+    assert events[1:] == [MasterBack(7.5)]

@@ -65,6 +65,7 @@ async def test_a_program_speaks_with_the_agent_through_the_path_it_was_told(prog
     assert link.path is None
     assert end.signals.get_nowait()[0] is Signal.PEER_JOINED
     assert end.signals.get_nowait() == (Signal.LINK_DOWN, None, "closed")
+    assert not link._lines, "nothing listens at a descriptor that is another file's soon"
 
 
 async def test_programs_come_and_go(programs: list[Program]) -> None:

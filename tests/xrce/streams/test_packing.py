@@ -133,3 +133,22 @@ def test_nothing_joins_a_message_that_was_acknowledged_before_it_was_sent() -> N
     sender.acknowledged(0x80, 2, 0, 0.0)
     assert sender.is_delivered
     assert sender._pool.used == 0
+
+
+@pytest.mark.parametrize(("stream_id", "longest"), [(0x01, 64), (0x80, 64 - SLOT_HEAD)])
+@pytest.mark.parametrize(("more", "messages"), [(0, [[1, 2]]), (1, [[1], [2]])])
+def test_a_message_is_filled_to_its_last_octet(
+    stream_id: int, longest: int, more: int, messages: list[list[int]]
+) -> None:
+    sender = make_sender(64)
+    send(sender, stream_id, body(1, 8), body(2, longest - 16 - 4 + more))
+    assert [numbers(packet) for packet in sender.pull(0.0)] == messages
+
+
+def test_a_session_that_ends_gives_its_octets_back() -> None:
+    sender = make_sender()
+    send(sender, 0x80, body(1), body(2))
+    send(sender, 0x81, body(3))
+    assert sender._pool.used > 0
+    sender.release()
+    assert sender._pool.used == 0

@@ -144,6 +144,7 @@ def test_a_removed_controller_is_quiet_and_its_name_is_free() -> None:
         driver.detach("A")
         assert not a.has_room()
         assert a.pending() == 0
+        assert a.error_counters() == (0, 0)
         a.restart()
         with pytest.raises(LinkDown, match="removed"):
             a.send(Frame(1))

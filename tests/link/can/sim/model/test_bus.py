@@ -465,3 +465,18 @@ def test_every_frame_arrives_once_at_everybody_and_those_of_one_identifier_in_or
     assert ends == sorted(ends)
     total = sum(seconds(frame) for frames in given.values() for frame in frames)
     assert not ends or ends[-1] >= total - 3 * BIT - 1e-9
+
+
+@pytest.mark.parametrize("repaired_at", [0.1, 0.5 * BIT, 30 * BIT])
+def test_what_waits_is_sent_once_the_short_circuit_is_over(repaired_at: float) -> None:
+    bus, (a, b) = bus_of("A", "B")
+    bus.short_circuit(0.0)
+    if repaired_at < 0.1:  # later, who tries all the time is off the bus
+        bus.submit(a, Frame(0x100, b"1"), 0.0)
+        bus.advance(repaired_at)
+    bus.repair(repaired_at)
+    if repaired_at == 0.1:
+        bus.submit(a, Frame(0x100, b"1"), repaired_at)
+    events = bus.advance(1.0)
+    assert deliveries(events) == [(b, 0x100)]
+    assert bus.state(a) is BusState.ACTIVE
