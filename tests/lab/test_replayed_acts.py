@@ -12,6 +12,7 @@ import pytest
 
 from msbot.demo import DemoRobot
 from msbot.errors import ConfigError
+from msbot.lab.recordings.cutting import write_cut
 from msbot.lab.recordings.reading import RecordedMessage
 from msbot.lab.replay.act_player import ActPlayer
 from msbot.lab.replay.acts import RecordedAct, RecordedActs, read_acts
@@ -202,3 +203,31 @@ def test_a_piece_without_acts_is_refused(lesson: Path) -> None:
     with pytest.raises(ConfigError, match="nobody did anything in that time"):
         read_acts(lesson, from_s=0.0, to_s=1.0)
     assert read_acts(lesson, from_s=4.0).acts[0].operation == "unbind"
+
+
+def test_a_stop_that_was_not_said_by_the_operation_is_an_act_too(tmp_path: Path) -> None:
+    """`msbot stop` has a socket of its own to the master."""
+
+    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+        await asyncio.sleep(1)
+        robot.master.say_stop("Ada", "a finger")
+        await asyncio.sleep(1)
+        robot.master.say_go("Cy")
+        await asyncio.sleep(1)
+
+    record_demo(tmp_path, tmp_path / "a.mcap", scene, sample="rover")
+    acts = read_acts(tmp_path / "a.mcap").acts
+    assert [(act.who, act.operation, act.arguments) for act in acts] == [
+        ("Ada", "stop", {"reason": "a finger"}),
+        ("Cy", "go", {}),
+    ]
+    assert acts[1].at_ns - acts[0].at_ns == pytest.approx(NS, abs=2)
+
+
+def test_a_piece_begins_with_what_was_so_and_not_with_what_was_done(tmp_path: Path, lesson: Path) -> None:
+    last_ns = max(one.at_ns for one in messages(lesson) if one.topic == "/msbot/acts")
+    write_cut([lesson], tmp_path / "end.mcap", from_ns=last_ns + 1)
+    early = [one.topic for one in messages(tmp_path / "end.mcap") if one.is_repeated]
+    assert {"/msbot/slots", "/msbot/events", "/msbot/blueprint"} <= set(early)
+    assert "/msbot/acts" not in early
+    assert "/msbot/measured" not in early

@@ -99,3 +99,19 @@ def test_a_part_shows_itself(tmp_path: Path) -> None:
         assert "AA is not plugged in" in await stage.refusal(stage.do.identify("AA", who="ann"))
 
     play(tmp_path, scene, parts=RING)
+
+
+def test_the_journal_names_who_says_stop_while_that_of_another_holds(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.do.stop("a finger", who="ann")
+        await stage.do.stop("another one", who="ben")
+        assert stage.operations.stopping.status.by == "ann"
+        assert stage.operations.stopping.status.also_by == ("ben",)
+        await asyncio.to_thread(stage.registry.storage.flush)
+        edits = await stage.operations.undoing.read(2)
+        assert [(edit.words, edit.who) for edit in edits] == [
+            ("STOP by ben: another one", "ben"),
+            ("STOP by ann: a finger", "ann"),
+        ]
+
+    play(tmp_path, scene, parts=RING)

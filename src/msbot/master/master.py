@@ -115,6 +115,7 @@ class Master:
         """Slot of a board -> what is wrong with what is wired to it."""
         self._witnesses: list[Callable[[PartInfo], Sequence[str]]] = []
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
+        self._speech_listeners: list[Callable[[bool, str, str], object]] = []
         self._keeper = StopKeeper(store, stop_file, is_shared=is_shared)
         self._stop = EmergencyStop(self._keeper.load())
         self._kept = self._stop.record
@@ -256,7 +257,7 @@ class Master:
                 with contextlib.suppress(LinkDown, LinkFull):
                     link.send_stop()
         self._inventory.stop_all(by, reason, self._epoch_ns())
-        return self._stop_said()
+        return self._stop_said(by, reason)
 
     def say_go(self, by: str) -> int:
         """End STOP; returns how many parts were told.
@@ -267,7 +268,7 @@ class Master:
         if not self._stop.holds:
             raise ConfigError(said("nobody said STOP: there is nothing to end"))
         told = self._inventory.go_all(by)
-        self._stop_said()
+        self._stop_said(by, "")
         return told
 
     async def until_stop_is_stored(self, timeout_s: float = STORED_S) -> StopStatus:
@@ -277,7 +278,7 @@ class Master:
                 await self._stop_is_stored.wait()
         return self.stop
 
-    def _stop_said(self) -> StopStatus:
+    def _stop_said(self, by: str, reason: str) -> StopStatus:
         self._stop_is_stored.clear()
         loop = asyncio.get_running_loop()
 
@@ -287,6 +288,8 @@ class Master:
 
         self._keeper.keep(self._stop.record, stored)
         status = self.stop
+        for speech_listener in self._speech_listeners:
+            speech_listener(status.stopped, by, reason)
         for listener in self._stop_listeners:
             listener(status)
         return status
@@ -299,6 +302,13 @@ class Master:
     def on_stop(self, listener: Callable[[StopStatus], object]) -> None:
         """Call the listener after every STOP and GO."""
         self._stop_listeners.append(listener)
+
+    def on_stop_said(self, listener: Callable[[bool, str, str], object]) -> None:
+        """Call the listener after every STOP (true) and GO (false) with who has said it just now, and why.
+
+        Where one says STOP while that of another holds, the status goes on naming the other.
+        """
+        self._speech_listeners.append(listener)
 
     def add_link(self, link: Link) -> None:
         """Add a link by which parts can come in; before or during `run`."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Callable, Mapping
+from typing import Final
 
 from msbot.config import Blueprint, Library, blueprint_mark
 from msbot.errors import ConfigError, MsbotError
@@ -43,6 +44,9 @@ from msbot.registry import Registry, RobotRecord
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import whole
 from msbot.runtime.sentence import said
+
+TOLD_AS_SAID: Final = ("stop", "go")
+"""Operations that are told when they are said, because people have other ways to say them, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +138,8 @@ class Operations:
         else:
             async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
                 outcome = await _outcome(method(**given))
-        self._tell(Deed(asker.name, operation, deed, outcome.words))
+        if operation not in TOLD_AS_SAID:
+            self._tell(Deed(asker.name, operation, deed, outcome.words))
         return outcome
 
     async def set_together(self, slot: str, values: Mapping[str, str | None], *, who: Asker) -> Outcome:
@@ -184,7 +189,9 @@ class RunningOperations(Operations):
         described = DescribedParts(running, self.applying)
         self.placement = Placement(running, described)
         self.stand_ins = StandIns(running, self.placement)
-        self.stopping = Stopping(running)
+        self.stopping = Stopping(
+            running, on_said=lambda operation, by, given, words: self._tell(Deed(by, operation, given, words))
+        )
         self.showing = Showing(running)
         self.by_hand = ByHand(running)
         self.recording = Recording()

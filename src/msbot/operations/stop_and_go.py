@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from msbot.master import answer_of
 from msbot.operations.outcome import Outcome
 from msbot.operations.running_robot import RunningRobot
@@ -11,11 +13,20 @@ from msbot.runtime.sentence import counted, said
 
 
 class Stopping:
-    """Says STOP and GO to the parts of one running robot, and journals both, whoever says them and however."""
+    """Says STOP and GO to the parts of one running robot, and journals both, whoever says them and however.
 
-    def __init__(self, running: RunningRobot) -> None:
+    Args:
+        running: the robot.
+        on_said: called with the operation (`stop` or `go`), who said it, its arguments and the journal's words, also
+            where it came by a way of its own: the socket of `msbot stop`, an agent elsewhere.
+    """
+
+    def __init__(
+        self, running: RunningRobot, *, on_said: Callable[[str, str, Mapping[str, object], str], object]
+    ) -> None:
         self._running = running
-        running.master.on_stop(self._said)
+        self._on_said = on_said
+        running.master.on_stop_said(self._said)
 
     @property
     def status(self) -> StopStatus:
@@ -46,11 +57,14 @@ class Stopping:
         """The state of STOP, as JSON: who said it, which parts have confirmed it after how many ms, which have not."""
         return Outcome(answer=answer_of(self.status))
 
-    def _said(self, status: StopStatus) -> None:
-        if status.stopped:
-            words = said("STOP by {name}", name=status.by)
-            if status.reason:
-                words = said("{words}: {reason}", words=words, reason=status.reason)
-            self._running.note(EditKind.STOP, words, status.by)
+    def _said(self, is_stop: bool, by: str, reason: str) -> None:
+        if is_stop:
+            words = said("STOP by {name}", name=by)
+            if reason:
+                words = said("{words}: {reason}", words=words, reason=reason)
+            self._running.note(EditKind.STOP, words, by)
+            self._on_said("stop", by, {"reason": reason} if reason else {}, words)
         else:
-            self._running.note(EditKind.GO, said("{by} ended STOP", by=status.by), status.by)
+            words = said("{by} ended STOP", by=by)
+            self._running.note(EditKind.GO, words, by)
+            self._on_said("go", by, {}, words)

@@ -34,7 +34,17 @@ MOST_REPORTS: Final = 20
 MOST_TOLD: Final = 10
 """Latest answers and repairs that are shown."""
 NO_ACTS: Final = frozenset(
-    ("start_mission", "stop_mission", "answer_mission", "repair", "mission_hint", "faults", "record", "end_record")
+    (
+        "start_mission",
+        "stop_mission",
+        "answer_mission",
+        "repair",
+        "mission_hint",
+        "faults",
+        "record",
+        "end_record",
+        "stop",
+    )
 )
 """Operations that are no acts in a mission, or have notes of their own."""
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from pathlib import Path
+from typing import Final
 
 from mcap.records import Channel
 from mcap.writer import Writer
 
 from msbot.errors import ConfigError
 from msbot.lab.recordings.new_file import new_file, whole_or_none
-from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
+from msbot.lab.recordings.reading import OWN, RecordedMessage, RecordingReader
 from msbot.runtime.lazy_dataclass import dataclass
+
+MOMENTS: Final = (f"{OWN}acts", f"{OWN}measured")
+"""Topics that say what happened at a moment, and nothing that is so from then on."""
 
 ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
 
@@ -93,7 +97,7 @@ class _Copier:
             self._cut.messages += 1
             self._cut.first_ns = message.at_ns if self._cut.first_ns is None else self._cut.first_ns
             self._cut.last_ns = message.at_ns
-        elif self._before is not None:
+        elif self._before is not None and message.topic not in MOMENTS:
             # Of a state there may be several keys, which the file does not tell apart: all are kept.
             key = _key(message)
             self._before[key, message.at_ns if message.channel.message_encoding == "json" else 0] = message
