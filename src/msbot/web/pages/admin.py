@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from fastapi import Request
 from nicegui import ui
-from nicegui.elements.upload_files import FileUpload
 from nicegui.events import UploadEventArguments
 
 from msbot.errors import MsbotError
@@ -21,6 +21,9 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
+
+if TYPE_CHECKING:
+    from nicegui.elements.upload_files import FileUpload  # it and what it needs: when somebody hands a file in
 
 THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
 """Names that lead to another computer from each one."""
