@@ -15,7 +15,7 @@ class WantedCurves:
         most: so many are shown at the same time.
     """
 
-    def __init__(self, names: Iterable[str] = (), most: int = 8) -> None:
+    def __init__(self, names: Iterable[str], most: int) -> None:
         self.awaited = [name for name in names if name]
         """What of it nobody has measured so far."""
         self._most = most

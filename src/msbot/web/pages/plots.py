@@ -271,7 +271,7 @@ class _Plots:
     async def _chosen(self) -> None:
         names = [str(name) for name in self._choice.value or []][:MOST_CURVES]
         if names != self._view.names:
-            self._view.names, self._wanted = names, WantedCurves()  # who chooses has seen what is there
+            self._view.names, self._wanted = names, WantedCurves((), 0)  # who chooses has seen what is there
             await self._show_window()
 
     async def _span_chosen(self) -> None:
