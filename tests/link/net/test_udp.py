@@ -225,7 +225,7 @@ async def test_an_address_that_cannot_be_is_explained(link: UdpServerLink | UdpC
     [("255.255.255.255", "that is a broadcast address"), ("192.0.2.1", "no way to that network")],
 )
 def test_without_a_network_it_is_explained_too(host: str, words: str) -> None:
-    assert words in str(cannot_reach(f"udp:{host}:8888", OSError(errno.ENETUNREACH, "Network is unreachable")))
+    assert words in str(cannot_reach(f"udp:{host}:8888", host, OSError(errno.ENETUNREACH, "Network is unreachable")))
 
 
 async def test_a_machine_without_ipv6_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,7 +61,7 @@ def cannot_listen(name: str, host: str, port: int, error: OSError, *, lister: st
     return LinkDown(f"cannot listen at {name}: {remedies.get(error.errno or 0) or os.strerror(error.errno or 0)}")
 
 
-def cannot_reach(name: str, error: OSError) -> LinkDown:
+def cannot_reach(name: str, host: str, error: OSError) -> LinkDown:
     """The error for a client that cannot even try."""
     broadcast = "that is a broadcast address: give the address of one machine"
     remedies = {
@@ -69,6 +69,6 @@ def cannot_reach(name: str, error: OSError) -> LinkDown:
         errno.EAFNOSUPPORT: _NO_IPV6,
         errno.EACCES: broadcast,
     }
-    if ":255.255.255.255:" in name:  # without a network, too
+    if host == "255.255.255.255":  # without a network, too
         remedies[errno.ENETUNREACH] = broadcast
     return LinkDown(f"cannot reach {name}: {remedies.get(error.errno or 0) or os.strerror(error.errno or 0)}")

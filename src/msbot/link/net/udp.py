@@ -311,4 +311,4 @@ class UdpClientLink(_UdpLink):
         return transmit
 
     def _why_not(self, error: OSError) -> LinkDown:
-        return cannot_reach(self.info.name, error)
+        return cannot_reach(self.info.name, self._host, error)
