@@ -57,7 +57,7 @@ def test_an_address_that_each_network_has_needs_the_network() -> None:
     ],
 )
 def test_why_a_client_cannot_start(number: int, words: str) -> None:
-    assert words in str(cannot_reach("udp:h:80", OSError(number, "")))
+    assert words in str(cannot_reach("udp:h:80", "h", OSError(number, "")))
 
 
 class Recorder:
