@@ -244,8 +244,8 @@ def _recording(octets: bytes) -> Iterable[str]:
     for message in reader.messages():
         yield f"{message.topic[:20]} {decoder.fields(message) is None}"
     yield plain(reader.damage, 30)
-    for read_more in (played_in, read_acts):
-        yield type(read_more(path)).__name__
+    yield type(played_in(RecordingReader(path))).__name__
+    yield type(read_acts(path)).__name__
 
 
 def _recordings() -> Iterable[bytes]:

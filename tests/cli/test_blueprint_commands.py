@@ -114,7 +114,7 @@ def test_a_new_robot_is_shown_asked_for_and_made(run: Run) -> None:
     assert not Path("robot.db").exists()
     result = run("diff")
     assert (result.exit_code, result.output.splitlines()[0]) == (
-        1, "robot.db does not have this robot; `msbot apply robot.toml` would make it:",
+        1, "there is no database robot.db yet; `msbot apply robot.toml` would make it, with this robot:",
     )  # fmt: skip
     with pytest.raises(ConfigError, match="nobody is there to ask: add --yes"):
         run("apply")
@@ -214,7 +214,10 @@ def test_what_was_made_by_hand_is_shown_and_exported(run: Run) -> None:
 def test_the_robots_of_a_database(run: Run) -> None:
     open_registry("robot.db").close()
     assert "There is no robot in it yet" in run("robots").output
-    with pytest.raises(ConfigError, match=r"has no robot: `msbot apply robot.toml` puts one there"):
+    with pytest.raises(
+        ConfigError,
+        match=r"there is no robot in the database robot\.db yet: `msbot apply robot.toml` or `msbot",
+    ):
         run("export")
     run("apply", "--yes")
     _edit('serial_number = "X100Y100Z100"', 'serial_number = "2"')

@@ -65,7 +65,7 @@ def test_a_check_says_what_is_wrong(run: Run) -> None:
         connection.execute("DELETE FROM library WHERE number = 'ABCD'")
         connection.commit()
     result = run("check")
-    assert (result.exit_code, result.output.splitlines()[-1]) == (1, "robot.db: 1 problems.")
+    assert (result.exit_code, result.output.splitlines()[-1]) == (1, "robot.db: 1 problem.")
     assert json.loads(run("check", "--json").output) == [
         "robot MSBOT_MASTER: slot AA wants part number ABCD, which is not in the library"
     ]

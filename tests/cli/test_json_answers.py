@@ -52,7 +52,7 @@ def test_where_a_database_has_several_robots_one_is_named_or_all_are_told_apart(
     assert len(as_list(ask("robots", "--json"))) == 2
     with pytest.raises(ConfigError, match="has no robot 'Rex'; there are"):
         ask("parts", "--robot", "Rex", "--json")
-    with pytest.raises(ConfigError, match="say which one is meant with --robot"):
+    with pytest.raises(ConfigError, match="has several robots: say which with --robot"):
         ask("set", "fan", "--json")
 
 

@@ -21,6 +21,7 @@ from msbot.lab.missions.played import PlayedMission, grade_json
 from msbot.lab.missions.recorded_missions import TOPIC, played_in
 from msbot.lab.recorder.batch import Unpacker
 from msbot.lab.recorder.recorder import Recorder
+from msbot.lab.recordings.reading import RecordingReader
 from msbot.operations.dispatch import RunningOperations
 from msbot.web.language import languages
 from msbot.web.mission_report import report_page
@@ -71,7 +72,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PlayedMiss
 
 def test_it_brings_the_same_marks(recorded: tuple[Path, PlayedMission]) -> None:
     path, live = recorded
-    (found,) = played_in(path)
+    (found,) = played_in(RecordingReader(path))
     assert grade_json(found) == grade_json(live)
     grade = found.grade()
     assert grade.reason == "everything is found and done"
@@ -91,7 +92,7 @@ def test_a_mission_that_was_broken_off_is_graded_as_far_as_it_goes(
             recorder._mission_noted(json.loads(message.data))
 
     store(Unpacker().feed(recorder.drain()), tmp_path / "b.mcap")
-    (found,) = played_in(tmp_path / "b.mcap")
+    (found,) = played_in(RecordingReader(tmp_path / "b.mcap"))
     assert found.grade().reason == ""
     assert found.grade().marks == 9
 
@@ -99,7 +100,7 @@ def test_a_mission_that_was_broken_off_is_graded_as_far_as_it_goes(
 def test_a_recording_without_mission_says_so(tmp_path: Path) -> None:
     store([], tmp_path / "empty.mcap")
     with pytest.raises(ConfigError, match="there is no mission in"):
-        played_in(tmp_path / "empty.mcap")
+        played_in(RecordingReader(tmp_path / "empty.mcap"))
 
 
 class Tags(HTMLParser):
@@ -156,6 +157,17 @@ def test_the_command_grades_a_recording_and_writes_the_page(
     ):
         failed = CliRunner().invoke(command, ["report", "--recording", path, *arguments])
         assert words in str(failed.exception)
+
+
+def test_a_damaged_recording_is_graded_as_far_as_it_goes_and_told(
+    recorded: tuple[Path, PlayedMission], tmp_path: Path
+) -> None:
+    short = tmp_path / "short.mcap"
+    short.write_bytes(recorded[0].read_bytes()[:-40])
+    told = CliRunner().invoke(command, ["report", "--recording", str(short)])
+    assert told.exit_code == 1
+    assert told.stdout.startswith("<b>Mine</b> (mine, seed 4): 9 of 12 marks")
+    assert told.stderr.startswith(f"msbot: {short} is damaged: ")
 
 
 def test_the_list_and_the_check_tell_what_there_is(tmp_path: Path) -> None:

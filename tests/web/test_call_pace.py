@@ -148,7 +148,7 @@ async def test_it_is_said_once_a_minute(caplog: pytest.LogCaptureFixture) -> Non
         site.now += SAY_S
         await site.count(BURST + 3)
     assert [record.message for record in caplog.records] == [
-        "the API is called too often by ann from 10.0.0.1: 1 calls refused so far",
+        "the API is called too often by ann from 10.0.0.1: 1 call refused so far",
         "the API is called too often by ann from 10.0.0.1: 8 calls refused so far",
     ]
 

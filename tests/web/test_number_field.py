@@ -22,7 +22,7 @@ from tests.web.rig import Rig, show
 @pytest.mark.parametrize(
     ("text", "number"),
     [("0,1", 0.1), ("0.1", 0.1), (" 12 ", 12), ("-3,25", -3.25), ("\N{MINUS SIGN}7", -7), ("+2", 2), (",5", 0.5),
-     ("1.", 1.0), ("1e-3", 0.001), ("1,000", 1.0)],
+     ("1.", 1.0), ("1e-3", 0.001), ("0,125", 0.125), ("0.125", 0.125), ("1,50", 1.5), ("1234,500", 1234.5)],
 )  # fmt: skip
 @pytest.mark.parametrize("code", ["en", "de"])
 def test_a_comma_is_a_point(code: str, text: str, number: float) -> None:
@@ -39,6 +39,28 @@ def test_what_is_no_number_is_refused(text: str) -> None:
     words = languages()["de"].say(str(refused.value))
     assert words.endswith("ist keine Zahl: schreiben Sie 12 oder 0,1")
     assert len(words) < 120
+
+
+@pytest.mark.parametrize(
+    ("code", "text", "words"),
+    [
+        ("en", "1,000", "'1,000' may be 1000 or 1.0: write it in one of these ways"),
+        ("en", " -12,500 ", "'-12,500' may be -12500 or -12.5: write it in one of these ways"),
+        ("de", "1.000", "'1.000' kann 1000 oder 1,0 sein: schreiben Sie es auf eine dieser Arten"),
+    ],
+)
+@pytest.mark.parametrize("is_whole", [False, True])
+def test_what_may_be_a_thousand_or_one_is_asked_for(code: str, text: str, words: str, is_whole: bool) -> None:
+    with pytest.raises(ConfigError) as refused:
+        languages()[code].read_number(text, is_whole=is_whole)
+    assert languages()[code].say(str(refused.value)) == words
+
+
+@pytest.mark.parametrize("code", ["en", "de"])
+def test_what_a_field_shows_it_reads(code: str) -> None:
+    language = languages()[code]
+    for number in (1.234, 12.5, 0.125, 999.001, -1.125):
+        assert language.read_number(language.number(number, ".15g")) == number
 
 
 def test_half_a_seed_is_refused() -> None:

@@ -207,8 +207,8 @@ def test_nonsense_is_counted_and_said_once_a_minute(caplog: pytest.LogCaptureFix
         now = SAY_S
         complaints.count(NONSENSE, "event")
     assert [record.message for record in caplog.records] == [
-        f"a browser of the page {NONSENSE} (event): 1 times so far",
-        f"a browser of the page {TOO_SLOW} (too much waits for it): 1 times so far",
+        f"a browser of the page {NONSENSE} (event): 1 time so far",
+        f"a browser of the page {TOO_SLOW} (too much waits for it): 1 time so far",
         f"a browser of the page {NONSENSE} (event): 101 times so far",
     ]
 

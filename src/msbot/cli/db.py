@@ -14,6 +14,7 @@ import click
 from msbot.cli.numbers import WholeRange
 from msbot.cli.options import db_option, existing_database
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
 
 
 @click.group("db")
@@ -58,7 +59,7 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
         raise ConfigError(f"{target}: there is no folder {target.parent}; create it with `mkdir -p "
                           f"{shlex.quote(str(target.parent))}`")  # fmt: skip
     rows = upkeep.back_up(address, file)
-    click.echo(f"{file} is written: {rows} rows of {words}.")
+    click.echo(f"{file} is written: {amount(rows, 'row')} of {words}.")
     if keep is not None:
         for old in _older(target, stem, keep):
             old.unlink()
@@ -119,6 +120,6 @@ def check(db: str | None, *, as_json: bool) -> None:
     else:
         for sentence in findings:
             click.echo(sentence)
-        click.echo(f"{words}: {len(findings)} problems." if findings else f"{words} is in order.")
+        click.echo(f"{words}: {amount(len(findings), 'problem')}." if findings else f"{words} is in order.")
     if findings:
         sys.exit(1)

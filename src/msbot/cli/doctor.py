@@ -5,13 +5,21 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import click
 
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options, space_option
+from msbot.cli.options import (
+    DEFAULT_BLUEPRINT,
+    database_beside,
+    is_there,
+    json_option,
+    no_database,
+    robot_options,
+    space_option,
+)
+from msbot.errors import ConfigError
 from msbot.link import open_link
 from msbot.runtime.terminal_log import TerminalHandler
 from msbot.space import SpaceAddress
@@ -44,6 +52,8 @@ def command(
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
     for address in addresses:
         open_link(address, serve=True, can=CanSettings(is_whole=is_whole))  # a mistake is said at once
+    if db is not None and not is_there(db):  # one that is not named may be missing: the robot is new
+        raise ConfigError(no_database(db))
     names = [name.strip() for name in only.split(",")] if only else []
     found = examine(_patient(addresses, db, robot, space), names)
     if as_json:
@@ -62,14 +72,14 @@ def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, spac
     masters = tuple(read_statuses())
     database = db or database_beside(DEFAULT_BLUEPRINT)
     links = addresses
-    is_there = "://" in database or Path(database).exists()
+    is_known = is_there(database)
     meant = [one for one in masters if one.details and robot in (None, one.details.get("robot"))]
-    if db is None and not is_there and len(meant) == 1:
-        database, is_there = meant[0].details["database"], True
+    if db is None and not is_known and len(meant) == 1:
+        database, is_known = meant[0].details["database"], True
     if not links:
         links = tuple(link.name for one in meant for link in one.links)
     return Patient(
-        database=database if is_there or db else None,
+        database=database if is_known or db else None,
         robot=robot,
         blueprint=DEFAULT_BLUEPRINT if DEFAULT_BLUEPRINT.exists() else None,
         links=links,

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.key_of_board import slot_of_board
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database
+from msbot.cli.options import db_option, existing_database
 from msbot.config import shown_by
 from msbot.errors import ConfigError
 from msbot.part.join.keys import KEY_OCTETS, key_text
@@ -42,7 +42,7 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
 
     A part that had a key gets another one; the old one is void. The key is shown this once.
     """
-    with open_registry(db or database_beside(DEFAULT_BLUEPRINT)) as registry:
+    with open_registry(existing_database(db)) as registry:
         known = None if uid is not None else _known(registry, part)
         number = part if known is None else known.part_number
         if not number.strip() or not number.isprintable():

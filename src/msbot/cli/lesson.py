@@ -11,6 +11,7 @@ import click
 from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
 from msbot.cli.group import complain
 from msbot.cli.options import answer_options, json_option, lessons_option, mistakes_told, robot_options
+from msbot.runtime.amount import amount
 
 
 @click.group("lesson")
@@ -37,7 +38,7 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
         ], "wrong": wrong}))  # fmt: skip
         return
     for one in found:
-        click.echo(f"{one.name:<18}{one.title} ({one.minutes} minutes, {len(one.checks)} checks)")
+        click.echo(f"{one.name:<18}{one.title} ({amount(one.minutes, 'minute')}, {amount(len(one.checks), 'check')})")
     for words in wrong:
         complain(f"not read: {words}")
 
@@ -54,7 +55,7 @@ def check(path: Path, *, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"problems": []}))
         return
-    click.echo(f"{path}: {lesson.title}: {len(lesson.steps)} sections, {len(lesson.checks)} checks")
+    click.echo(f"{path}: {lesson.title}: {amount(len(lesson.steps), 'section')}, {amount(len(lesson.checks), 'check')}")
 
 
 @command.command("start")

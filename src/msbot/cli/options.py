@@ -14,6 +14,7 @@ import click
 
 from msbot.cli.numbers import WholeRange
 from msbot.errors import ConfigError
+from msbot.registry.database_identity import database_identity
 from msbot.space import SpaceAddress, parse_space
 
 if TYPE_CHECKING:
@@ -132,17 +133,29 @@ def database_beside(blueprint: Path) -> str:
     return str(blueprint.with_suffix(".db"))
 
 
+def is_there(db: str) -> bool:
+    """Whether that database exists; whether one on a server does is told when it is opened."""
+    where = database_identity(db) if "://" in db else db
+    return "://" in where or Path(where).exists()
+
+
+def no_database(db: str) -> str:
+    """What is said of a database that does not exist, wherever one is not made on purpose."""
+    return (
+        f"there is no database {db}: `msbot master robot.toml` or `msbot apply robot.toml` makes one; "
+        "name another one with --db"
+    )
+
+
 def existing_database(db: str | None) -> str:
-    """The database to read.
+    """The database of a command that does not mean to make one.
 
     Raises:
         ConfigError: there is none yet.
     """
     path = db or database_beside(DEFAULT_BLUEPRINT)
-    if "://" not in path and not Path(path).exists():
-        raise ConfigError(
-            f"there is no database {path}: `msbot master` makes it when a robot runs; name another one with --db"
-        )
+    if not is_there(path):
+        raise ConfigError(no_database(path))
     return path
 
 

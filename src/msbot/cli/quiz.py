@@ -11,6 +11,7 @@ import click
 
 from msbot.cli.numbers import WholeRange
 from msbot.cli.options import json_option
+from msbot.runtime.amount import amount
 
 LONGEST_ANSWER = 1000
 """Characters of an answer that are read: standard input may have no line break."""
@@ -32,7 +33,8 @@ def command(*, count: int, seed: int | None, as_json: bool) -> None:
     results = []
     if not as_json:
         click.echo(
-            f"{count} questions; `msbot quiz --seed {seed}` asks them again. An empty line means: I do not know."
+            f"{amount(count, 'question')}; `msbot quiz --seed {seed}` asks the same again. "
+            "An empty line means: I do not know."
         )
     for number, question in enumerate(islice(questions(seed), count), 1):
         if as_json:

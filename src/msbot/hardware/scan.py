@@ -12,6 +12,7 @@ from msbot.hardware.drivers.kernel import IIO, W1
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.i2c import SmBus
 from msbot.hardware.machine import Machine
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 
 FIRST, LAST = 0x08, 0x77
@@ -180,7 +181,7 @@ def _iio(machine: Machine, library: Library) -> Iterator[FoundThing]:
         channels = sorted(int(found[1]) for entry in path.glob("in_voltage*_raw")
                           if (found := re.fullmatch(r"in_voltage(\d+)_raw", entry.name)))  # fmt: skip
         if channels:
-            words = f"converter {name or 'without a name'}, {len(channels)} channels"
+            words = f"converter {name or 'without a name'}, {amount(len(channels), 'channel')}"
             lines = tuple(f"msbot part POT-10K --adc out={number}:{channel}" for channel in channels[:1])
             yield FoundThing("converter", path.name, words, lines)
 

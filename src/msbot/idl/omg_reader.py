@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from msbot.errors import ConfigError
 from msbot.idl.cursor import Cursor, Expressions
 from msbot.idl.model import (
     LARGEST_ARRAY,
@@ -22,9 +23,12 @@ from msbot.idl.model import (
     Value,
 )
 from msbot.idl.scanner import TokenKind, scan
+from msbot.runtime.given_file import read_given
 
 DEEPEST = 32
 """Deepest nesting of modules, types and included files."""
+LARGEST_FILE = 1 << 20
+"""Octets of a file with definitions."""
 
 _WORDS_OF_TYPES = {
     ("boolean",): "bool", ("octet",): "uint8", ("char",): "uint8", ("uint8",): "uint8", ("int8",): "int8",
@@ -114,8 +118,8 @@ class _Reader:
         if path in self._seen:
             return
         try:
-            text = path.read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            text = read_given(path, LARGEST_FILE, "a file with message definitions").decode("utf-8")
+        except (OSError, UnicodeDecodeError, ConfigError) as error:
             raise word.place.error(f"{path} cannot be read: {error}") from None
         _Reader(text, str(path), self._into, is_ros=self._is_ros, typedefs=self._typedefs, seen=self._seen).read()
 

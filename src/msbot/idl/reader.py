@@ -8,10 +8,10 @@ from pathlib import Path
 
 from msbot.errors import ConfigError
 from msbot.idl.model import Definitions, Name, SourcePlace
-from msbot.idl.omg_reader import read_idl
+from msbot.idl.omg_reader import LARGEST_FILE, read_idl
 from msbot.idl.ros_reader import read_ros
+from msbot.runtime.given_file import read_given
 
-LARGEST_FILE = 1 << 20
 """Largest file, in octets."""
 MOST_FILES = 500
 """How many files one file may need."""
@@ -110,9 +110,7 @@ class _RosFiles:
 
 def _text(path: Path) -> str:
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ConfigError(f"{path}: the file has more than {LARGEST_FILE} octets")
-        return path.read_text("utf-8")
+        return read_given(path, LARGEST_FILE, "a file with message definitions").decode("utf-8")
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:

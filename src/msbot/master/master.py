@@ -29,7 +29,7 @@ from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.fed_agents.service import AgentsService
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.services import InventoryService
-from msbot.runtime.sentence import said
+from msbot.runtime.sentence import counted, said
 from msbot.runtime.task_errors import ungrouped
 from msbot.space import MemorySpace, Space
 
@@ -222,10 +222,16 @@ class Master:
         if wear.repeated:
             sentences.append(said("{count} of its messages came twice or too late", count=wear.repeated))
         if wear.resent:
-            sentences.append(said("{count} messages were sent to it again", count=wear.resent))
+            sentences.append(
+                counted(wear.resent, "{count} message was sent to it again", "{count} messages were sent to it again")
+            )
         if wear.unread:
             sentences.append(
-                said("{count} samples for it were thrown away: it takes them too slowly", count=wear.unread)
+                counted(
+                    wear.unread,
+                    "{count} sample for it was thrown away: it takes them too slowly",
+                    "{count} samples for it were thrown away: it takes them too slowly",
+                )
             )
         return sentences
 

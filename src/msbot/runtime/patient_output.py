@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Final, TextIO
 
+from msbot.runtime.amount import amount
+
 MOST_WAITING: Final = 1 << 18
 """Characters that wait to be written."""
 PATIENCE_S: Final = 2.0
@@ -125,7 +127,8 @@ class _Thread:
                 stream, text = self._texts.popleft()
             self._give(stream, text)
             if left_out := self._gap():
-                self._give(stream, f"({left_out} lines are not shown: nobody took them)\n")
+                lines, took = amount(left_out, "line is", "lines are"), "it" if left_out == 1 else "them"
+                self._give(stream, f"({lines} not shown: nobody took {took})\n")
             with self._change:
                 self._waiting -= len(text)
                 self._change.notify_all()
@@ -134,7 +137,7 @@ class _Thread:
         """Write it, after a note of what was lost before; what cannot be written is lost."""
         loss = self._losses[stream]
         # A line may have been written in part: the note begins on a new one.
-        note = f"\n({loss.lines} lines are lost: {loss.why})\n" if loss.lines else ""
+        note = f"\n({amount(loss.lines, 'line is', 'lines are')} lost: {loss.why})\n" if loss.lines else ""
         try:
             _write(stream, note + text)
         except OSError as error:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 
 from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.school.access import FarAccess
 from msbot.school.far_masters import LOOK_S, Asking, FarTrouble, read_status
@@ -97,9 +98,9 @@ class ClassRobot:
         if self.far is not None and self.far.trouble:
             return f"does not answer: {self.far.trouble}"
         if self.far is not None:
-            return f"runs at {self.page}, {self.active} of {self.slots} slots active"
+            return f"runs at {self.page}, {self.active} of {amount(self.slots, 'slot')} active"
         if self.master is not None:
-            return f"runs here, {self.active} of {self.slots} slots active"
+            return f"runs here, {self.active} of {amount(self.slots, 'slot')} active"
         return (
             "runs on another computer, or is just starting; no access" if self.runs_elsewhere else "no master runs it"
         )

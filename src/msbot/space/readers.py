@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
+from msbot.runtime.amount import amount
 from msbot.space.contract import Deliver, Guid, Qos, Sample, Topic
 from msbot.space.history import History, Store
 
@@ -151,7 +152,8 @@ class SelectiveReader(MemoryReader):
             missed += self._missed_since(self._last_at, self._clock())
         found = super().troubles()
         if missed:
-            words = f"DEADLINE: samples are expected every {self.qos.deadline_s:g} s; that was missed {missed} times"
+            words = f"DEADLINE: samples are expected every {self.qos.deadline_s:g} s; that was missed "
+            words += amount(missed, "time")
             found = (*found, f"{self.topic.name}: {words}")
         return found
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Hashable
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from msbot.runtime.amount import amount
 from msbot.runtime.sentence import said
 from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.tally import Tally
@@ -80,8 +81,8 @@ class CallPace:
             self._told_at = now
             name = session.name if isinstance(session, Session) else "somebody"
             _log.warning(
-                "the API is called too often by %s from %s: %d calls refused so far", name, address,
-                sum(self.refused.values()),
+                "the API is called too often by %s from %s: %s refused so far", name, address,
+                amount(sum(self.refused.values()), "call"),
             )  # fmt: skip
 
 

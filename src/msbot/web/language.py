@@ -29,6 +29,8 @@ ENGLISH = "en"
 LONGEST_NUMBER = 40
 """Characters of a number that somebody types."""
 _WHOLE = re.compile(r"[+-]?[0-9]+")
+_GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}")
+"""Whose sign may be one for decimals, or one between thousands."""
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 CATALOGUES = ("pages", "robot", "library", "doctor", "missions")
@@ -77,12 +79,20 @@ class Language:
     def read_number(self, text: str, *, is_whole: bool = False) -> float:
         """A number that a person has typed, with a comma or a point, whatever is usual here; without groups of digits.
 
+        Where this language groups digits by the comma, `1,000` may be a thousand or, from who is used to a decimal
+        comma, 1: nobody can know, so it is asked for. `0,125` and `1,5` are clear, and so is the language's own sign.
+
         Raises:
-            ConfigError: it is none, or not a whole one.
+            ConfigError: it is none, or not a whole one, or may be one or another.
         """
         plain = text.strip().replace("\N{MINUS SIGN}", "-").replace(",", ".")
         if len(plain) <= LONGEST_NUMBER and _WHOLE.fullmatch(plain):
             return int(plain)
+        if len(plain) <= LONGEST_NUMBER and _GROUPED.fullmatch(plain) and self.thousands in text:
+            raise ConfigError(
+                said("{text!r} may be {large} or {small}: write it in one of these ways", text=text.strip(),
+                     large=plain.replace(".", ""), small=self.digits(str(float(plain))))
+            )  # fmt: skip
         number = float(plain) if len(plain) <= LONGEST_NUMBER and _NUMBER.fullmatch(plain) else math.nan
         if not math.isfinite(number):
             raise ConfigError(said("{text!r} is not a number: write 12 or {example}", text=text[:LONGEST_NUMBER],

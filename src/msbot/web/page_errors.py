@@ -10,6 +10,8 @@ import logging
 import time
 from collections.abc import Callable
 
+from msbot.runtime.amount import amount
+
 SAY_S = 60.0
 MOST_PLACES = 64
 """Places in the code that are remembered."""
@@ -38,7 +40,10 @@ class OncePerPlace(logging.Filter):
         if len(self._places) > MOST_PLACES:
             del self._places[next(iter(self._places))]
         if held:
-            record.msg, record.args = "%s (and %d times before, since it was said last)", (record.getMessage(), held)
+            record.msg, record.args = (
+                "%s (and %s before, since it was said last)",
+                (record.getMessage(), amount(held, "time")),
+            )
         return True
 
 

@@ -17,6 +17,7 @@ from typing import Any, cast
 from nicegui import core
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from msbot.runtime.amount import amount
 from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.tally import Tally
 from msbot.web.access.guard import SOCKET_PATH
@@ -61,7 +62,7 @@ class BrowserComplaints:
         now = self._clock()
         if now - self._said.get(reason, -SAY_S) >= SAY_S:
             self._said[reason] = now
-            _log.warning("a browser of the page %s: %d times so far", words, self.counts.get(words, 0))
+            _log.warning("a browser of the page %s: %s so far", words, amount(self.counts.get(words, 0), "time"))
 
 
 COMPLAINTS = BrowserComplaints()

@@ -33,6 +33,7 @@ from starlette.types import Lifespan
 
 from msbot.errors import ConfigError
 from msbot.link.net import WebSocketServerLink
+from msbot.runtime.given_file import LARGEST_PEM, read_given
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
@@ -332,6 +333,9 @@ def _why_not(error: OSError, settings: WebSettings) -> str:
 def _tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
+        for file in (certificate, key):
+            if file is not None:
+                read_given(file, LARGEST_PEM, "a PEM file")
         context.load_cert_chain(certificate, key, _no_password(key or certificate))
     except ssl.SSLError as error:
         raise ConfigError(

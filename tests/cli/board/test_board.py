@@ -125,7 +125,7 @@ def test_settings_are_changed_and_what_else_is_in_them_stays(board: SimulatedBoa
     env = {"MSBOT_WIFI_PASSWORD": "secret", "MSBOT_TOKEN": "msbot_abc"}
     link = ("--link", "ws://192.168.1.20:8080", "--wifi", "school")
     status, said = call("install", *link, "--source", "--port", board.port, env=env)
-    assert (status, "1 files written" in said) == (0, True), said
+    assert (status, "1 file written" in said) == (0, True), said
     with open_board(board.port) as open_one:
         assert json.loads(open_one.read("/msbot.json")) == {
             "link": "ws://192.168.1.20:8080",

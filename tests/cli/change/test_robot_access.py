@@ -233,13 +233,14 @@ def test_while_nobody_runs_the_database_is_changed(tmp_path: Path) -> None:
     assert command("release", "BB").startswith("BB is released from slot BB")
     assert command("undo").startswith("edit 1 undone")
     assert "NOT delivered: no master of this robot runs here" in command("stop")
-    assert "has the robots MSBOT_MASTER: say which one is meant" in command("undo", "--robot", "NOBODY")
+    assert "has no robot 'NOBODY'; there are MSBOT_MASTER" in command("undo", "--robot", "NOBODY")
     assert perform("robot.db", None, "edits", {})["edits"]
 
 
 def test_without_a_robot_there_is_nothing_to_change() -> None:
     assert command("release", "BB") == (
-        "msbot: no master runs here, and there is no database robot.db: start `msbot master`, or name one with --db"
+        "msbot: no master runs here, and there is no database robot.db: `msbot master robot.toml` or `msbot apply "
+        "robot.toml` makes one; name another one with --db"
     )
 
 

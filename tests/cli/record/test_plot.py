@@ -111,3 +111,17 @@ def test_a_frame_that_is_none_is_refused(tmp_path: Path) -> None:
     assert "--frame" in refusal("--frame", "hello")
     assert ".svg" in refusal("--frame", FRAME, "--out", tmp_path / "a.png")
     assert "is drawn alone" in refusal("--frame", FRAME, "@late")
+
+
+def test_a_damaged_recording_is_drawn_as_far_as_it_goes_and_told_as_every_command_tells_it(file: Path) -> None:
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-40])
+    result = run(file, "@late", "--out", file.with_name("a.csv"))
+    assert result.exit_code == 1
+    assert re.search(r"^msbot: a\.mcap is damaged: .*what came before was read$", result.stderr, re.MULTILINE)
+    assert result.stdout == f"{file.with_name('a.csv')}: 1 curve, 100 values\n"
+    assert run(file).exit_code == 1
+
+
+def test_an_ending_in_capitals_is_one(file: Path) -> None:
+    assert run(file.rename(file.with_name("A.MCAP"))).output.split() == ["@beat.knob", "@late"]

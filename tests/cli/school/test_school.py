@@ -122,7 +122,7 @@ def test_one_blueprint_for_all_keeps_their_names_and_is_taken_back(school: Schoo
     wanted.write_text((school.folder / "robot.toml").read_text() + '\n[[slot]]\nname = "extra"\npart = "RELAY-1"\n')
     status, rolled, error = ask("apply", "wanted.toml", "--yes")
     assert status != 0
-    assert "1 of 4 robots were not changed" in error, rolled
+    assert "1 of 4 robots was not changed" in error, rolled
     assert f"MSBOT_MASTER X4: {school.away}: Connection refused" in rolled
     assert "[3/3]" in rolled
     assert [school.slots(name)[-1] for name in ("robot1", "robot2", "robot")] == ["extra"] * 3
@@ -134,7 +134,7 @@ def test_one_blueprint_for_all_keeps_their_names_and_is_taken_back(school: Schoo
     odd.write_text(wanted.read_text().replace("RELAY-1", "ODD-1"))
     _, refused, error = ask("apply", "odd.toml", "--yes", "--library", "own", "--only", "X2")
     assert "ODD-1" in refused, "its own library decides"
-    assert "1 of 1 robots were not changed" in error
+    assert "1 of 1 robot was not changed" in error
     assert len({one["blueprint"] for one in json.loads(ask("list", "--json")[1])} - {""}) == 1
     assert not list(school.folder.glob(".wanted-*"))
 

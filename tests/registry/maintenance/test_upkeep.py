@@ -181,7 +181,7 @@ def test_edits_and_journal_are_looked_at(full: Registry, address: str) -> None:
     full.storage.write(lambda connection: connection.execute(text("UPDATE journal SET to_state = 'asleep'")))
     assert upkeep.check(address) == [
         "edit 3 was undone by an edit that is not there",
-        "1 lines of the journal tell of a state that does not exist",
+        "1 line of the journal tells of a state that does not exist",
     ]
 
 

@@ -22,7 +22,7 @@ MISTAKES = [
     ),
     (HEAD.replace("start = [1, 0.5]", ""), "robot[0].start: is missing; add a line such as start = [0.5, 0.4]"),
     (HEAD.replace("[1, 0.5]", '"middle"'), 'must be 2 numbers, for example [0.5, 0.4]; it is the text "middle"'),
-    (HEAD + '[[wall]]\npoints = [[0, 0]]\n', "line 9, wall[0].points: has 1 points; write 2 to 500 points in metres"),
+    (HEAD + '[[wall]]\npoints = [[0, 0]]\n', "line 9, wall[0].points: has 1 point; write 2 to 500 points in metres"),
     (HEAD + '[[wall]]\npoints = [[0, 0], [0, 0]]\n', "is the same point as the one before; remove it"),
     (HEAD + '[[box]]\nat = [1, 0.5]\ncolour = "gren"\n', "line 10, box[0].colour: must be a colour"),
     (HEAD + '[[box]]\nat = [1, 0.5]\ncolour = [1, 2, 300]\n', "red, green and blue are 0 to 255"),

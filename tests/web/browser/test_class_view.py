@@ -46,7 +46,7 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
         expect(shown).to_have_count(3)
         page.get_by_role("button", name="STOP all robots of the class").click()
         expect(page.get_by_text("STOP: 2 robots were told")).to_be_visible()
-        expect(page.get_by_text("NOT stopped: 1 robots on other computers do not answer: GONE 1")).to_be_visible()
+        expect(page.get_by_text("NOT stopped: 1 robot on another computer does not answer: GONE 1")).to_be_visible()
         assert [one for one in hurdles(page, dark=False) if "notification" in one] == []
         expect(ring).to_contain_text("STOP is in force")
         for robot in ("ROVER", "MSBOT_MASTER"):

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from msbot.agent import AgentStatus, ClientView, StreamView
+from msbot.runtime.amount import amount
 
 PIPE_WIDTH = 1000
 """Columns when the output is not a terminal, so that nothing is cut or wrapped that a program may look for."""
@@ -31,7 +32,7 @@ def headline(status: AgentStatus) -> str:
     """`agent on udp:127.0.0.1:8888, process 4711, up 3 min: 2 clients`."""
     where = " on " if status.what == "agent" else " of "
     count = len(status.clients)
-    clients = "1 client" if count == 1 else f"{count or 'no'} clients"
+    clients = amount(count, "client") if count else "no clients"
     return f"{status.what}{where}{status.name}, process {status.pid}, up {duration(status.up_s)}: {clients}"
 
 

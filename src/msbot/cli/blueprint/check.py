@@ -9,6 +9,7 @@ import click
 
 from msbot.cli.options import DEFAULT_BLUEPRINT, library_option, mistakes_told
 from msbot.config import Blueprint, Library, open_blueprint
+from msbot.runtime.amount import amount
 
 
 @click.command("check")
@@ -53,4 +54,4 @@ def hints(blueprint: Blueprint, library: Library) -> list[str]:
 
 
 def _counted(robot: Blueprint) -> str:
-    return f"robot {robot.robot.name}, {len(robot.slots)} slots, {len(robot.bindings)} bindings"
+    return f"robot {robot.robot.name}, {amount(len(robot.slots), 'slot')}, {amount(len(robot.bindings), 'binding')}"

@@ -10,7 +10,7 @@ import click
 
 from msbot.cli.blueprint.differences_view import as_json as differences_json
 from msbot.cli.blueprint.differences_view import empty_like, plan_lines
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, library_option
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, is_there, library_option
 from msbot.config import Blueprint, Difference, Library, differences, open_blueprint
 from msbot.registry import open_registry, without_password
 
@@ -43,7 +43,7 @@ def _compare(
     wanted: Blueprint, library: Library, address: str
 ) -> tuple[tuple[Difference, ...], tuple[Difference, ...], bool]:
     """What apply would change, what was changed by hand, and whether the robot is new to the database."""
-    if "://" in address or Path(address).exists():
+    if is_there(address):
         with open_registry(address, read_only=True) as registry:
             robot = registry.robots.find(wanted)
             if robot is not None:
@@ -59,7 +59,9 @@ def _words(
     lines = []
     if is_new:
         lines += [
-            f"{address} does not have this robot; `msbot apply {blueprint}` would make it:",
+            f"{address} does not have this robot; `msbot apply {blueprint}` would make it:"
+            if is_there(address)
+            else f"there is no database {address} yet; `msbot apply {blueprint}` would make it, with this robot:",
             *plan_lines(to_apply),
         ]
     elif to_apply:

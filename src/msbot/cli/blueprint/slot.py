@@ -15,6 +15,7 @@ from msbot.cli.options import (
     answer_options,
     database_beside,
     db_option,
+    existing_database,
     json_option,
     library_option,
 )
@@ -53,7 +54,8 @@ def add(
     end = b"" if before.endswith(b"\n") else b"\n"
     after = before + end + f"\n{table}".encode()
     wanted = parse_blueprint(after.decode("utf-8-sig"), library, str(blueprint))
-    address = db or database_beside(blueprint)
+    # One that is named is meant to be there; a robot that is just being made gets one beside its blueprint.
+    address = database_beside(blueprint) if db is None else existing_database(db)
     _replace(blueprint, after)
     try:
         with open_registry(address) as registry:

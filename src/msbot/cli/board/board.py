@@ -18,6 +18,8 @@ import click
 from msbot.cli.board.ports import NEEDED, choose, ports
 from msbot.cli.options import json_option
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
+from msbot.runtime.given_file import read_given
 
 if TYPE_CHECKING:
     from msbot.cli.board.connection import Board, Facts
@@ -27,6 +29,8 @@ WIFI_PASSWORD = "MSBOT_WIFI_PASSWORD"
 TOKEN = "MSBOT_TOKEN"
 RESERVED = ("boot.py", "main.py")
 """Files that a board runs by itself: a program has another name on it."""
+MOST_OCTETS = 1_000_000
+"""Of a program; the memory of most boards is smaller."""
 
 port_option = click.option("--port", metavar="PORT", help="The board's serial port; the only one at USB if absent.")
 link_option = click.option(
@@ -145,11 +149,12 @@ class _Program:
 
     def __init__(self, file: Path) -> None:
         try:
-            self.octets = file.read_bytes()
-            text = self.octets.decode("utf-8")
-            compile(text, str(file), "exec", dont_inherit=True)
+            self.octets = read_given(file, MOST_OCTETS, "a program")
         except OSError as error:
             raise ConfigError(f"{file} cannot be read: {error.strerror}") from None
+        try:
+            text = self.octets.decode("utf-8")
+            compile(text, str(file), "exec", dont_inherit=True)
         except UnicodeDecodeError:
             raise ConfigError(f"{file} is no text in UTF-8: a program is a .py file") from None
         except (SyntaxError, ValueError) as error:
@@ -210,7 +215,9 @@ class _Ready:
     def words(self) -> str:
         """What was done, for a person."""
         done = (
-            f"{len(self._written)} files written, {self._octets} octets" if self._written else "all was there already"
+            f"{amount(len(self._written), 'file')} written, {self._octets} octets"
+            if self._written
+            else "all was there already"
         )
         return f"MsBOT is on the board at {self.board.port} ({self.facts.machine}): {done}."
 

@@ -9,6 +9,7 @@ from dataclasses import field
 
 from msbot.cli.board.connection import Board, BoardFile, Facts
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
 from msbot.runtime.board_package import FOLDER, OF_GENERIC_BOARDS, package_files
 from msbot.runtime.json_reading import read_json
 from msbot.runtime.lazy_dataclass import dataclass
@@ -99,8 +100,9 @@ def _check_room(board: Board, facts: Facts, plan: Plan) -> None:
     need = sum(_blocks(len(octets), block) for octets in plan.write.values())
     need -= sum(_blocks(size, block) for size in plan.there.values())
     if need * block > free:
+        files = amount(len(plan.write), "file")
         raise ConfigError(
-            f"the board at {board.port} has no space for this: {plan.octets} octets in {len(plan.write)} files need "
+            f"the board at {board.port} has no space for this: {plan.octets} octets in {files} need "
             f"{-(-need * block // 1024)} kB more than what they replace, and {free // 1024} kB are free: remove files "
             "from it (msbot board shell; import os; os.listdir())"
         )

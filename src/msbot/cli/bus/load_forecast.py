@@ -9,6 +9,7 @@ from pathlib import Path
 from msbot.config import Blueprint, open_blueprint
 from msbot.link.can.protocol import Framing
 from msbot.pnp import Flow, Forecast, forecast
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce import compress
 
@@ -66,7 +67,7 @@ def _table(blueprint: Blueprint, found: Forecast, bus: Bus) -> list[str]:
         groups.setdefault(flow.group, []).append(flow)
     width = max(map(len, groups))
     lines = [
-        f"{blueprint.robot.name} with {len(blueprint.slots)} parts on {bus.words()}, "
+        f"{blueprint.robot.name} with {amount(len(blueprint.slots), 'part')} on {bus.words()}, "
         f"{'with' if bus.compression else 'without'} header compression",
         "",
         f"{''.ljust(width)}  messages/s  frames/s    bits/s    load",

@@ -11,6 +11,7 @@ from typing import Final
 from msbot.cli.bus.source import Listening, open_bus
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.link.can.protocol import NODES, CanIds, Frame, frame_bits, is_joining
+from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.lazy_dataclass import dataclass
 
@@ -133,8 +134,9 @@ async def _main(
 
 def _as_text(at_s: float, second: Second, bitrate: int) -> str:
     total = second.total()
-    head = f"{at_s:6.0f} s   load {total.busy_s / WINDOW_S:7.2%} of {bitrate / 1000:g} kbit/s   {total.frames} frames"
-    lines = [head + (f"   {second.uncounted} reports of errors" if second.uncounted else "")]
+    frames = amount(total.frames, "frame")
+    head = f"{at_s:6.0f} s   load {total.busy_s / WINDOW_S:7.2%} of {bitrate / 1000:g} kbit/s   {frames}"
+    lines = [head + (f"   {amount(second.uncounted, 'report')} of errors" if second.uncounted else "")]
     lines += [
         f"  {digits:>8}  {traffic.who:18}  {traffic.frames:6} frames  {traffic.bits:8} bits  "
         f"{traffic.busy_s / WINDOW_S:7.2%}"

@@ -9,6 +9,7 @@ import click
 
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
+from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
@@ -38,4 +39,4 @@ async def _main(name: str, bitrate: int, data_bitrate: int | None) -> None:
 
     await run_until_signal(server.run(), ready=server.ready, say=greet)
     counters = server.driver.counters
-    click.echo(f"{counters.frames} frames, {counters.errors} attempts failed")
+    click.echo(f"{amount(counters.frames, 'frame')}, {amount(counters.errors, 'attempt')} failed")

@@ -13,6 +13,7 @@ from msbot.link.can import BusState, open_can_bus
 from msbot.link.can.adapters import CanDriver
 from msbot.link.can.protocol import Frame
 from msbot.link.can.sim import open_sim_bus
+from msbot.runtime.amount import amount
 from msbot.runtime.end_signals import on_end_signal
 
 SCHEMES = ("can", "sim")
@@ -112,7 +113,7 @@ class Listening:
         if self._failure is not None:
             raise self._failure
         for reason, count in self.bus.dropped.items():
-            self._complain(f"{self.bus.info.name}: {reason} ({count} times)")
+            self._complain(f"{self.bus.info.name}: {reason} ({amount(count, 'time')})")
 
     async def run_with(self, work: Coroutine[object, object, None]) -> None:
         """Listen as long as `work` runs.

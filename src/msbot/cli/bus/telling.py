@@ -12,6 +12,7 @@ from msbot.cli.options import DEFAULT_BLUEPRINT
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import LogLine, format_frame, show_frame
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, Overhearer
+from msbot.runtime.amount import amount
 
 if TYPE_CHECKING:
     from msbot.cli.bus.robot_on_bus import RobotOnBus
@@ -106,7 +107,8 @@ def told_lines(line: LogLine, words: FrameWords, manner: Manner) -> list[str]:
 def tell_unknown(listener: FrameListener, manner: Manner, complain: Callable[[str], None]) -> None:
     """At the end of a log: which samples have no sentence, where sentences are shown."""
     if listener.unknown and manner in (Manner.PLAIN, Manner.BOTH):
-        complain(f"{listener.unknown} samples have no sentence: their parts had joined before the log begins")
+        samples = amount(listener.unknown, "sample has", "samples have")
+        complain(f"{samples} no sentence: their parts had joined before the log begins")
 
 
 def _beside(line: LogLine, words: Sequence[str]) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +14,8 @@ from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     database_beside,
     existing_database,
+    is_there,
+    no_database,
     user_name,
     wants_json,
 )
@@ -80,7 +81,7 @@ def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, objec
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
     request = {"do": do, "args": {name: value for name, value in args.items() if value is not None}, "who": user_name()}
     path = db or database_beside(DEFAULT_BLUEPRINT)
-    is_named = db is not None or Path(path).exists()
+    is_named = db is not None or is_there(path)
     running = _find(database_identity(path) if is_named else None, robot)
     answer = _on_database(path, robot, request) if running is None else running.ask(request)
     if "error" in answer:
@@ -106,7 +107,7 @@ def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
         ConfigError: several could be meant.
     """
     path = db or database_beside(DEFAULT_BLUEPRINT)
-    is_named = db is not None or Path(path).exists()
+    is_named = db is not None or is_there(path)
     return _find(database_identity(path) if is_named else None, robot)
 
 
@@ -133,7 +134,7 @@ def database_to_read(db: str | None, robot: str | None) -> str:
     Raises:
         ConfigError: there is none, or several could be meant.
     """
-    if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
+    if db is None and not is_there(database_beside(DEFAULT_BLUEPRINT)):
         master = running_master(None, robot)
         if master is not None:
             return master.details["database"]
@@ -155,21 +156,17 @@ def _find(database: str | None, robot: str | None) -> RunningProcess | None:
 
 
 def _on_database(path: str, robot: str | None, request: Mapping[str, object]) -> dict[str, object]:
-    if "://" not in path and not Path(path).exists():
-        raise ConfigError(
-            f"no master runs here, and there is no database {path}: start `msbot master`, or name one with --db"
-        )
+    if not is_there(path):
+        raise ConfigError(f"no master runs here, and {no_database(path)}")
+    from msbot.cli.look.one_robot import one_robot
     from msbot.operations.dispatch import perform, stored_operations  # a running robot needs no SQLAlchemy here
     from msbot.registry import open_registry
 
     with open_registry(path, create=False) as registry:
-        robots = [one for one in registry.robots.all() if robot in (None, one.name)]
-        if len(robots) != 1:
-            names = ", ".join(one.name for one in registry.robots.all()) or "none"
-            raise ConfigError(f"the database {path} has the robots {names}: say which one is meant with --robot")
+        meant = one_robot(registry.database, registry.robots.all(), robot)
 
         async def act() -> dict[str, object]:
-            return await perform(stored_operations(registry, robots[0]), request)
+            return await perform(stored_operations(registry, meant), request)
 
         from msbot.runtime.event_loop import run_to_end
 

@@ -11,6 +11,7 @@ import click
 from msbot.cli.change.stop_route import say_stop, stop_status
 from msbot.cli.options import robot_options
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
 
 PATIENCE_S = 2.0
 """How long the command waits for the parts to confirm."""
@@ -74,9 +75,11 @@ def _words(status: dict[str, object]) -> list[str]:
     elif count:
         told = status["told"]
         assert isinstance(told, int)
-        lines.append(f"STOP: {told - count} of {told} parts have confirmed it")
-        others = f" and {count - len(silent)} others" if count > len(silent) else ""
-        lines.append(f"NOT confirmed: {', '.join(silent)}{others}: they may still move")
+        lines.append(
+            f"STOP: {told - count} of {amount(told, 'part')} {'has' if told - count == 1 else 'have'} confirmed it"
+        )
+        others = f" and {amount(count - len(silent), 'other')}" if count > len(silent) else ""
+        lines.append(f"NOT confirmed: {', '.join(silent)}{others}: {'it' if count == 1 else 'they'} may still move")
     else:
         slowest = max((float(one["ms"]) for one in confirmed), default=0.0)
         time_words = "" if left_out else f" within {slowest:.1f} ms"

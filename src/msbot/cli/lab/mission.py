@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -157,7 +158,7 @@ def report(
     language: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Tell marks, times and wrong acts of a mission that is over."""
-    played = _played(recording, number) if recording else _asked(db, robot, number)
+    played, damage = _played(recording, number) if recording else (_asked(db, robot, number), "")
     if html is not None:
         _write_html(played, html, language)
         click.echo(f"{html} is written", err=as_json)
@@ -167,15 +168,21 @@ def report(
         click.echo(json.dumps(grade_json(played)))
     elif html is None:
         click.echo("\n".join(_report_lines(played)))
+    if damage:
+        click.echo(f"msbot: {recording} is damaged: {damage}", err=True)
+        sys.exit(1)
 
 
-def _played(recording: Path, number: int | None) -> PlayedMission:
+def _played(recording: Path, number: int | None) -> tuple[PlayedMission, str]:
+    """The mission, and what of the recording could not be read."""
     from msbot.lab.missions.recorded_missions import played_in
+    from msbot.lab.recordings.reading import RecordingReader
 
-    found = [one for one in played_in(recording) if number in (None, one.number)]
+    reader = RecordingReader(recording)
+    found = [one for one in played_in(reader) if number in (None, one.number)]
     if not found:
         raise ConfigError(f"there is no mission {number} in {recording}")
-    return found[-1]
+    return found[-1], reader.damage
 
 
 def _asked(db: str | None, robot: str | None, number: int | None) -> PlayedMission:

@@ -15,7 +15,10 @@ def one_robot(database: str, robots: Sequence[RobotRecord], name: str | None) ->
         ConfigError: there is none, or it is not clear which.
     """
     if not robots:
-        raise ConfigError(f"the database {database} has no robot: `msbot apply robot.toml` puts one there")
+        raise ConfigError(
+            f"there is no robot in the database {database} yet: `msbot apply robot.toml` or `msbot master robot.toml` "
+            "puts one there"
+        )
     found = [robot for robot in robots if name is None or name in (robot.name, robot.serial_number)]
     known = ", ".join(f"{robot.name} ({robot.serial_number})" for robot in robots)
     if not found:

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from msbot.cli.numbers import FiniteRange
+from msbot.cli.record.recording_name import recording_name
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
 
@@ -138,6 +140,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
     from msbot.lab.recordings.cutting import write_cut
     from msbot.lab.recordings.reading import began_ns
 
+    target = recording_name(target)
     wish = _Wish(topics, slots, from_s, to_s)
     zero_ns = began_ns(file)
     cut = write_cut(
@@ -147,7 +150,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
         to_ns=None if to_s is None else zero_ns + round(to_s * 1e9),
         wanted=wish.has,
     )
-    click.echo(f"{target}: {cut.messages} messages")
+    click.echo(f"{target}: {amount(cut.messages, 'message')}")
     _tell_rest(wish.mistakes(file), [f"{name} is damaged: {damage}" for name, damage in cut.damages.items()])
 
 
@@ -197,11 +200,11 @@ def export(  # noqa: PLR0917 - what the command was given
     with whole_or_none(target):
         match form:
             case ".csv":
-                words = f"{_export_table(reader, target, wish)} values"
+                words = amount(_export_table(reader, target, wish), "value")
             case ".parquet":
-                words = f"{_export_parquet(reader, target, wish)} values"
+                words = amount(_export_parquet(reader, target, wish), "value")
             case _:
-                words = f"{_export_frames(reader, target, wish)} frames"
+                words = amount(_export_frames(reader, target, wish), "frame")
     click.echo(f"{target}: {words}")
     _tell_rest(wish.mistakes(file), _damage_of(reader))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from collections.abc import Coroutine, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ import click
 from msbot.cli.numbers import FiniteRange
 from msbot.cli.options import link_option, robot_options
 from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.amount import amount
 
 if TYPE_CHECKING:
     from msbot.agent import RunningProcess
@@ -95,6 +97,8 @@ def command(
     if not quiet:
         for line in replay.outcome():
             click.echo(line)
+    if damage:
+        sys.exit(1)
 
 
 class _Replay:
@@ -166,7 +170,7 @@ class _Replay:
         lines = [] if self._player is None else [_outcome(self._player)]
         if self._acts is not None:
             word = "over" if self._acts.ended else "ended before its end"
-            lines.append(f"The replay of acts is {word}: {_count(self._acts.done, 'act')} done")
+            lines.append(f"The replay of acts is {word}: {amount(self._acts.done, 'act')} done")
         return lines
 
     def _say(self, words: str) -> None:
@@ -194,22 +198,18 @@ def _plan(piece: Piece | None, acts: RecordedActs | None, speed: float) -> list[
     lines = []
     if piece is not None:
         names = ", ".join(f"{slot.name} ({slot.part_number})" for slot in piece.slots)
-        lines.append(f"{names}: {len(piece.samples)} messages of {piece.seconds:.1f} s{pace}")
+        lines.append(f"{names}: {amount(len(piece.samples), 'message')} of {piece.seconds:.1f} s{pace}")
     if acts is not None:
         people = ", ".join(dict.fromkeys(one.who for one in acts.acts))
-        lines.append(f"{_count(len(acts.acts), 'act')} of {people}{pace}")
+        lines.append(f"{amount(len(acts.acts), 'act')} of {people}{pace}")
         lines += [f"left out, cannot be done again: {name} ({count})" for name, count in acts.left_out.items()]
     return lines
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def _outcome(player: Player) -> str:
     words = "The replay is over" if player.ended else "The replay was ended before its end"
     left_out = sum(player.left_out.values())
-    words += f": {player.published} messages published"
+    words += f": {amount(player.published, 'message')} published"
     if left_out:
         words += f", {left_out} left out"
     if player.late_s > NOTICEABLE_S:

@@ -15,14 +15,15 @@ import click
 from msbot.cli.change.robot_access import perform
 from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.cli.options import library_option, robot_options
+from msbot.cli.record.recording_name import SUFFIX
 from msbot.errors import ConfigError, LocalProtocolError
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from msbot.lab.curves.curve import Curve
     from msbot.lab.curves.reading import ReadCurves, UnitOf
 
-SUFFIX = ".mcap"
 TABLE = ".csv"
 SECONDS = 30.0
 MOST_CURVES = 20
@@ -75,11 +76,15 @@ def command(
             raise click.UsageError("--frame is drawn alone: leave curves and --watch out")
         _draw_frame(frame, bitrate, data_bitrate, out)
         return
-    files = [Path(one) for one in what if one.endswith(SUFFIX)]
+    files = [Path(one) for one in what if one.lower().endswith(SUFFIX)]
     if len(files) > 1:
         raise click.UsageError("one recording at a time")
     wish = _Wish(
-        tuple(one for one in what if not one.endswith(SUFFIX)), files[0] if files else None, seconds, from_s, to_s
+        tuple(one for one in what if not one.lower().endswith(SUFFIX)),
+        files[0] if files else None,
+        seconds,
+        from_s,
+        to_s,
     )
     _check(wish, watch=watch, out=out)
     unit_of = _units(folders)
@@ -87,7 +92,10 @@ def command(
     if not watch:
         if folder is not None:
             time.sleep(JUST_NOW_S)  # until the last moment is in the file
-        _show(*_read(wish, folder, unit_of), wish, out)
+        read, zero_s = _read(wish, folder, unit_of)
+        _show(read, zero_s, wish, out)
+        if folder is None and read.damages:  # the newest file of a ring has no end yet
+            sys.exit(1)
         return
     with suppress(KeyboardInterrupt):
         while True:
@@ -140,8 +148,8 @@ def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves
         begin_s = None if wish.from_s is None else zero_s + wish.from_s
         end_s = None if wish.to_s is None else zero_s + wish.to_s
         read = read_curves([wish.file], wish.names, from_s=begin_s, to_s=end_s, unit_of=unit_of)
-        if read.damages:
-            click.echo(f"msbot: {read.damages[0]}", err=True)
+        for damage in read.damages:
+            click.echo(f"msbot: {damage}", err=True)
     else:
         zero_s = time.time()
         begin_s = zero_s - (wish.seconds or SECONDS)
@@ -184,7 +192,8 @@ def _show(read: ReadCurves, zero_s: float, wish: _Wish, out: Path | None) -> Non
         else:
             title = f"the last {wish.seconds or SECONDS:g} s" if wish.file is None else wish.file.name
             save_picture(curves, out, zero_s=zero_s, title=title)
-        click.echo(f"{out}: {len(curves)} curves, {sum(len(curve.points) for curve in curves)} values")
+        values = sum(len(curve.points) for curve in curves)
+        click.echo(f"{out}: {amount(len(curves), 'curve')}, {amount(values, 'value')}")
         return
     size, colour = shutil.get_terminal_size((100, 30)), sys.stdout.isatty()
     height = max(size.lines - len(curves) - 4, LEAST_HEIGHT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -14,13 +15,14 @@ import click
 
 from msbot.cli.change.robot_access import perform, running_master
 from msbot.cli.numbers import FiniteRange
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, json_option, robot_options
+from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, is_there, json_option, no_database, robot_options
+from msbot.cli.record.recording_name import recording_name
 from msbot.cli.record.ring_folders import rings_left
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 
-SUFFIX = ".mcap"
 JUST_NOW_S = 0.8
 """What a robot has said is in the ring's file after at most this time."""
 BEGIN_S = 10.0
@@ -41,6 +43,7 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
     from msbot.lab.recorder.ring import begun_segments
     from msbot.lab.recordings.cutting import write_cut
 
+    target = recording_name(file)
     if running_master(db, robot) is None:
         folder = _ring_left(db, robot)
         end_s = None
@@ -59,13 +62,15 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
     paths = [segment.path for segment in found]
     end_s = found[-1].changed_s if end_s is None else end_s
     from_ns = None if last_s is None else round((end_s - last_s) * 1e9)
-    target = _with_suffix(file)
     cut = write_cut(paths, target, from_ns=from_ns)
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
-    click.echo(f"{target}: {cut.messages} messages of {seconds:.0f} s")
-    for name, damage in cut.damages.items():
-        if name != paths[-1].name:  # the newest file is being written: it has no end yet
-            click.echo(f"msbot: {name} is damaged: {damage}", err=True)
+    click.echo(f"{target}: {amount(cut.messages, 'message')} of {seconds:.0f} s")
+    # The newest file is being written: it has no end yet.
+    damages = {name: damage for name, damage in cut.damages.items() if name != paths[-1].name}
+    for name, damage in damages.items():
+        click.echo(f"msbot: {name} is damaged: {damage}", err=True)
+    if damages:
+        sys.exit(1)
 
 
 @command.command("start")
@@ -73,7 +78,7 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
 @robot_options
 def start(file: Path, db: str | None, robot: str | None) -> None:
     """Record in FILE from now on, in addition to the ring."""
-    path = _with_suffix(file).absolute()
+    path = recording_name(file).absolute()
     words = perform(db, robot, "record", {"file": str(path)})["words"]
     _wait_until_begun(path, db, robot)
     click.echo(words)
@@ -151,12 +156,14 @@ def _wait_until_begun(path: Path, db: str | None, robot: str | None) -> None:
 
 def _show_ring(folder: str, files: list[dict[str, Any]]) -> None:
     octets = sum(one["octets"] for one in files)
-    click.echo(f"The ring is in {folder}: {len(files)} files, {octets / 1e6:.1f} MB.")
+    click.echo(f"The ring is in {folder}: {amount(len(files), 'file')}, {octets / 1e6:.1f} MB.")
     for one in files:
         click.echo(f"  {one['name']}  {one['octets'] / 1e6:8.2f} MB  written {one['changed']}")
 
 
 def _list_left(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    if db is not None and not is_there(db) and not _left(db, robot):
+        raise ConfigError(f"no master runs here, and {no_database(db)}")
     left = {str(folder): [asdict(one) for one in _files(str(folder))] for folder in _left(db, robot)}
     if as_json:
         click.echo(json.dumps({"left": [{"folder": folder, "files": files} for folder, files in left.items()]}))
@@ -170,6 +177,8 @@ def _ring_left(db: str | None, robot: str | None) -> str:
     """The ring of the one robot that is meant, and does not run."""
     found = _left(db, robot)
     if not found:
+        if db is not None and not is_there(db):
+            raise ConfigError(f"no master runs here, and {no_database(db)}")
         raise ConfigError("no master runs here, and no recorder has left a ring of such a robot")
     if len(found) > 1:
         names = ", ".join(folder.name for folder in found)
@@ -182,13 +191,9 @@ def _ring_left(db: str | None, robot: str | None) -> str:
 
 def _left(db: str | None, robot: str | None) -> list[Path]:
     path = db or database_beside(DEFAULT_BLUEPRINT)
-    is_named = db is not None or Path(path).exists()
+    is_named = db is not None or is_there(path)
     return rings_left(robot, database_identity(path) if is_named else None)
 
 
 def _status(db: str | None, robot: str | None) -> dict[str, object]:
     return perform(db, robot, "recording", {})
-
-
-def _with_suffix(file: Path) -> Path:
-    return file if file.suffix == SUFFIX else file.with_name(f"{file.name}{SUFFIX}")

@@ -22,6 +22,7 @@ from msbot.cli.options import (
 from msbot.cli.school.finding import find
 from msbot.cli.school.joining import join, leave
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
 from msbot.runtime.own_version import own_version
 from msbot.runtime.stop_datagram import IS_THERE, ask_masters
 from msbot.school.access import AccessBook, FarAccess
@@ -83,11 +84,11 @@ def _sum(robots: list[ClassRobot]) -> str:
     silent = sum(robot.far is not None and not robot.answers for robot in robots)
     elsewhere = sum(robot.runs_elsewhere or (robot.far is not None and robot.answers) for robot in robots)
     parts = [
-        f"{len(robots)} robot{'' if len(robots) == 1 else 's'}",
-        f"{sum(robot.master is not None for robot in robots)} of them run here",
+        f"{amount(len(robots), 'robot')}",
+        f"{amount(sum(robot.master is not None for robot in robots), 'of them runs here', 'of them run here')}",
     ]
     parts += [f"{elsewhere} on other computers"] if elsewhere else []
-    parts += [f"{silent} do not answer"] if silent else []
+    parts += [amount(silent, "does not answer", "do not answer")] if silent else []
     marks = {robot.blueprint for robot in robots if robot.blueprint}
     return f"{', '.join(parts)}." + (f" {len(marks)} different blueprints." if len(marks) > 1 else "")
 
@@ -155,7 +156,7 @@ def stop(reason: str, db: str | None, *, as_json: bool) -> None:
     ]
     if not IS_THERE:
         trouble = "this system has no socket for STOP: say `msbot stop --robot NAME` for each robot that runs here"
-    problems = [f"NOT delivered to {silent} masters that run here and do not answer: cut their power"] if silent else []
+    problems = [f"NOT delivered to {_silent_words(silent)}: cut their power"] if silent else []
     problems += [f"NOT stopped: {', '.join(not_stopped)}: cut their power"] if not_stopped else []
     if elsewhere:
         problems.append(
@@ -205,6 +206,12 @@ def _stop_lines(accesses: list[FarAccess], far: Asking[Answer]) -> list[Answer]:
     return lines
 
 
+def _silent_words(count: int) -> str:
+    if count == 1:
+        return "a master that runs here and does not answer"
+    return f"{count} masters that run here and do not answer"
+
+
 def stop_line(answer: dict[str, object]) -> str:
     """How STOP stands at one robot."""
     who = f"{answer.get('robot')} {answer.get('serial_number')}"
@@ -221,8 +228,8 @@ def stop_line(answer: dict[str, object]) -> str:
     if not told:
         return f"{who}: STOP holds; no part is in the robot"
     if not missing:
-        return f"{who}: STOP, confirmed by all {told} parts"
-    return f"{who}: STOP, confirmed by {told - missing} of {told} parts; NOT by {', '.join(map(str, names))}"
+        return f"{who}: STOP, confirmed by {'the one part' if told == 1 else f'all {told} parts'}"
+    return f"{who}: STOP, confirmed by {told - missing} of {amount(told, 'part')}; NOT by {', '.join(map(str, names))}"
 
 
 @command.command("apply")
@@ -266,9 +273,14 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
         done = step.words if is_done else f"NOT changed, as far as is known: {step.words}"
         click.echo(f"[{number + 1}/{len(to_change)}] {plan.robot.words}: {done}")
     if failed:
-        raise ConfigError(f"{failed} of {len(plans)} robots were not changed; `msbot class undo` takes the others back")
+        raise ConfigError(
+            f"{failed} of {amount(len(plans), 'robot')} {'was' if failed == 1 else 'were'} not changed; "
+            "`msbot class undo` takes the others back"
+        )
     if to_change:
-        click.echo(f"{len(to_change)} robots are as {blueprint} says; `msbot class undo` takes it back")
+        click.echo(
+            f"{amount(len(to_change), 'robot is', 'robots are')} as {blueprint} says; `msbot class undo` takes it back"
+        )
 
 
 @command.command("undo")
@@ -294,4 +306,4 @@ def undo(db: str | None) -> None:
         words = step.words if is_done else f"NOT taken back: {step.words}"
         click.echo(f"[{number + 1}/{count}] {step.robot}: {words}")
     if left:
-        raise ConfigError(f"{left} of {count} robots were not taken back")
+        raise ConfigError(f"{left} of {amount(count, 'robot')} {'was' if left == 1 else 'were'} not taken back")

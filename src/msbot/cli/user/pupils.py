@@ -11,6 +11,7 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.options import answer_options, json_option, library_option, robot_options
+from msbot.runtime.amount import amount
 
 
 @click.group("pupils")
@@ -48,9 +49,11 @@ def robot(path: Path, groups: str, source: Path | None, folders: tuple[Path, ...
         one, _ = open_blueprint(source, *folders)
     names = [name.strip() for name in groups.split(",") if name.strip()]
     made = for_groups(one, names)
-    groups_made = "1 group" if len(names) == 1 else f"{len(names)} groups"
+    groups_made = amount(len(names), "group")
     write_new(path, f"# A robot for {groups_made}, written by `msbot pupils robot`.\n\n{blueprint_toml(made)}")
-    click.echo(f"{path}: {len(made.slots)} slots for {groups_made}; `msbot master {path} --host 0.0.0.0` runs it")
+    click.echo(
+        f"{path}: {amount(len(made.slots), 'slot')} for {groups_made}; `msbot master {path} --host 0.0.0.0` runs it"
+    )
 
 
 @command.command("list")

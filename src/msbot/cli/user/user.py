@@ -17,6 +17,7 @@ import click
 from msbot.cli.options import db_option, existing_database, json_option, user_name
 from msbot.errors import ConfigError
 from msbot.operations.rights import Role, role_named
+from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end
 
 if TYPE_CHECKING:
@@ -155,7 +156,11 @@ def _add_class(path: Path, tickets: Path | None, role: str, db: str | None) -> N
         run_to_end(accounts.add_people(people, who=user_name()))
     if tickets is None:
         _write_rows(sys.stdout, rows)
-    click.echo(f"{len(rows)} people may sign in" + (f"; their passwords are in {tickets}" if tickets else ""), err=True)
+    click.echo(
+        f"{amount(len(rows), 'person', 'people')} may sign in"
+        + (f"; their passwords are in {tickets}" if tickets else ""),
+        err=True,
+    )
 
 
 def _octets(path: Path) -> bytes:

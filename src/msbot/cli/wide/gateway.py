@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.run.until_ended import run_until_signal
+from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.terminal_log import TerminalHandler
@@ -36,4 +37,4 @@ async def _main(rules: GatewayRules) -> None:
         finally:
             gateway.close()
             for topic, direction, number in gateway.crossed():
-                click.echo(f"{topic}: {number} samples crossed {direction}")
+                click.echo(f"{topic}: {amount(number, 'sample')} crossed {direction}")

@@ -9,7 +9,7 @@ from msbot.doctor.facts import CanFacts, I2cFacts, SerialFacts
 from msbot.doctor.finding import Finding
 from msbot.link.can import BusState
 from msbot.link.can.adapters import CanInterface, Wanted, up_commands, why_not
-from msbot.runtime.sentence import said
+from msbot.runtime.sentence import counted, said
 
 WARNING_AT = 96
 """From here on a controller warns (ISO 11898-1 12.1.4)."""
@@ -76,8 +76,12 @@ def _health(one: CanInterface) -> Iterator[Finding]:
     if one.state is BusState.OFF:
         yield Finding(
             "bus-off", name,
-            said("bus-off: the controller has left the bus after too many errors; it was off {count} times since it is "
-                 "up", count=max(offs, 1)),
+            counted(
+                max(offs, 1),
+                "bus-off: the controller has left the bus after too many errors; it was off once since it is up",
+                "bus-off: the controller has left the bus after too many errors; it was off {count} times since it is "
+                "up",
+            ),
             said("it sends and receives nothing until it is restarted: every part on this bus is lost for the robot"),
             said("error frames, then silence of this node; the others go on"),
             f"sudo ip link set {name} type can restart",

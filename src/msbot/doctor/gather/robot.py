@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from msbot.agent import AgentStatus
 from msbot.config import Binding, Blueprint, Library, binding_faults, load_library, open_blueprint
@@ -19,6 +20,9 @@ from msbot.link.can.protocol import Framing
 from msbot.pnp import PartState, forecast
 from msbot.runtime.sentence import said
 from msbot.xrce import compress
+
+if TYPE_CHECKING:
+    from msbot.registry import RobotRecord
 
 LATELY_S = 3600.0
 MOST_LINES = 5000
@@ -35,11 +39,7 @@ def robot(patient: Patient) -> RobotFacts:
     from msbot.registry.running.robot_memory import read_memory
 
     with open_registry(database_of(patient), read_only=True) as registry:
-        robots = [one for one in registry.robots.all() if patient.robot in (None, one.name, one.serial_number)]
-        if len(robots) != 1:
-            names = ", ".join(one.name for one in registry.robots.all()) or said("none")
-            raise CannotSee(said("the database has the robots {names}: say which one with --robot", names=names))
-        record = robots[0]
+        record = _meant(registry.robots.all(), patient.robot)
         memory = registry.storage.read(lambda connection: read_memory(connection, record.id))
         library = registry.storage.read(lambda connection: read_library(connection, record.id))
         lines = registry.robots.journal(MOST_LINES, robot=record)
@@ -70,6 +70,19 @@ def robot(patient: Patient) -> RobotFacts:
         blocked=frozenset(key for kind, key in memory.blocks if kind == "uid"),
         keys=frozenset(memory.keys),
     )
+
+
+def _meant(robots: Sequence[RobotRecord], name: str | None) -> RobotRecord:
+    if not robots:
+        raise CannotSee(
+            said("there is no robot in the database yet: `msbot apply robot.toml` or `msbot master robot.toml` puts "
+                 "one there")
+        )  # fmt: skip
+    found = [one for one in robots if name in (None, one.name, one.serial_number)]
+    if len(found) != 1:
+        names = ", ".join(one.name for one in robots)
+        raise CannotSee(said("the database has the robots {names}: say which one with --robot", names=names))
+    return found[0]
 
 
 def _of_blueprint(patient: Patient) -> RobotFacts:

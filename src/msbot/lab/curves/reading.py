@@ -122,7 +122,7 @@ def read_curves(
         for message in reader.messages():
             reading.take(message)
         if reader.damage:
-            damages.append(f"{path.name}: {reader.damage}")
+            damages.append(f"{path.name} is damaged: {reader.damage}")
     curves = reading.curves()
     return ReadCurves(
         tuple(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Final
 
 from msbot.errors import ConfigError
@@ -15,15 +14,17 @@ TOPIC: Final = "/msbot/mission"
 """The topic where notes of missions are."""
 
 
-def played_in(path: Path) -> list[PlayedMission]:
+def played_in(reader: RecordingReader) -> list[PlayedMission]:
     """The missions of a recording, oldest first; one that was broken off as far as it was recorded.
+
+    What of it could not be read is in the reader's `damage` then.
 
     Raises:
         ConfigError: it is no recording, or there is no mission in it.
     """
     heads: dict[int, dict[str, object]] = {}
     notes: dict[int, list[object]] = {}
-    for message in RecordingReader(path).messages():
+    for message in reader.messages():
         if message.topic != TOPIC:
             continue
         note = _note(message.data)
@@ -40,7 +41,9 @@ def played_in(path: Path) -> list[PlayedMission]:
                 notes.setdefault(began, []).append(note)
     if not heads:
         raise ConfigError(
-            said("there is no mission in {path}: a recording has one that began while it recorded", path=str(path))
+            said(
+                "there is no mission in {path}: a recording has one that began while it recorded", path=str(reader.path)
+            )
         )
     return [played_from_json({**head, "facts": notes.get(began, [])}) for began, head in sorted(heads.items())]
 

@@ -10,6 +10,7 @@ from typing import Final
 
 from msbot.lab.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage
 from msbot.lab.recordings.telling import line_of
+from msbot.runtime.amount import amount
 
 HAPPENINGS: Final = (f"{OWN}events", f"{OWN}acts", f"{OWN}stop")
 _TIME: Final = re.compile(r"\d+(?:\.\d+)?(?= ?(?:s|ms)\b)")
@@ -27,7 +28,7 @@ def differences(before: Iterable[RecordedMessage], after: Iterable[RecordedMessa
     first, second = said
     for topic in sorted(first.keys() | second.keys()):
         if not (first[topic] and second[topic]):
-            found.append(f"{'-' if first[topic] else '+'} {topic}: {first[topic] or second[topic]} samples")
+            found.append(f"{'-' if first[topic] else '+'} {topic}: {amount(first[topic] or second[topic], 'sample')}")
     return found
 
 

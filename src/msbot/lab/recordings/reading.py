@@ -16,6 +16,7 @@ from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from msbot.errors import ConfigError
+from msbot.runtime.amount import amount
 from msbot.runtime.json_reading import read_json
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
@@ -125,7 +126,9 @@ class RecordingReader:
         if self._lost_chunks:
             words.append(f"{self._lost_chunks} of its chunks cannot be read, {self._first_lost}; the others were read")
         if self._unknown:
-            words.append(f"{self._unknown} messages belong to channels that nothing describes")
+            words.append(
+                f"{amount(self._unknown, 'message belongs', 'messages belong')} to channels that nothing describes"
+            )
         return "; ".join(words)
 
 
@@ -233,7 +236,7 @@ def _no_recording(stream: BinaryIO) -> str:
     if not begin:
         return "is empty"
     if _MAGIC.startswith(begin) and begin != _MAGIC:
-        return f"ends after {len(begin)} octets: nothing is in it"
+        return f"ends after {amount(len(begin), 'octet')}: nothing is in it"
     return "is no recording: it does not begin like an MCAP file"
 
 

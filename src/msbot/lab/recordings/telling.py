@@ -9,6 +9,7 @@ from msbot.lab.recorder.can_frames import FRAME
 from msbot.lab.recorder.topics import BLUEPRINT, MEASURED, SHOWN, SLOTS
 from msbot.lab.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage
 from msbot.link.can.protocol import Frame
+from msbot.runtime.amount import amount
 
 Row = tuple[str, str, str, str]
 """`(topic, slot, field, value)`."""
@@ -21,7 +22,7 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
         return None
     fields = decoder.fields(message)
     if fields is None:
-        return f"{_who(message)}{len(message.data)} octets, whose meaning the recording does not tell"
+        return f"{_who(message)}{amount(len(message.data), 'octet')}, whose meaning the recording does not tell"
     if topic == f"{OWN}events" and isinstance(fields.get("words"), str):
         return str(fields["words"])
     if topic == f"{OWN}acts":
@@ -33,9 +34,11 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
     if topic == f"{OWN}stop":
         return _stop_words(fields)
     if topic == BLUEPRINT:
-        return f"the robot has {_count(fields, 'slots')} slots and {_count(fields, 'wires')} wires"
+        return f"the robot has {_counted(fields, 'slots', 'slot')} and {_counted(fields, 'wires', 'wire')}"
     if topic == SHOWN:
-        return f"{_count(fields, 'by_hand')} ports driven by hand, {_count(fields, 'faults')} places with faults"
+        return (
+            f"{_counted(fields, 'by_hand', 'port')} driven by hand, {_counted(fields, 'faults', 'place')} with faults"
+        )
     if topic == SLOTS:
         return _slot_words(fields)
     if topic == MEASURED:
@@ -103,6 +106,10 @@ def _measured_words(fields: Mapping[str, object]) -> str:
 def _count(fields: Mapping[str, object], name: str) -> int:
     found = fields.get(name)
     return len(found) if isinstance(found, list | dict) else 0
+
+
+def _counted(fields: Mapping[str, object], name: str, one: str) -> str:
+    return amount(_count(fields, name), one)
 
 
 def _who(message: RecordedMessage) -> str:

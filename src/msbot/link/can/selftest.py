@@ -10,6 +10,7 @@ from typing import Final
 
 from msbot.link.can.controller import CanBus
 from msbot.link.can.protocol.frames import Frame
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 
 CAN_ID: Final = 0x321
@@ -164,4 +165,4 @@ def _compare(heard: list[Frame], sent: list[Frame], number: int = 0) -> None:
                 )
             raise _Failed(f"frame {number + place} is {frame.data.hex(' ')} and not {expected.data.hex(' ')}")
     if len(heard) != len(sent):
-        raise _Failed(f"{len(heard)} frames came instead of {len(sent)}, up to number {number + len(heard)}")
+        raise _Failed(f"{amount(len(heard), 'frame')} came instead of {len(sent)}, up to number {number + len(heard)}")

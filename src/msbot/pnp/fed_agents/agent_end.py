@@ -44,6 +44,7 @@ from msbot.pnp.fed_agents.messages import (
     short,
 )
 from msbot.pnp.profile import PROFILE_TOPIC, Profile
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 
@@ -376,7 +377,7 @@ class AgentEnd:
 
     def _count(self) -> str:
         count = sum(session.settled for session in self._sessions.values())
-        return "1 part that is in" if count == 1 else f"{count} parts that are in"
+        return amount(count, "part that is in", "parts that are in")
 
     @staticmethod
     def _is_own(client: ClientInfo) -> bool:

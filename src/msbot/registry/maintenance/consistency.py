@@ -12,6 +12,7 @@ from msbot.registry.database import statements as store
 from msbot.registry.database.tables import edits, journal, library, parts, settings, slots, users
 from msbot.registry.edits import wires
 from msbot.registry.edits.user_statements import ROLES
+from msbot.runtime.amount import amount
 
 MOST_TOLD = 100
 """At most this many findings are reported."""
@@ -90,4 +91,5 @@ def _of_edits(connection: Connection) -> Iterator[str]:
         yield f"edit {number} was undone by an edit that is not there"
     strange = select(func.count()).select_from(journal).where(journal.c.to_state.not_in(list(store.STATES)))
     if count := connection.execute(strange).scalar():
-        yield f"{count} lines of the journal tell of a state that does not exist"
+        lines = amount(count, "line of the journal tells", "lines of the journal tell")
+        yield f"{lines} of a state that does not exist"

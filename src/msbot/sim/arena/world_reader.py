@@ -9,6 +9,7 @@ from pathlib import Path
 from msbot.config.toml.document import Document, parse_document, read_document
 from msbot.config.toml.problems import Problems, kind_words, suggestion
 from msbot.config.toml.table import Table
+from msbot.runtime.amount import amount
 from msbot.sim.arena.robot_reader import read_chassis, read_mount
 from msbot.sim.arena.world import (
     COLOURS,
@@ -254,7 +255,7 @@ class _WorldReader:
         if not isinstance(value, list) or not least <= len(value) <= MOST_POINTS:
             what = "is missing" if value is None else f"is {kind_words(value)}"
             if isinstance(value, list):
-                what = f"has {len(value)} points"
+                what = f"has {amount(len(value), 'point')}"
             table.problem(f"{what}; write {least} to {MOST_POINTS} points in metres, for example {example}", "points")
             return ((0.0, 0.0), (0.1, 0.0), (0.0, 0.1))
         points = []

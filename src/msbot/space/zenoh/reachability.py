@@ -6,6 +6,7 @@ import socket
 import ssl
 
 from msbot.errors import ConfigError
+from msbot.runtime.given_file import LARGEST_PEM, read_given
 from msbot.space.space_address import TlsFiles
 from msbot.space.zenoh.library import load, session_config
 
@@ -36,7 +37,7 @@ def context(tls: TlsFiles) -> ssl.SSLContext:
     for file in (tls.ca, tls.certificate, tls.key):
         if file is not None:
             try:
-                file.read_bytes()
+                read_given(file, LARGEST_PEM, "a PEM file")
             except OSError as error:
                 raise ConfigError(f"{file}: cannot be read ({error.strerror}); it should be a PEM file") from None
     try:

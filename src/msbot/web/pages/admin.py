@@ -133,8 +133,10 @@ class _People:
                 timeout=10_000,
             )
             return
-        words = self._page.say("Let {count} people sign in: {names}?", count=len(people),
-                               names=", ".join(one.name for one in people))  # fmt: skip
+        words = self._page.language.count(
+            len(people), "Let {count} person sign in: {names}?", "Let {count} people sign in: {names}?",
+            names=", ".join(one.name for one in people),
+        )  # fmt: skip
         if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
             words += " " + self._page.say("Their tickets will lead to {address}, which no other computer can open: start the "
                                           "master with --host 0.0.0.0, and open this page by the computer's own name or "

@@ -190,7 +190,12 @@ class RollOutPanel:
 
         ask_first(
             page,
-            page.say("Put the blueprint {source} into force in {count} robots?", source=pattern.source, count=count),
+            page.language.count(
+                count,
+                "Put the blueprint {source} into force in {count} robot?",
+                "Put the blueprint {source} into force in {count} robots?",
+                source=pattern.source,
+            ),
             begin,
         )
 
@@ -233,19 +238,24 @@ class RollOutPanel:
         self._running.set_visibility(run is not None or self._remembered is not None)
 
     def _sum_of(self, run: RollOutRun, steps: Sequence[RobotStep]) -> str:
-        say = self._page.say
+        count = self._page.language.count
         done = sum(step.state is StepState.CHANGED for step in steps)
         left = sum(step.state in (StepState.WAITING, StepState.WORKING) for step in steps)
         values = {
             "source": run.blueprint,
             "done": done,
-            "all": len(steps),
             "left": left,
             "failed": len(steps) - done - left,
         }
         if run.is_undo:
-            return say("{source}, taken back: {done} of {all} robots; {left} to go, {failed} not", **values)
-        return say("{source}, rolled out: {done} of {all} robots; {left} to go, {failed} not", **values)
+            return count(
+                len(steps), "{source}, taken back: {done} of {count} robot; {left} to go, {failed} not",
+                "{source}, taken back: {done} of {count} robots; {left} to go, {failed} not", **values,
+            )  # fmt: skip
+        return count(
+            len(steps), "{source}, rolled out: {done} of {count} robot; {left} to go, {failed} not",
+            "{source}, rolled out: {done} of {count} robots; {left} to go, {failed} not", **values,
+        )  # fmt: skip
 
     def _word(self, run: RollOutRun, step: RobotStep) -> str:
         say = self._page.say
@@ -274,8 +284,10 @@ class RollOutPanel:
 
     def _words_of(self, remembered: Remembered) -> str:
         when = self._page.when(round(remembered.at * 1000))
-        return self._page.say("{source}, rolled out on {when} to {count} robots", source=remembered.blueprint,
-                              when=when, count=len(remembered.done))  # fmt: skip
+        return self._page.language.count(
+            len(remembered.done), "{source}, rolled out on {when} to {count} robot",
+            "{source}, rolled out on {when} to {count} robots", source=remembered.blueprint, when=when,
+        )  # fmt: skip
 
     async def _ask_undo(self) -> None:
         remembered, page = self._remembered, self._page

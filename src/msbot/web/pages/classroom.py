@@ -131,22 +131,27 @@ async def _stop_all(page: Page) -> None:
     except MsbotError as error:
         ui.notify(page.say(str(error)), type="negative", multi_line=True)
         return
-    words = page.say(
-        "STOP: {robots} robots were told; {confirmed} of {parts} parts have confirmed it so far.",
-        robots=len(done.told), confirmed=done.confirmed, parts=done.parts,
+    told = page.language.count(len(done.told), "STOP: {count} robot was told", "STOP: {count} robots were told")
+    confirmed = page.language.count(
+        done.parts, "{confirmed} of {count} part has confirmed it so far.",
+        "{confirmed} of {count} parts have confirmed it so far.", confirmed=done.confirmed,
     )  # fmt: skip
+    words = f"{told}; {confirmed}"
     ui.notify(words, type="warning", multi_line=True, timeout=8000)
     if done.waiting:
         words = page.say("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.silent:
-        words = page.say("NOT delivered to {count} masters that run here: cut their power.", count=done.silent)
+        words = page.language.count(
+            done.silent, "NOT delivered to {count} master that runs here: cut its power.",
+            "NOT delivered to {count} masters that run here: cut their power.",
+        )  # fmt: skip
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.not_told:
-        told = ", ".join(page.say(one) for one in done.not_told[:MOST_NAMED])
-        words = page.say(
-            "NOT stopped: {count} robots on other computers do not answer: {robots}. Cut their power.",
-            count=len(done.not_told), robots=told,
+        names = ", ".join(page.say(one) for one in done.not_told[:MOST_NAMED])
+        words = page.language.count(
+            len(done.not_told), "NOT stopped: {count} robot on another computer does not answer: {robots}. Cut its power.",
+            "NOT stopped: {count} robots on other computers do not answer: {robots}. Cut their power.", robots=names,
         )  # fmt: skip
         ui.notify(words, type="negative", multi_line=True, timeout=30_000)
     if unreached:

@@ -253,9 +253,9 @@ class _Shelf:
                 ):
                     with ui.element("div"):
                         ui.label(lesson.title)
-                        words = say("{minutes} minutes · {checks} checks", minutes=lesson.minutes,
-                                    checks=len(lesson.checks))  # fmt: skip
-                        ui.label(words).classes("soft num")
+                        minutes = page.language.count(lesson.minutes, "{count} minute", "{count} minutes")
+                        checks = page.language.count(len(lesson.checks), "{count} check", "{count} checks")
+                        ui.label(f"{minutes} · {checks}").classes("soft num")
                     if page.may(Right.DESIGN) and nothing_runs:
                         ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson)).props(
                             f'outline aria-label="{say("Begin")}: {lesson.title}"'

@@ -199,7 +199,7 @@ class _Missions:
             one = ready[str(chosen.value)]
             words.set_text(say(one.story))
             needs.set_text(
-                say("{minutes} minutes; needs the slots {slots} (robot {sample})", minutes=f"{one.time_s / 60:g}",
+                say("{minutes} min; needs the slots {slots} (robot {sample})", minutes=f"{one.time_s / 60:g}",
                     slots=", ".join(one.needs) or "-", sample=one.sample or "-")
             )  # fmt: skip
 

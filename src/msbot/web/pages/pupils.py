@@ -238,7 +238,10 @@ async def _simulate(page: Page) -> None:
     with page.here():
         if failed:
             ui.notify(failed[0], type="negative", multi_line=True)
-        words = page.say("{count} slots are simulated; those for programs stay empty.", count=len(wanted) - len(failed))
+        words = page.language.count(
+            len(wanted) - len(failed), "{count} slot is simulated; those for programs stay empty.",
+            "{count} slots are simulated; those for programs stay empty.",
+        )  # fmt: skip
         ui.notify(words, type="positive")
 
 
@@ -316,7 +319,7 @@ class _Accounts:
 
         def deed(session: Session) -> Done:
             made.extend(page.service.pupils.tickets(session, int(self._days.value)))
-            return Done(words=page.say("{count} tickets are made.", count=len(made)))
+            return Done(words=page.language.count(len(made), "{count} ticket is made.", "{count} tickets are made."))
 
         if await page.do(deed) is not None:
             self._print(made)

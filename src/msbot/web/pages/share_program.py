@@ -98,9 +98,9 @@ class ShareDialog:
         if ticket is None:
             words = ""
         elif ticket.left:
-            words = say(
-                "Valid until {time}; {guests} of {most} devices have joined.",
-                time=self._until, guests=ticket.guests, most=ticket.guests + ticket.left,
+            words = self._page.language.count(
+                ticket.guests + ticket.left, "Valid until {time}; {guests} of {count} device has joined.",
+                "Valid until {time}; {guests} of {count} devices have joined.", time=self._until, guests=ticket.guests,
             )  # fmt: skip
         else:
             words = say("Used. For another device make a new code.")

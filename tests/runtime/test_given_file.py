@@ -1,0 +1,55 @@
+"""Files that a person names are read to a bound: a device has no end."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from msbot.cli.board.board import _Program
+from msbot.errors import ConfigError
+from msbot.idl.model import Definitions
+from msbot.idl.omg_reader import read_idl
+from msbot.idl.reader import read_definitions
+from msbot.runtime.given_file import read_given
+from msbot.space.space_address import TlsFiles
+from msbot.space.zenoh.reachability import context
+from msbot.web.server import _tls_context
+
+ZERO = Path("/dev/zero")
+needs_zero = pytest.mark.skipif(not ZERO.exists(), reason="there is no /dev/zero here")
+
+
+def test_a_file_is_read_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "part.py"
+    path.write_bytes(b"12345")
+    assert read_given(path, 5, "a program") == b"12345"
+    with pytest.raises(ConfigError) as refused:
+        read_given(path, 4, "a program")
+    assert str(refused.value) == (f"{path} is larger than 4 octets, or has no end: a program is not; name another file")
+    with pytest.raises(FileNotFoundError):
+        read_given(tmp_path / "nothing", 4, "a program")
+
+
+@needs_zero
+def test_a_program_for_a_board_has_an_end() -> None:
+    with pytest.raises(ConfigError, match="/dev/zero is larger than 1,000,000 octets, or has no end: a program is"):
+        _Program(ZERO)
+
+
+@needs_zero
+def test_definitions_have_an_end(tmp_path: Path) -> None:
+    os.symlink(ZERO, tmp_path / "a.idl")
+    with pytest.raises(ConfigError, match="or has no end: a file with message definitions is not"):
+        read_definitions(tmp_path / "a.idl")
+    with pytest.raises(ConfigError, match="or has no end: a file with message definitions is not"):
+        read_idl('#include "/dev/zero"\n', "b.idl", Definitions())
+
+
+@needs_zero
+def test_certificates_have_an_end() -> None:
+    with pytest.raises(ConfigError, match="or has no end: a PEM file is not"):
+        context(TlsFiles(ZERO, None, None))
+    with pytest.raises(ConfigError, match="or has no end: a PEM file is not"):
+        _tls_context(ZERO, None)
