@@ -52,6 +52,18 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
 
 
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """A test's time stands still while its failure is described: an alarm in there would end the whole run."""
+    if not hasattr(signal, "setitimer"):
+        return (yield)
+    left, _ = signal.setitimer(signal.ITIMER_REAL, 0)
+    try:
+        return (yield)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, left)
+
+
 LOGGERS = ("", "msbot", "msbot.part")
 """Those whose levels commands change; the first is the root."""
 

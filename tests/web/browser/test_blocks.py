@@ -239,7 +239,6 @@ class Learner:
         place.get_by_role("button", name="Answer").click()
 
 
-@pytest.mark.timeout(900 if THOROUGH else 120)
 def test_the_lesson_about_the_line_follower_is_done_with_blocks(
     desk: Pupil, child: BrowserContext, track: Site
 ) -> None:
