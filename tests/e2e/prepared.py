@@ -85,7 +85,7 @@ def _prepared() -> Prepared:
 
 
 class Prepared:
-    """The prepared process; it ends when this one does."""
+    """The prepared process; it ends when this one does, whatever ends it, and its copies with it."""
 
     def __init__(self) -> None:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -94,6 +94,11 @@ class Prepared:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, LARGEST)
             command = [sys.executable, __file__, str(theirs.fileno())]
             self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL)
+
+    def leave(self) -> None:
+        """Say that no more will be asked of it, as the system does when this process is gone."""
+        self._socket.close()
+        self._process.wait()
 
     def copy(self, wish: Wish, out: int, error: int) -> Copy:
         """A copy that runs a command."""
@@ -123,8 +128,7 @@ class Copy:
             line = self._news.readline()
             assert line, "the prepared process has ended"
             self.returncode = int(line)
-            self._news.close()
-            self._status.close()
+            self.forget()
         return self.returncode
 
     def poll(self) -> int | None:
@@ -143,6 +147,11 @@ class Copy:
         """End it without asking."""
         self.send_signal(signal.SIGKILL)
 
+    def forget(self) -> None:
+        """Ask no more how it ended."""
+        self._news.close()
+        self._status.close()
+
 
 def _serve(requests: socket.socket) -> tuple[Wish, list[int]] | None:
     """Fork for every request; returns in each copy what it shall do, and None in this process at the end."""
@@ -159,7 +168,9 @@ def _serve(requests: socket.socket) -> tuple[Wish, list[int]] | None:
         if requests.fileno() not in ready:
             continue
         data, files, _, _ = socket.recv_fds(requests, LARGEST, 3)
-        if not data:
+        if not data:  # pytest has ended, or was ended: nobody else would end what still runs
+            for pid in running:
+                os.kill(pid, signal.SIGKILL)
             return None
         wish: Wish = json.loads(data)
         _prepare(wish[0])

@@ -15,6 +15,7 @@ import fcntl
 import os
 import pickle
 import platform
+import select
 import shutil
 import subprocess
 import sys
@@ -74,12 +75,14 @@ class MachineRun:
             with suppress(OSError):  # not empty: another worker was first
                 staging.rename(self._folder)
                 command = [sys.executable, "-m", "tests.socketcan.machine", str(self._folder)]
-                self._process = subprocess.Popen(command, pass_fds=[lock.fileno()], cwd=ROOT)
+                self._process = subprocess.Popen(command, pass_fds=[lock.fileno()], cwd=ROOT, stdin=subprocess.PIPE)
 
     def finish(self) -> None:
         """Wait for the machines if this worker has started them."""
         if self._process is not None:
             self._process.wait()
+            assert self._process.stdin is not None
+            self._process.stdin.close()
 
     def reports(self, name: str) -> list[dict[str, object]]:
         """The reports of one test, as pytest serialises them; waits until the machines are done."""
@@ -116,7 +119,9 @@ def _run_machine(folder: Path) -> None:
     command = [str(RUNNER), *MACHINES[folder.name], "-t", str(PATIENCE_S), "-w", str(folder), "--", *pytest]
     for start in range(1, STARTS + 1):
         with open(folder / "output", "wb") as output:
-            runner = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=output, stderr=output)
+            runner = subprocess.Popen(
+                command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
             fell_silent = _watch(runner, folder / "reports")
             if fell_silent:
                 output.write(f"switched off at start {start}: no test reported for {SILENCE_S} s\n".encode())
@@ -128,20 +133,30 @@ def _run_machine(folder: Path) -> None:
 
 
 def _watch(runner: subprocess.Popen[bytes], reports: Path) -> bool:
-    """Wait for the machine's end; switch it off, and say so, when it falls silent."""
+    """Wait for the machine's end; switch it off, and say so, when it falls silent.
+
+    Raises:
+        SystemExit: the tests were ended, with whatever they had of this process' standard input; the machine is off.
+    """
     said = -1
-    while True:
-        try:
-            runner.wait(SILENCE_S)
-        except subprocess.TimeoutExpired:
+    ended = os.pidfd_open(runner.pid)
+    try:
+        while True:
+            ready, _, _ = select.select([ended, sys.stdin], [], [], SILENCE_S)
+            if ended in ready:
+                runner.wait()
+                return False
             now = reports.stat().st_size if reports.exists() else 0
-            if now == said or (said < 0 and now == 0):
+            silent = now == said or (said < 0 and now == 0)
+            if ready or silent:
                 runner.terminate()  # its trap ends the machine, too
                 runner.wait()
+                if ready:
+                    sys.exit("the tests have ended")
                 return True
             said = now
-        else:
-            return False
+    finally:
+        os.close(ended)
 
 
 def _without_report(folder: Path) -> list[str]:
