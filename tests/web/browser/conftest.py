@@ -24,7 +24,7 @@ ARGUMENTS = [
     "--disable-audio-output",  # it is muted, and would be mixed all the same
     "--js-flags=--no-opt --no-maglev",  # pages are left before compiling them twice pays
 ]  # fmt: skip
-PATIENCE_MS = 60_000
+PATIENCE_MS = 120_000
 """How long a test waits for the page; the machine may be busy. Nothing in the product is this slow."""
 NEEDED = "MSBOT_NEED_BROWSER"
 """Set where no browser test may be skipped, as in CI."""
@@ -50,7 +50,7 @@ def started_browser() -> Iterator[Browser]:
             "no Chromium on this machine: apt-get install chromium-headless-shell (or chromium)"
         )
     with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        found = playwright.chromium.launch(executable_path=path, args=ARGUMENTS, timeout=PATIENCE_MS)
         yield found
         found.close()
 
@@ -74,10 +74,17 @@ def free_port() -> int:
     raise AssertionError("no free port")
 
 
-def new_page(browser: Browser, *, width: int = 1280, height: int = 900) -> Page:
+def new_page(
+    browser: Browser, *, width: int = 1280, height: int = 900, locale: str = "en-GB", by_finger: bool = False
+) -> Page:
     """A fresh visitor, without cookies."""
-    # Without animations: drawing them in software costs more than all the rest of a page.
-    context = browser.new_context(viewport={"width": width, "height": height}, locale="en-GB", reduced_motion="reduce")
+    context = browser.new_context(
+        viewport={"width": width, "height": height},
+        locale=locale,
+        has_touch=by_finger,
+        is_mobile=by_finger,
+        reduced_motion="reduce",  # drawing animations in software costs more than all the rest of a page
+    )
     context.set_default_timeout(PATIENCE_MS)
     return context.new_page()
 

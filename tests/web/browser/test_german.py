@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from msbot.web.language import languages
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go
+from tests.web.browser.conftest import Site, go, new_page
 from tests.web.browser.test_demo_pages import FITS, PAGES
 
 ENGLISH = frozenset(
@@ -82,11 +82,10 @@ DECIMAL_POINT = re.compile(r"(?<![\w.:])\d+\.\d{1,2}(?![\w.:])")
 @pytest.fixture(scope="module")
 def page(browser: Browser, demo: Site) -> Iterator[Page]:
     """The tab of somebody whose browser prefers German."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="de-DE", reduced_motion="reduce")
-    page = context.new_page()
+    page = new_page(browser, locale="de-DE")
     page.goto(demo.link)
     yield page
-    context.close()
+    page.context.close()
 
 
 class Noticed(NamedTuple):

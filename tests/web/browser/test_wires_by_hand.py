@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go, undo_newest
+from tests.web.browser.conftest import Site, go, new_page, undo_newest
 
 
 @pytest.fixture
@@ -149,9 +149,9 @@ def test_on_a_phone_a_slot_is_made_and_wired_and_another_taken_out_with_its_wire
 def test_a_finger_that_trembles_picks_a_port_and_one_that_swipes_moves_the_drawing(
     browser: Browser, demo: Site
 ) -> None:
-    phone = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, locale="en-GB")
+    page = new_page(browser, width=390, height=844, by_finger=True)
+    phone = page.context
     phone.add_cookies([{"name": "msbot_tour", "value": "seen", "url": demo.base}])
-    page = phone.new_page()
     page.goto(demo.link)
     go(page, f"{demo.base}/wires")
     expect(page.get_by_text("The drawing goes on to the right: swipe, or scroll.")).to_be_visible()
