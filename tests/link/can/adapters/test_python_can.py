@@ -307,6 +307,14 @@ def test_a_driver_that_is_missing_on_this_system_is_named(monkeypatch: pytest.Mo
     )
 
 
+def test_a_driver_that_is_there_is_not_blamed_for_a_wrong_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    def make(*_: object, **__: object) -> can.BusABC:
+        raise ValueError("Invalid bitrate.")
+
+    monkeypatch.setattr(can, "Bus", make)
+    assert opening("pcan", "PCAN_USBBUS1") == "can:x: pcan PCAN_USBBUS1 cannot be opened: Invalid bitrate"
+
+
 def test_without_python_can_the_command_that_brings_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def find(name: str, package: str | None = None) -> None:
         assert (name, package) == ("can", None)
@@ -317,18 +325,31 @@ def test_without_python_can_the_command_that_brings_it_is_named(monkeypatch: pyt
     )
 
 
+def timing_of(clock: int, bitrate: int, data_bitrate: int) -> can.BitTimingFd:
+    """With all sample points at 80 %."""
+    return can.BitTimingFd.from_sample_point(clock, bitrate, 80.0, data_bitrate, 80.0)
+
+
 @pytest.mark.parametrize(
     ("interface", "info", "expected"),
     [
-        ("kvaser", CanBusInfo("", 500_000, 2_000_000, fd=True), {"fd", "bitrate", "data_bitrate"}),
-        ("pcan", CanBusInfo("", 500_000, 2_000_000, fd=True), {"fd", "timing"}),
-        ("virtual", CanBusInfo("", None, None, fd=True), {"protocol"}),
-        ("gs_usb", CanBusInfo("", 500_000), {"bitrate"}),
-        ("vector", CanBusInfo("", None), set()),
+        ("kvaser", CanBusInfo("", 500_000, 2_000_000, fd=True),
+         {"fd": True, "bitrate": 500_000, "data_bitrate": 2_000_000}),
+        ("kvaser", CanBusInfo("", 500_000, None, fd=True), {"fd": True, "bitrate": 500_000}),
+        ("pcan", CanBusInfo("", 500_000, 2_000_000, fd=True),
+         {"fd": True, "timing": timing_of(80_000_000, 500_000, 2_000_000)}),
+        ("pcan", CanBusInfo("", 500_000, None, fd=True),
+         {"fd": True, "timing": timing_of(80_000_000, 500_000, 500_000)}),
+        ("pcan", CanBusInfo("", None, None, fd=True), {"fd": True}),
+        ("slcan", CanBusInfo("", 250_000, 1_000_000, fd=True),
+         {"fd": True, "timing": timing_of(8_000_000, 250_000, 1_000_000)}),
+        ("virtual", CanBusInfo("", None, None, fd=True), {"protocol": can.CanProtocol.CAN_FD}),
+        ("gs_usb", CanBusInfo("", 500_000), {"bitrate": 500_000}),
+        ("vector", CanBusInfo("", None), {}),
     ],
-)
+)  # fmt: skip
 async def test_rates_are_given_as_each_interface_wants_them(
-    interface: str, info: CanBusInfo, expected: set[str], made: list[SocketBus]
+    interface: str, info: CanBusInfo, expected: dict[str, object], made: list[SocketBus]
 ) -> None:
     driver = CanDriver(PythonCanAdapter(interface, "0", info, {}))
     opened = asyncio.Event()
@@ -337,7 +358,7 @@ async def test_rates_are_given_as_each_interface_wants_them(
         serving = tasks.create_task(driver.run())
         await opened.wait()
         serving.cancel()
-    assert set(made[0].settings) - {"channel", "interface"} == expected
+    assert made[0].settings == {"channel": 0, "interface": interface, **expected}
 
 
 async def test_a_bus_that_opens_after_the_end_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.sim import server as sim_server
+from msbot.link.can.sim.driver import SimBusDriver
 from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot.link.can.sim.model.messages import (
     BusFrame,
@@ -50,6 +51,7 @@ async def test_programs_hear_each_other_with_the_times_of_the_bus(folder: Path) 
         assert before + (frame_bits(frame).nominal_bits - 3) / 500_000 <= sent.at <= time.monotonic() + 1e-3
         assert server.programs == 2
     assert find_bus("classroom", folder) is None
+    assert not server.ready.is_set()
     assert await one.ended() == []
     assert await other.ended() == []
 
@@ -253,6 +255,18 @@ async def test_who_does_not_read_is_told_its_latest_state_only(folder: Path) -> 
         program.close()
         told = [message for message in await lazy.ended() if isinstance(message, StateTold)]
         assert [message.state for message in told] == [BusState.ACTIVE]
+
+
+async def test_a_computer_without_a_free_port_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def refuse(*_: object) -> None:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "create_server", refuse)
+    words = "cannot serve the simulated bus 'classroom' on 127.0.0.1: Address already in use"
+    with pytest.raises(LinkDown, match=words):
+        async with asyncio.timeout(60):
+            await sim_server.SimBusServer(SimBusDriver(SimBus(500_000)), "classroom", folder=folder).run()
+    assert find_bus("classroom", folder) is None
 
 
 async def test_a_second_server_of_a_name_is_refused(folder: Path) -> None:

@@ -12,8 +12,9 @@ from msbot.errors import ConfigError
 from msbot.link import Signal, open_link
 from msbot.link.can import CanMasterLink, CanPartLink, CanSettings, Codec
 from msbot.link.can.sim.client import SimBusWish
-from msbot.link.can.sim.names import existing_bus
+from msbot.link.can.sim.names import existing_bus, find_bus
 from msbot.link.can.sim.sim_address import open_sim_bus, parse_sim
+from tests.link.can.sim.virtual import virtually
 from tests.link.sim_programs import PATIENCE_S
 
 CODEC = Codec(bytes, bytes)
@@ -48,6 +49,9 @@ def test_an_address_names_a_bus(text: str, wish: SimBusWish) -> None:
         ("sim:b?fd=2", "1 means yes"),
         ("sim:b?dbitrate=2000000", "add fd=1"),
         ("sim:b?compression=no", "1 means yes"),
+        ("sim:b?compression=1=0", "1 means yes"),
+        ("sim:b?bitrate=1000001", "a bit rate from 5000 to 1000000"),
+        ("sim:b?fd=1&dbitrate=8000001", "a bit rate from 5000 to 8000000"),
     ],
 )
 @pytest.mark.parametrize("serve", [False, True])
@@ -68,6 +72,18 @@ def test_compression_is_used_unless_the_address_says_no() -> None:
 def test_a_tool_gets_the_controller() -> None:
     info = open_sim_bus("classroom?fd=1", node="tool", listen_only=True).info
     assert (info.name, info.fd) == ("sim:classroom", True)
+
+
+@pytest.mark.parametrize("serve", [False, True])
+@virtually
+async def test_only_a_master_serves_the_bus_a_part_waits(serve: bool) -> None:
+    settings = CanSettings(codec=CODEC, uid=b"12345678", random=Random(1))
+    link = open_link("sim:classroom", serve=serve, can=settings)
+    running = asyncio.ensure_future(link.run())
+    await asyncio.sleep(1.0)
+    assert (find_bus("classroom") is not None) == serve
+    running.cancel()
+    await asyncio.wait([running])
 
 
 @pytest.mark.parametrize("options", ["", "?bitrate=250000&fd=1&dbitrate=1000000"])

@@ -11,6 +11,7 @@ from msbot.errors import ConfigError, LinkDown
 from msbot.link.can.sim import thread as sim_thread
 from msbot.link.can.sim.client import SimBusWish
 from msbot.link.can.sim.names import NamedBus, existing_bus, find_bus, publish
+from msbot.link.can.sim.server import SimBusServer
 from msbot.link.can.sim.thread import BusThread, hold, release
 
 WISH = SimBusWish("classroom", 125_000)
@@ -64,6 +65,34 @@ def test_a_thread_that_does_not_begin_is_given_up(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(BusThread, "run", lambda _self: None)
     with pytest.raises(LinkDown, match="did not begin"):
         hold(WISH)
+
+
+def test_who_begins_to_serve_while_this_one_looks_has_the_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(BusThread, "begin", lambda _self: False)
+    assert not hold(WISH)
+    with pytest.raises(KeyError):
+        release("classroom")
+
+
+@pytest.mark.parametrize("is_another_there", [False, True])
+@pytest.mark.parametrize("error", [LinkDown("no port"), ConfigError("no folder")])
+def test_only_that_another_serves_the_bus_is_no_error(
+    error: Exception, is_another_there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fail(_self: SimBusServer) -> None:
+        raise error
+
+    monkeypatch.setattr(SimBusServer, "run", fail)
+    if is_another_there:
+        publish(NamedBus("classroom", 1, "ab" * 16, os.getppid(), 500_000, None, False))
+    thread = BusThread(WISH)
+    assert thread.daemon, "who forgets it can still end"
+    if is_another_there and isinstance(error, LinkDown):
+        assert not thread.begin()
+    else:
+        with pytest.raises(type(error), match=str(error)):
+            thread.begin()
+    thread.end()
 
 
 def test_who_forgets_to_let_go_leaves_no_name_behind() -> None:

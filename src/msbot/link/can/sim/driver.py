@@ -151,19 +151,18 @@ class SimBusDriver:
         if self._timer is not None:
             self._timer.cancel()
         self._timer_at = at
-        self._timer = None if at is None else asyncio.get_running_loop().call_at(at, self._wake)
+        self._timer = None if at is None else asyncio.get_running_loop().call_at(at, self._wake, at)
 
-    def _wake(self) -> None:
-        loop = asyncio.get_running_loop()
-        due = loop.time() if self._timer_at is None else max(loop.time(), self._timer_at)
+    def _wake(self, at: float) -> None:
+        due = max(asyncio.get_running_loop().time(), at)
         self._timer = self._timer_at = None
         bus = self.bus
         turns = EVENTS_PER_TURN
         try:
-            while turns and (at := bus.next_event_at()) is not None and at <= due:
+            while turns and (next_at := bus.next_event_at()) is not None and next_at <= due:
                 turns -= 1
-                self._logical = at
-                for event in bus.advance(at):
+                self._logical = next_at
+                for event in bus.advance(next_at):
                     self._tell(event)
         finally:
             self._logical = None

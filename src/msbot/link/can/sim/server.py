@@ -170,13 +170,12 @@ class SimBusConnection(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._patience: asyncio.TimerHandle | None = None
         self._port: SimCanBus | None = None
-        self._listens = False
         self._greeted = False
         self._outstanding: list[tuple[int, Frame]] = []
         self._is_full = False
         self._lost = 0
         self._state_now: StateTold | None = None
-        self._is_state_told = True
+        """What has not been told yet."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See `asyncio.Protocol`."""
@@ -230,9 +229,7 @@ class SimBusConnection(asyncio.Protocol):
         if port is not None:
             self._port = None
             server.driver.remove(port)
-        if self._listens:
-            self._listens = False
-            server.driver.listeners = [tap for tap in server.driver.listeners if tap != self._overheard]
+        server.driver.listeners = [tap for tap in server.driver.listeners if tap != self._overheard]
 
     def _handle(self, message: Message) -> None:
         match message:
@@ -257,7 +254,6 @@ class SimBusConnection(asyncio.Protocol):
         bus = server.driver.bus
         self._tell(Welcome(bus.bitrate, bus.data_bitrate, bus.fd))
         if hello.listen_only:
-            self._listens = True
             server.driver.listeners = [*server.driver.listeners, self._overheard]
             return
         self._port = server.attach(hello)
@@ -298,16 +294,15 @@ class SimBusConnection(asyncio.Protocol):
     def _state(self, state: BusState, words: str, now: float) -> None:
         if state is BusState.OFF:
             self._outstanding.clear()
-        counters = (0, 0) if self._port is None else self._port.error_counters()
-        self._state_now = StateTold(state, now, *counters, words)
-        self._is_state_told = False
+        assert self._port is not None
+        self._state_now = StateTold(state, now, *self._port.error_counters(), words)
         self._tell_state()
 
     def _tell_state(self) -> None:
         """Send the latest state; states from while the program did not read are of no use to it."""
-        if self._state_now is not None and not (self._is_state_told or self._is_full):
-            self._is_state_told = True
-            self._tell(self._state_now)
+        if self._state_now is not None and not self._is_full:
+            state, self._state_now = self._state_now, None
+            self._tell(state)
 
     def _tell(self, message: Message) -> None:
         if self._transport is not None:

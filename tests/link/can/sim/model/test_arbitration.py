@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import Enum
-from itertools import repeat
+from dataclasses import replace
 
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.protocol.bits import WireBit, arbitration_rank, frame_bits, wire_bits
+from msbot.link.can.protocol.bits import arbitration_rank, frame_bits, wire_bits
 from msbot.link.can.protocol.frames import Frame, pad_fd
-from msbot.link.can.sim.model.arbitration import Attempt, Mail, Rates, SimNode, fall_silent, plan_attempt
-from msbot.link.can.sim.model.error_counters import ErrorCounters, is_tail
+from msbot.link.can.sim.model.arbitration import (
+    Attempt,
+    Mail,
+    Rates,
+    SimNode,
+    arbitrate,
+    fall_silent,
+    plan_attempt,
+    plan_shorted,
+)
+from msbot.link.can.sim.model.error_counters import ErrorCounters
 from tests.effort import tries
+from tests.link.can.sim.model.plain_bus import PlainNode, plain_bus
 
-RATES = Rates(1.0, 1.0)
-"""One second a bit, so that times are bits."""
+RATES = Rates(4.0, 0.5)
+"""Powers of two, so that sums of bit times are exact."""
+SLOW = RATES.bit_s
 
 
 def node(name: str, *frames: Frame, fd: bool = True, passive: bool = False) -> SimNode:
@@ -31,95 +41,6 @@ def node(name: str, *frames: Frame, fd: bool = True, passive: bool = False) -> S
 
 def attempt(senders: list[SimNode], listeners: list[SimNode], flip: int | None = None) -> Attempt:
     return plan_attempt(0.0, senders, listeners, RATES, lambda bits: flip if flip is not None and flip < bits else None)
-
-
-class Mode(Enum):
-    FRAME = 0
-    FLAG = 1
-    WAIT = 2
-    DELIMITER = 3
-    DONE = 4
-
-
-@dataclass
-class PlainNode:
-    """An error-active controller that decides bit by bit."""
-
-    sends: bool
-    mode: Mode = Mode.FRAME
-    left: int = 0
-    run: int = 0
-    last: int = -1
-    altered: bool = False
-
-    def drive(self, bit: WireBit) -> int:
-        if self.mode is Mode.FLAG:
-            return 0
-        if self.mode is not Mode.FRAME:
-            return 1
-        if bit.field == "ACK":
-            return 1 if self.sends or self.altered else 0
-        return bit.level if self.sends else 1
-
-    def see(self, bit: WireBit, driven: int, level: int) -> None:
-        if self.mode is Mode.FRAME:
-            if self._finds_error(bit, driven, level):
-                self.mode, self.left = Mode.FLAG, 6
-        elif self.mode is Mode.FLAG:
-            self.left -= 1
-            if not self.left:
-                self.mode = Mode.WAIT
-        elif self.mode is Mode.WAIT and level == 1:
-            self.mode, self.left = Mode.DELIMITER, 7
-        elif self.mode is Mode.DELIMITER:
-            self.left -= 1
-            if not self.left:
-                self.mode = Mode.DONE
-
-    def _finds_error(self, bit: WireBit, driven: int, level: int) -> bool:
-        if self.sends and bit.field in ("ID", "RTR", "SRR", "IDE") and driven > level and not bit.stuff:
-            self.sends = False  # arbitration lost, even to a disturbance
-        self.run = self.run + 1 if level == self.last else 1
-        wrong_fixed = bit.fixed and level == self.last
-        self.last = level
-        self.altered = self.altered or (level != bit.level and not is_tail(bit))
-        if bit.field == "ACK":
-            return level == 1 and (self.sends or not self.altered)
-        if self.sends:
-            return level != driven
-        if is_tail(bit):
-            return level == 0 or (bit.field == "ACK DELIMITER" and self.altered)
-        return wrong_fixed or self.run == 6
-
-
-def plain_length(frame: Frame, flip: int) -> int:
-    """Bits until the bus is free, intermission included, with one sender, two receivers and one disturbed bit."""
-    wire = wire_bits(frame)
-    return plain_bus([(PlainNode(True), wire), (PlainNode(False), wire), (PlainNode(False), wire)], flip=flip)
-
-
-def plain_bus(nodes: list[tuple[PlainNode, list[WireBit]]], *, flip: int = -1, leaves_at: int = -1) -> int:
-    """Bits until the bus is free, intermission included.
-
-    Args:
-        nodes: each with the frame it sends, or takes what it sees for.
-        flip: the bit that is disturbed.
-        leaves_at: the bit from which on the first node is not there any more.
-    """
-    wires = [[*wire[:-3], *repeat(WireBit(1, "IDLE"), 200)] for _, wire in nodes]
-    ends = [len(wire) - 3 for _, wire in nodes]
-    for index in range(min(map(len, wires))):
-        for (it, _), end in zip(nodes, ends, strict=True):
-            it.mode = Mode.DONE if it.mode is Mode.FRAME and index == end else it.mode
-        if index == leaves_at:
-            nodes[0][0].mode = Mode.DONE
-        if all(it.mode is Mode.DONE for it, _ in nodes):
-            return index + 3
-        driven = [it.drive(wire[index]) for (it, _), wire in zip(nodes, wires, strict=True)]
-        level = min(driven) ^ (index == flip)
-        for (it, _), wire, own in zip(nodes, wires, driven, strict=True):
-            it.see(wire[index], own, level)
-    raise AssertionError("the bus never gets free")
 
 
 classic_frames = st.builds(
@@ -142,16 +63,35 @@ fd_frames = st.builds(
 )
 
 
+def names_and_counts(nodes: dict[str, PlainNode]) -> dict[str, tuple[int, int]]:
+    """Without those that counted nothing."""
+    return {name: it.counted for name, it in nodes.items() if it.counted != (0, 0)}
+
+
 @settings(max_examples=tries(300, 6000))
-@given(classic_frames | fd_frames, st.data())
-def test_a_disturbed_bit_costs_what_the_plain_simulation_says(frame: Frame, data: st.DataObject) -> None:
-    flip = data.draw(st.integers(0, len(wire_bits(frame)) - 4))
-    planned = attempt([node("A", frame)], [node("B"), node("C")], flip)
+@given(classic_frames | fd_frames, st.booleans(), st.booleans(), st.data())
+def test_a_disturbed_bit_costs_what_the_plain_simulation_says(
+    frame: Frame, sender_passive: bool, listener_passive: bool, data: st.DataObject
+) -> None:
+    wire = wire_bits(replace(frame, esi=True) if frame.fd and sender_passive else frame)
+    flip = data.draw(st.integers(0, len(wire) - 4))
+    listeners = [node("B"), node("C", passive=listener_passive)]
+    planned = attempt([node("A", frame, passive=sender_passive)], listeners, flip)
+    nodes = {"A": PlainNode(True, sender_passive), "B": PlainNode(False), "C": PlainNode(False, listener_passive)}
+    course = plain_bus([(it, wire) for it in nodes.values()], RATES, flip=flip)
     assert planned.error == "a bit was disturbed"
-    assert (planned.free_at, planned.bits) == (plain_length(frame, flip), plain_length(frame, flip))
-    last = flip == len(wire_bits(frame)) - 4
+    assert (planned.free_at, planned.bits) == (course.seconds, course.bits)
+    assert (planned.ends_at, planned.recessive_from) == (planned.free_at - 3 * SLOW, planned.free_at - 11 * SLOW)
     assert planned.sent == []
-    assert len(planned.received) == (2 if last else 0), "the last bit of the end of frame comes too late for receivers"
+    if flip == len(wire) - 4:  # too late for receivers: they have the frame, and send an overload flag
+        assert planned.received == listeners
+        assert added(planned) == {"A": (8, 0)}
+    else:
+        assert planned.received == []
+        in_arbitration = wire[flip].field in ("ID", "SRR", "IDE", "RTR", "RRS") and wire[flip].level == 1
+        if wire[flip].stuff and in_arbitration:
+            nodes["A"].counted = (0, 0)  # an exception of rule c
+        assert added(planned) == names_and_counts(nodes)
 
 
 @given(classic_frames)
@@ -159,23 +99,26 @@ def test_an_undisturbed_frame_takes_its_bits(frame: Frame) -> None:
     sender, listeners = node("A", frame), [node("B"), node("C")]
     planned = attempt([sender], listeners)
     length = sum(frame_bits(frame))
-    assert planned.bits == planned.free_at == length
-    assert planned.ends_at == length - 3
-    assert planned.recessive_from == length - 11
+    assert planned.bits == length
+    assert planned.free_at == length * SLOW
+    assert planned.ends_at == (length - 3) * SLOW
+    assert planned.recessive_from == (length - 11) * SLOW
     assert (planned.sent, planned.received, planned.failures, planned.error) == ([sender], listeners, [], "")
 
 
 @given(classic_frames | fd_frames)
 def test_a_disturbed_intermission_is_an_overload_frame(frame: Frame) -> None:
     length = sum(frame_bits(frame))
+    undisturbed = attempt([node("A", frame)], [node("B")])
     for place, more in ((0, 1 + 6 + 8), (1, 2 + 6 + 8)):
         sender, listeners = node("A", frame), [node("B"), node("C")]
         planned = attempt([sender], listeners, length - 3 + place)
         assert planned.overload
         assert (planned.sent, planned.received, planned.failures, planned.error) == ([sender], listeners, [], "")
-        assert planned.ends_at == length - 3, "the frame has gone well by then"
-        assert planned.bits == planned.free_at == length + more
-        assert planned.recessive_from == planned.free_at - 8 - 3
+        assert planned.ends_at == undisturbed.ends_at, "the frame has gone well by then"
+        assert planned.bits == length + more
+        assert planned.free_at == undisturbed.free_at + more * SLOW
+        assert planned.recessive_from == planned.free_at - (8 + 3) * SLOW
     assert not attempt([node("A", frame)], [node("B")], length - 1).overload
 
 
@@ -187,6 +130,14 @@ def test_a_disturbance_of_the_acknowledgement_may_stand_in_for_it() -> None:
     assert planned.bits == length
     assert attempt([node("A", Frame(5, b"x"))], [], length - 13).error == "a bit was disturbed"
     assert attempt([node("A", Frame(5, b"x"))], [], length - 3).error == "nobody acknowledged"
+
+
+def added(planned: Attempt) -> dict[str, tuple[int, int]]:
+    """What the nodes count, without those that count nothing."""
+    before = {it.node.name: (it.node.counters.transmit, it.node.counters.receive) for it in planned.failures}
+    after = counts(planned)
+    both = {name: (after[name][0] - before[name][0], after[name][1] - before[name][1]) for name in before}
+    return {name: count for name, count in both.items() if count != (0, 0)}
 
 
 def counts(planned: Attempt) -> dict[str, tuple[int, int]]:
@@ -223,7 +174,8 @@ def test_a_lone_active_node_counts_and_a_passive_one_does_not() -> None:
         assert planned.error == "nobody acknowledged"
         assert counts(planned)["A"][0] == transmit
         # Up to and including the ACK slot, then flag, delimiter and intermission.
-        assert planned.bits == planned.free_at == sum(frame_bits(Frame(1))) - 11 + 6 + 8 + 3
+        assert planned.bits == sum(frame_bits(Frame(1))) - 11 + 6 + 8 + 3
+        assert planned.free_at == planned.bits * SLOW
 
 
 def test_two_frames_with_one_identifier_destroy_each_other() -> None:
@@ -234,7 +186,7 @@ def test_two_frames_with_one_identifier_destroy_each_other() -> None:
     assert counts(planned) == {"A": (8, 0), "B": (8, 0), "C": (0, 1)}
     first, second = wire_bits(one), wire_bits(other)
     differ = next(i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a.level != b.level)
-    assert planned.free_at <= differ + 1 + 12 + 8 + 3
+    assert planned.bits <= differ + 1 + 12 + 8 + 3
 
 
 @given(classic_frames | fd_frames, st.binary(max_size=64), st.integers(0, 2))
@@ -251,19 +203,98 @@ def test_a_conflict_of_two_frames_costs_what_the_plain_simulation_says(
     nodes += [(PlainNode(False), seen) for _ in range(listeners)]
     planned = attempt([node("A", frame), node("B", other)], [node(f"L{number}") for number in range(listeners)])
     assert planned.error == "two nodes sent different frames with one identifier"
-    assert planned.free_at == plain_bus(nodes)
+    assert planned.free_at == plain_bus(nodes, RATES).seconds
     assert sorted(counts(planned).values()) == [(0, 1)] * listeners + [(8, 0)] * 2
 
 
-@given(classic_frames | fd_frames, st.data())
-def test_a_sender_that_is_unplugged_costs_what_the_plain_simulation_says(frame: Frame, data: st.DataObject) -> None:
+@settings(max_examples=tries(100, 2000))
+@given(classic_frames | fd_frames, st.booleans(), st.sampled_from((0.0, 0.5)), st.data())
+def test_a_bus_that_falls_silent_costs_what_the_plain_simulation_says(
+    frame: Frame, stuck: bool, part_of_bit: float, data: st.DataObject
+) -> None:
+    """The sender is unplugged, or the bus is short-circuited, during a bit."""
     wire = wire_bits(frame)
-    leaves_at = data.draw(st.integers(1, len(wire) - 4))
+    at = data.draw(st.integers(1, len(wire) - 4))
     planned = attempt([node("A", frame)], [node("B"), node("C")])
-    silent = fall_silent(planned, float(leaves_at), RATES, stuck=False)
-    nodes = [(PlainNode(True), wire), (PlainNode(False), wire), (PlainNode(False), wire)]
-    assert silent.free_at == plain_bus(nodes, leaves_at=leaves_at)
-    assert bool(silent.received) != bool(silent.failures)
+    now = RATES.end_of(wire, at - 1, 0.0) + part_of_bit * (0.5 if wire[at].fast else SLOW)
+    silent = fall_silent(planned, now, RATES, stuck=stuck)
+    nodes = {"A": PlainNode(True), "B": PlainNode(False), "C": PlainNode(False)}
+    course = plain_bus([(it, wire) for it in nodes.values()], RATES, **{"shorted_from" if stuck else "leaves_at": at})
+    assert (silent.free_at, silent.bits) == (course.seconds, course.bits)
+    assert added(silent) == names_and_counts(nodes)
+    is_heard = all(nodes[name].counted == (0, 0) for name in "BC")
+    assert [it.name for it in silent.received] == (["B", "C"] if is_heard else [])
+    assert [it.name for it in silent.sent] == (["A"] if stuck and nodes["A"].counted == (0, 0) else [])
+    words = "the bus was short-circuited" if stuck else "the sender was unplugged"
+    assert silent.error == (words if names_and_counts(nodes) else "")
+
+
+def test_on_a_shorted_bus_each_bit_of_a_flag_is_an_error_until_the_sender_is_passive() -> None:
+    """Rule d of fault confinement; then follow the six bits of its passive flag."""
+    for transmit in range(256):
+        plain, bits = ErrorCounters(transmit=transmit), 1
+        plain.transmit_failed()  # SOF is not seen
+        while plain.active:
+            bits += 1
+            plain.transmit_failed()
+        lone = node("A", Frame(5))
+        lone.counters = ErrorCounters(transmit=transmit)
+        planned = plan_shorted(SLOW, [lone], RATES)
+        assert planned.bits == bits + 6 + 8 + 3
+        assert planned.free_at == SLOW + planned.bits * SLOW
+        assert counts(planned) == {"A": (plain.transmit, 0)}
+
+
+def test_of_several_senders_on_a_shorted_bus_the_longest_flag_counts() -> None:
+    one, other = node("A", Frame(5)), node("B", Frame(6))
+    one.counters, other.counters = ErrorCounters(transmit=100), ErrorCounters(transmit=60)
+    planned = plan_shorted(0.0, [one, other], RATES)
+    assert planned.bits == 1 + 8 + 6 + 8 + 3
+    assert counts(planned) == {"A": (132, 0), "B": (132, 0)}
+
+
+@given(fd_frames, st.integers(0, 2), st.booleans(), st.data())
+def test_a_classic_controller_costs_what_the_plain_simulation_says(
+    frame: Frame, others: int, is_disturbed: bool, data: st.DataObject
+) -> None:
+    """It takes FDF for an error, unless FDF itself, or a bit before, is disturbed; what comes later is too late."""
+    wire = wire_bits(frame)
+    fdf = next(at for at, bit in enumerate(wire) if bit.field == "FDF")
+    lost = {at for at in range(fdf) if wire[at].level == 1 and not wire[at].stuff}  # taken for lost arbitration
+    flip = data.draw(st.integers(0, fdf).filter(lambda at: at not in lost)) if is_disturbed else -1
+    listeners = [node("B", fd=False), *(node(f"L{number}") for number in range(others))]
+    planned = attempt([node("A", frame)], listeners, flip if is_disturbed else fdf + 1)
+    nodes = {"A": PlainNode(True), "B": PlainNode(False, classic=True)}
+    nodes |= {f"L{number}": PlainNode(False) for number in range(others)}
+    course = plain_bus([(it, wire) for it in nodes.values()], RATES, flip=flip)
+    assert (planned.free_at, planned.bits) == (course.seconds, course.bits)
+    assert planned.error == (
+        "a bit was disturbed" if is_disturbed else "a classic-only controller does not support CAN FD"
+    )
+    if is_disturbed and wire[flip].stuff and wire[flip].level == 1:
+        nodes["A"].counted = (0, 0)  # an exception of rule c
+    assert added(planned) == names_and_counts(nodes)
+
+
+@pytest.mark.parametrize("passive", [False, True])
+@pytest.mark.parametrize("brs", [False, True])
+def test_without_an_acknowledgement_the_flag_follows_the_ack_slot(passive: bool, brs: bool) -> None:
+    frame = Frame(0x123, bytes(range(12)), fd=True, brs=brs)
+    wire = wire_bits(replace(frame, esi=passive))
+    planned = attempt([node("A", frame, passive=passive)], [])
+    course = plain_bus([(PlainNode(True, passive), wire)], RATES)
+    assert (planned.free_at, planned.bits) == (course.seconds, course.bits)
+    assert planned.ends_at == planned.free_at - 3 * SLOW
+
+
+def test_who_is_ready_when_the_first_bit_is_over_comes_too_late() -> None:
+    slow, quick = node("A"), node("B")
+    slow.mailboxes = [Mail(4.0, 1, Frame(1)), Mail(3.9, 3, Frame(3))]
+    quick.mailboxes = [Mail(0.0, 2, Frame(2))]
+    assert arbitrate([slow, quick], 4.0) == [quick]
+    assert (slow.choice, quick.choice) == (slow.mailboxes[1], quick.mailboxes[0])
+    assert arbitrate([slow, quick], 4.5) == [slow]
+    assert slow.ready() == 3.9
 
 
 def test_a_passive_node_that_meets_its_own_identifier_gives_way_without_destroying() -> None:
@@ -309,9 +340,9 @@ def test_a_passive_sender_cannot_destroy_but_its_receivers_do() -> None:
     level = 1 - wire_bits(frame)[30].level
     same = 2 if wire_bits(frame)[29].level == level == 1 else 1 if level == 1 else 0
     # The sender falls silent; the receiver finds six recessive bits and sends its flag.
-    assert planned.free_at == 31 + (6 - same) + 6 + 8 + 3
+    assert planned.bits == 31 + (6 - same) + 6 + 8 + 3
     everybody_passive = attempt([node("A", frame, passive=True)], [node("B", passive=True)], 30)
-    assert everybody_passive.free_at == 31 + 6 + 8 + 3
+    assert everybody_passive.bits == 31 + 6 + 8 + 3
 
 
 def test_the_data_phase_is_timed_at_its_own_rate() -> None:

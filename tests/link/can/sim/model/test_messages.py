@@ -56,9 +56,14 @@ LITERAL = [
     (Welcome(500_000, 2_000_000, fd=True), "0b00 02 01 01 20a10700 80841e00"),
     (BusFrame(Frame(0x123, b"\xde\xad"), 7, 1.0), "1500 04 07000000 000000000000f03f 23010000 00 00 dead"),
     (FrameSent(7, 1.0), "0d00 05 07000000 000000000000f03f"),
+    (BusFrame(Frame(0x12345678, bytes(12), extended=True, fd=True, brs=True, esi=True)),
+     "1f00 04 00000000 0000000000000000 78563412 17 00 000000000000000000000000"),
+    (BusFrame(Frame(5, remote=True, remote_length=7)), "1300 04 00000000 0000000000000000 05000000 08 07"),
+    (BusFrame(Frame(5, bytes(8), long_dlc=13)), "1b00 04 00000000 0000000000000000 05000000 00 d0 0000000000000000"),
+    (StateTold(BusState.OFF, 1.0, 0x108, 3, "x"), "0f00 07 000000000000f03f 02 0801 0300 78"),
     (FramesLost(5), "0500 08 05000000"),
     (Restart(), "0100 09"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("message", "octets"), LITERAL)
@@ -115,6 +120,26 @@ def test_a_splitter_never_keeps_more_than_a_message(pieces: list[bytes]) -> None
 def test_nonsense_is_an_error_that_says_what(octets: str, words: str) -> None:
     with pytest.raises(RemoteProtocolError, match=words):
         Splitter().receive(bytes.fromhex(octets))
+
+
+def test_a_message_has_from_1_to_512_octets() -> None:
+    assert Splitter().receive(bytes.fromhex("0002 03") + b"x" * 511) == [Refused("x" * 511)]
+    with pytest.raises(RemoteProtocolError, match="impossible length"):
+        Splitter().receive(bytes.fromhex("0102 03"))
+
+
+def test_a_message_is_read_when_its_last_octet_has_come() -> None:
+    octets = encode(FramesLost(5)) + encode(Restart())
+    splitter = Splitter()
+    read = [(at, splitter.receive(octets[at : at + 1])) for at in range(len(octets))]
+    assert [(at, found) for at, found in read if found] == [(6, [FramesLost(5)]), (9, [Restart()])]
+
+
+@pytest.mark.parametrize("more", [0, 1, 1 << 40])
+def test_a_count_that_has_no_room_is_told_as_the_largest(more: int) -> None:
+    assert decode(encode(FramesLost(0xFFFFFFFF + more))[2:]) == FramesLost(0xFFFFFFFF)
+    told = StateTold(BusState.ACTIVE, 0.0, 0xFFFF + more, 0xFFFF + more, "")
+    assert decode(encode(told)[2:]) == StateTold(BusState.ACTIVE, 0.0, 0xFFFF, 0xFFFF, "")
 
 
 def test_a_key_has_16_octets() -> None:

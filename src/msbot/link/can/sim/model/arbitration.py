@@ -12,6 +12,7 @@ the intermission, which would be taken for an SOF, is left out.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 
@@ -27,7 +28,7 @@ from msbot.link.can.sim.model.error_counters import (
 from msbot.runtime.lazy_dataclass import dataclass
 
 Noise = Callable[[int], int | None]
-"""Given a number of bits: the index of the first one that is disturbed, or None."""
+"""Given a number of bits: the index of the first one that is disturbed; None, or one behind them: none is."""
 
 OVERLOAD_FLAG = ERROR_FLAG
 """Bits of an overload flag; always dominant."""
@@ -193,8 +194,9 @@ def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode],
     if destroying:
         wire = wire_bits(frame)
         fdf = next(index for index, bit in enumerate(wire) if bit.field == "FDF")
-        if disturbed is None or disturbed >= fdf:
+        if disturbed is None or disturbed > fdf:
             return _destroy(attempt, wire, fdf, destroying, rates)
+        attempt.listeners = listeners  # up to here, and if FDF itself is inverted, these see what the others see
     acknowledged = bool(attempt.listeners) or disturbed == total - _AFTER_ACK_SLOT - 1
     if disturbed is not None and disturbed < total - INTERMISSION and (attempt.listeners or not acknowledged):
         return _disturb(attempt, disturbed, rates)
@@ -219,17 +221,18 @@ def fall_silent(attempt: Attempt, now: float, rates: Rates, *, stuck: bool) -> A
     """
     changed = Attempt(attempt.starts_at, attempt.frame, [], attempt.listeners)
     wire = wire_bits(attempt.frame, acknowledged=bool(attempt.listeners))
-    last = -1
-    while last + 1 < len(wire) and rates.end_of(wire, last + 1, attempt.starts_at) <= now:
-        last += 1
+    over = bisect_right(range(len(wire)), now, key=lambda index: rates.end_of(wire, index, attempt.starts_at))
+    last = over - 1
     groups: list[_Group] = []
+    noticed = noticed_at(wire, last, wire[last].level if last >= 0 else 1, 1)
     if stuck:
         changed.senders = attempt.senders
-        missing = next((i for i in range(last + 1, len(wire)) if wire[i].level == 0), None)
+        missing = next((i for i in range(over, len(wire)) if wire[i].level == 0), None)
         if missing is None:
             return attempt
         groups.append(_Group(attempt.senders, missing, as_sender=True))
-    noticed = noticed_at(wire, last, wire[last].level if last >= 0 else 1, 1)
+        if wire[missing].field == "ACK":
+            noticed = missing  # the receivers miss the dominant bit that they send there
     if noticed is None:
         changed.received = attempt.listeners
     else:

@@ -252,15 +252,15 @@ class SimBus:
         """CAN-H touches CAN-L: from now on no node sees a dominant bit."""
         attempt = self._attempt
         self._shorted = True
-        if attempt is None or self._is_open(now):
+        if self._is_open(now):
             self._plan()
-        elif not attempt.error:
+        elif attempt is not None and not attempt.error:
             self._attempt = fall_silent(attempt, now, self._rates, stuck=True)
 
     def repair(self, now: float) -> None:
         """End the short circuit."""
         self._shorted = False
-        if self._attempt is None or self._is_open(now):
+        if self._is_open(now):
             self._plan()
 
     # How it works
@@ -290,7 +290,7 @@ class SimBus:
             self._attempt = plan_shorted(start, rivals, self._rates)
             return
         broken = self._broken and any(it.node_id in self._broken for it in winners)
-        noise = _in_the_middle if broken else self._noise
+        noise = _behind_arbitration if broken else self._noise
         self._attempt = plan_attempt(start, winners, self._listeners(start, winners), self._rates, noise)
 
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
@@ -306,7 +306,7 @@ class SimBus:
 
     def _noise(self, bits: int) -> int | None:
         if self._flips:
-            return self._flips[0] if self._flips[0] < bits else None
+            return self._flips[0]
         if not self._bit_error_rate or self._random is None:
             return None
         survived = math.log(1 - self._random.random()) / math.log1p(-self._bit_error_rate)
@@ -395,6 +395,6 @@ class SimBus:
             events.append(StateChanged(at, it.node_id, BusState.ACTIVE))
 
 
-def _in_the_middle(bits: int) -> int:
-    """Where a broken sender's frame goes wrong: behind the identifier, so that arbitration is fair."""
-    return bits // 2
+def _behind_arbitration(bits: int) -> int:
+    """Where a broken sender's frame goes wrong: arbitration is fair, also of a short frame with a long identifier."""
+    return bits * 2 // 3
