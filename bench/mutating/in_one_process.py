@@ -37,8 +37,10 @@ from bench.mutants import ROOT, Tests, mirrored
 from bench.mutating.changes import Change, changes
 from bench.mutating.whole_files import kind_of
 
-IDLE_S = 10.0
+IDLE_S = 6.0
 """Real seconds after which a copy that does nothing counts as one that never ends."""
+PATIENCE_S = 25.0
+"""The same for one that does little."""
 FLAGS = ("-n0", "-q", "-p", "no:cacheprovider", "-p", "no:schemathesis", "-p", "no:anyio", "--timeout", "0",
          "-W", "ignore::pytest.PytestAssertRewriteWarning")  # fmt: skip
 CANNOT = 3
@@ -219,6 +221,7 @@ class Running:
     answer: int
     seen_s: float = 0.0
     """Its processor seconds when it was last looked at."""
+    began: float = field(default_factory=time.monotonic)
     since: float = field(default_factory=time.monotonic)
 
 
@@ -325,7 +328,7 @@ class Trial:
                 now = time.monotonic()
                 if spent > one.seen_s + 0.01:
                     one.seen_s, one.since = spent, now
-                elif now > one.since + IDLE_S:
+                if now > min(one.since + IDLE_S, one.began + PATIENCE_S):
                     os.killpg(one.process, signal.SIGKILL)
                 continue
             by = os.read(one.answer, 4096).decode()

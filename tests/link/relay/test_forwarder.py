@@ -73,6 +73,25 @@ def anybody(_: Peer) -> bool:
     return True
 
 
+def test_a_relay_says_what_its_parts_link_is_like() -> None:
+    assert drain(forwarder()) == [Hello(BOOT, "pi", "can:can0", 4096, 500_000, shared_bus=True, compresses=False)]
+
+
+def test_numbers_go_from_1_to_65535_and_begin_again() -> None:
+    made = welcomed()
+    made.from_part(b"first", 1)
+    drain(made)
+    made._latest_number, made._beats, made._stops_said = 65534, 65534, 65534
+    for peer in (2, 3):
+        made.from_part(b"x", peer)
+        made.stop_heard("no", 0.0)
+    said = drain(made)
+    assert [message.number for message in said if isinstance(message, Up)] == [65535, 2], "1 is there still"
+    beats = [message for message in said if isinstance(message, RelayBeat)]
+    assert [beat.count for beat in beats] == [65535, 1, 2, 3, 4, 5]
+    assert [beat.stops_said for beat in beats] == [65535] * 3 + [1] * 3
+
+
 texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=30)
 numbers = st.integers(0, 65535)
 messages = st.one_of(

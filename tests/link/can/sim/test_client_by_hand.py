@@ -15,7 +15,7 @@ from msbot.errors import ConfigError, LinkDown
 from msbot.link.can.controller import BusState, CanBusInfo
 from msbot.link.can.protocol.frames import Frame
 from msbot.link.can.sim import client as sim_client
-from msbot.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusClient, SimBusWish, WhenAbsent
+from msbot.link.can.sim.client import LOST_WORDS, Host, SimAdapter, SimBusClient, SimBusWish, WhenAbsent
 from msbot.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
@@ -30,6 +30,7 @@ from msbot.link.can.sim.model.messages import (
     encode,
 )
 from msbot.link.can.sim.names import NamedBus
+from msbot.link.can.sim.server import SimBusServer
 from tests.link.can.sim.virtual import virtually
 from tests.link.can.sim.wire import Wire
 
@@ -344,6 +345,7 @@ async def test_who_refuses_connections_has_gone_and_its_file_with_it(
         (OSError("no number"), "of process 99: no number"),
         (encode(Refused("full")), "refuses this program: full"),
         (encode(WELCOME) + b"\0\0", "talks nonsense: message of an impossible length"),
+        (encode(WELCOME) + encode(Restart()), "talks nonsense: message that a server does not send, or not then"),
     ],
 )
 @virtually
@@ -366,3 +368,79 @@ async def test_whoever_is_cancelled_while_it_joins_has_left(monkeypatch: pytest.
     opening.cancel()
     await asyncio.wait([opening])
     assert (opening.cancelled(), script.wires[0].ended) == (True, "closed")
+
+
+@pytest.mark.parametrize("is_another_there", [False, True])
+@pytest.mark.parametrize("error", [LinkDown("no port"), ConfigError("no folder")])
+@virtually
+async def test_only_that_another_serves_the_bus_is_no_error(
+    error: Exception, is_another_there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fail(_self: SimBusServer) -> None:
+        raise error
+
+    monkeypatch.setattr(SimBusServer, "run", fail)
+    monkeypatch.setattr(sim_client, "find_bus", lambda *_: BUS if is_another_there else None)
+    host = Host(Owner(), SimBusWish("classroom"), "", None)
+    if is_another_there and isinstance(error, LinkDown):
+        assert not await host.start()
+    else:
+        with pytest.raises(type(error), match=str(error)):
+            await host.start()
+
+
+class Served:
+    """Stands in for a server that can be waited for, and takes a moment to end."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, begins_after_s: float) -> None:
+        self.ends: list[float] = []
+
+        async def run(server: SimBusServer) -> None:
+            try:
+                await asyncio.sleep(begins_after_s)
+                server.ready.set()
+                await asyncio.get_running_loop().create_future()
+            finally:
+                await asyncio.sleep(0.5)
+                self.ends.append(asyncio.get_running_loop().time())
+
+        monkeypatch.setattr(SimBusServer, "run", run)
+
+
+@pytest.mark.parametrize(("node", "name"), [("", "host"), ("master", "master")])
+@virtually
+async def test_who_serves_is_on_the_bus_until_it_has_closed_it(
+    node: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, owner = Served(monkeypatch, 1.0), Owner()
+    host = Host(owner, SimBusWish("classroom"), node, None)
+    assert await host.start()
+    assert asyncio.get_running_loop().time() == 1.0
+    other = host.driver.attach("other")
+    taps: list[str] = []
+    host.driver.tap = lambda _at, who, _frame: taps.append(who)
+    assert [host.send(Frame(number)) for number in range(4)] == [True, True, True, False]
+    assert host.pending() == 3
+    await asyncio.sleep(1.0)
+    other.send(FRAME)
+    await asyncio.sleep(1.0)
+    assert taps == [name, name, name, "other"]
+    assert [what for what, *_ in owner.told] == ["room", "room", "room", "take"]
+    await host.close()
+    assert served.ends == [3.5], "who closes it waits for its end"
+    other.send(FRAME)
+    await asyncio.sleep(1.0)
+    assert host.driver.bus.state(other.node) is BusState.PASSIVE, "nobody is left to acknowledge"
+
+
+@virtually
+async def test_whoever_is_cancelled_while_it_begins_to_serve_serves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    served = Served(monkeypatch, 5.0)
+    starting = asyncio.ensure_future(Host(Owner(), SimBusWish("classroom"), "", None).start())
+    await asyncio.sleep(1.0)
+    starting.cancel()
+    await asyncio.wait([starting])
+    assert starting.cancelled()
+    await asyncio.sleep(10.0)
+    assert served.ends == [1.5]
+    assert asyncio.all_tasks() == {asyncio.current_task()}

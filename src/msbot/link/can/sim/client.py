@@ -179,26 +179,24 @@ class SimAdapter:
         """
         hello = Hello(bytes.fromhex(bus.key), self._node, listen_only=self._listen_only)
         client = SimBusClient(owner, hello, bus.name)
+        has_joined = False
         try:
             async with asyncio.timeout(CONNECT_S):
                 await asyncio.get_running_loop().create_connection(lambda: client, "127.0.0.1", bus.port)
                 await client.welcomed
+            has_joined = True
         except ConnectionRefusedError:
-            client.leave()
             withdraw(bus, self._folder)  # its process number belongs to another process by now
             return None
         except (LinkDown, TimeoutError):  # the server has given the reason, or did not answer
-            client.leave()
             raise
         except ConnectionError as error:  # it closed its port before it had accepted the connection
-            client.leave()
             raise _EndedEarly(_HAS_ENDED.format(bus.name)) from error
         except OSError as error:
-            client.leave()
             raise LinkDown(_cannot_join(bus, error.strerror or str(error))) from error
-        except BaseException:
-            client.leave()
-            raise
+        finally:
+            if not has_joined:
+                client.leave()
         if client.ended:
             raise LinkDown(client.ended)
         return client

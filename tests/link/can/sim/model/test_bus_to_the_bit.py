@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from msbot.errors import LocalProtocolError
 from msbot.link.can.controller import BusState
 from msbot.link.can.protocol.bits import frame_bits
 from msbot.link.can.protocol.frames import Frame
@@ -41,6 +42,13 @@ def go_off(bus: SimBus, node: int) -> float:
     assert bus.state(node) is BusState.OFF
     bus.repair(1e4)
     return 1e4
+
+
+def test_the_data_phase_may_be_as_slow_as_the_rest_but_no_slower() -> None:
+    assert SimBus(500_000, 500_000, fd=True).data_bitrate == 500_000
+    for wrong in ((500_000, 499_999), (0, None), (-1, None)):
+        with pytest.raises(LocalProtocolError, match="the data rate is the higher one"):
+            SimBus(*wrong)
 
 
 def test_the_books_of_the_bus() -> None:
