@@ -59,6 +59,17 @@ def test_frames_for_others_and_cut_frames_are_skipped_and_counted() -> None:
     assert receiver.dropped == {"for another address": 1, "frame cut short": 1}
 
 
+def test_a_frame_for_another_is_known_by_its_header_and_a_wrong_check_sum_is_counted() -> None:
+    header, wrong = bytes.fromhex("7e 01 05 01 00"), bytearray(encode_serial(b"you", 1, 0))
+    wrong[-1] ^= 1
+    for octets, reason in ((header, "for another address"), (bytes(wrong), "wrong check sum")):
+        receiver = SerialReceiver(0)
+        assert receiver.receive(octets) == []
+        assert receiver.receive(b"\0\0") == []
+        assert receiver.receive(encode_serial(b"you", 1, 0)) == [(1, b"you")]
+        assert receiver.dropped == {reason: 1}
+
+
 def test_too_long_for_the_receiver() -> None:
     receiver = SerialReceiver(0, max_packet=4)
     assert receiver.receive(encode_serial(b"12345", 1, 0)) == []

@@ -34,6 +34,9 @@ def test_fd_frames_with_and_without_a_bit_rate_switch() -> None:
     assert fast.frames == slow.frames == 2
     assert fast.data_bits > fast.nominal_bits
     assert slow.data_bits == 0
+    twice = message_cost([packet] * 2, 1, Framing(True, True), up=True)
+    assert twice.frames == 2
+    assert (twice.nominal_bits, twice.data_bits) == pytest.approx((fast.nominal_bits, fast.data_bits), rel=0.05)
     assert fast.seconds(500_000, 2_000_000) == pytest.approx(fast.nominal_bits / 5e5 + fast.data_bits / 2e6)
 
 

@@ -146,6 +146,20 @@ def test_a_new_owner_of_an_address_begins_anew() -> None:
     assert listener.decode(parse_frame("107#C981"), 0.0) == ["node 7 to master, SE  9: 1 byte", "7 up 81"]
 
 
+@pytest.mark.parametrize("number", [f"{base + 7:03X}" for base in (IDS.up, IDS.down)])
+@pytest.mark.parametrize("owner", [UID, NOBODY])
+def test_what_was_begun_before_an_address_was_given_or_taken_is_forgotten(number: str, owner: bytes) -> None:
+    listener = decoder()
+    listener.decode(assign_frame(Assign(UID, 7, 5, COMPRESSION), IDS), 0.0)
+    up = "up" if number == f"{IDS.up + 7:03X}" else "down"
+    assert listener.decode(parse_frame(f"{number}#80818182838485"), 0.0)[0].endswith(", S  0")
+    listener.decode(assign_frame(Assign(owner, 7, 5, 0), IDS), 0.0)
+    first, *others = listener.decode(parse_frame(f"{number}#C90011"), 0.0)
+    forgotten = owner == NOBODY  # whether it compresses is not known then, so it is tried
+    assert first.endswith("SE  9: 2 bytes for 3" if forgotten else "SE  9: 2 bytes")
+    assert others == [f"7 {up} {'810011' if forgotten else '0011'}"]
+
+
 @pytest.mark.parametrize(
     ("use", "message", "remark", "packet"),
     [

@@ -135,10 +135,19 @@ def test_bases_can_be_moved_but_not_onto_each_other() -> None:
         {"join": 0x02000000},
         {"assign": 0x1F000000},
         {"assign": 0x02000001},
+        {"join": 0x20000000},
+        {"assign": -0x01000000},
     )
     for bad in bases:
         with pytest.raises(ConfigError, match="identifier bases"):
             CanIds(**bad)
+
+
+def test_bases_may_be_as_close_as_their_identifiers_allow() -> None:
+    close = CanIds(stop=0, beacon=1, up=1, down=1 + 120, assign=0, join=0x1F000000)
+    assert (close.up, close.down) == (1, 121)
+    with pytest.raises(ConfigError, match="identifier bases"):
+        CanIds(stop=0, beacon=1, up=1, down=120)
 
 
 @pytest.mark.parametrize(

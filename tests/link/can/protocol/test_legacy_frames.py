@@ -183,3 +183,29 @@ def test_the_weakness_of_the_format_is_the_one_that_is_documented() -> None:
     heard = Receiver().hear(*split_legacy(one)[:2], *split_legacy(other)[2:])
     assert len(heard) == 1
     assert heard[0] not in (one, other)
+
+
+def test_moments_that_are_just_early_enough_and_just_too_late() -> None:
+    """Times that are sums of powers of two."""
+    for pause_s, dropped in ((1.0, {REPEATED: 1}), (1.25, {FRAME_LOST: 1}), (1.5, {FRAME_LOST: 1})):
+        tally = Tally()
+        joiner = LegacyJoiner(is_whole, dropped=tally, repeat_s=1.25)
+        first = split_legacy(bytes(20))[0]
+        joiner.receive(first, 0.0)
+        joiner.receive(first, pause_s)
+        assert tally == dropped, pause_s
+    for pause_s, is_late in ((2.0, False), (2.25, True)):
+        tally = Tally()
+        joiner = LegacyJoiner(is_whole, dropped=tally)
+        first, last = split_legacy(LOGIN)[-2:]
+        assert joiner.receive(first, 0.0) is None
+        joiner.receive(last, pause_s)
+        assert (TOO_SLOW in tally) == is_late
+
+
+def test_the_rest_of_a_message_that_lost_a_frame_is_skipped_to_its_end_and_counted_once() -> None:
+    receiver = Receiver()
+    frames = split_legacy(write(bytes(40)))
+    assert receiver.hear(*frames[:1], *frames[2:]) == []
+    assert receiver.dropped == {FRAME_LOST: 1}
+    assert receiver.hear(*split_legacy(LOGIN)) == [LOGIN]

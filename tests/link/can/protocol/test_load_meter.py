@@ -29,6 +29,14 @@ def test_a_span_that_is_not_over_counts_as_far_as_it_is() -> None:
     assert meter.load(5.0, since=1.2) == 1.0
 
 
+def test_only_the_last_second_is_kept() -> None:
+    meter = LoadMeter()
+    for number in range(1000):
+        meter.add(number / 100, number / 100 + 0.005)
+    assert len(meter._spans) <= 101
+    assert meter.load(10.0) == pytest.approx(0.5)
+
+
 @given(st.lists(st.tuples(st.floats(0, 0.5), st.floats(0.001, 0.5)), min_size=1, max_size=30), st.floats(0, 1))
 def test_load_is_the_plain_overlap(spans: list[tuple[float, float]], later: float) -> None:
     meter, kept, now = LoadMeter(), [], 0.0

@@ -62,6 +62,25 @@ def test_a_can_fd_frame_takes_64_octets() -> None:
     assert parse_frame("123##0" + "5A" * 64).data == b"Z" * 64
 
 
+def test_both_flags_of_a_can_fd_frame() -> None:
+    frames = [parse_frame(f"123##{flags}AA") for flags in range(4)]
+    assert [(frame.brs, frame.esi) for frame in frames] == [(False, False), (True, False), (False, True), (True, True)]
+
+
+def test_the_last_short_identifier_and_the_first_that_needs_eight_digits() -> None:
+    with pytest.raises(ConfigError, match="CAN FD is written with two #"):
+        parse_frame("7FF#" + 9 * "00")
+    with pytest.raises(ConfigError, match="with 8 digits, 00000800, the frame is an extended one"):
+        parse_frame("800#")
+
+
+def test_of_a_long_line_the_first_100_letters_are_shown() -> None:
+    with pytest.raises(ConfigError, match="^'x{100}' is not a line"):
+        parse_log_line("x" * 100)
+    with pytest.raises(ConfigError, match=r"^'x{100}\.\.\.' is not a line"):
+        parse_log_line("x" * 101)
+
+
 def test_a_hint_is_given_where_it_helps() -> None:
     with pytest.raises(ConfigError, match="CAN FD is written with two #"):
         parse_frame("123#001122334455667788")

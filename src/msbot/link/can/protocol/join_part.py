@@ -138,9 +138,7 @@ class ComponentJoin:
 
     def timer(self) -> float | None:
         """When `handle_timer` wants to be called."""
-        if self._due is None or self._deadline is None:
-            return self._deadline if self._due is None else self._due
-        return min(self._due, self._deadline)
+        return self._deadline if self._due is None else self._due  # who asks has no deadline
 
     def handle_timer(self, now: float) -> ComponentEvent | None:
         """Repeat the JOIN, or give the master up for lost."""
