@@ -203,6 +203,6 @@ def test_it_gives_up_when_every_way_has_failed_and_none_is_open() -> None:
 
 
 def test_a_way_that_is_tried_again_counts_as_one_that_may_open() -> None:
-    again = [(0.0, LinkDown("broken")), (NEVER, None)]
+    again: list[tuple[float, Exception | None]] = [(0.0, LinkDown("broken")), (NEVER, None)]
     assert outcome(again, [(3.0, LinkDown("late"))], up={}, seconds=60.0) == "runs"
     assert outcome([(0.0, LinkDown("broken"))] * 2, [(0.95, LinkDown("late"))], up={}, seconds=60.0) == "broken"

@@ -75,7 +75,7 @@ def test_the_last_short_identifier_and_the_first_that_needs_eight_digits() -> No
 
 
 def test_of_a_long_line_the_first_100_letters_are_shown() -> None:
-    with pytest.raises(ConfigError, match="^'x{100}' is not a line"):
+    with pytest.raises(ConfigError, match=r"^'x{100}' is not a line"):
         parse_log_line("x" * 100)
     with pytest.raises(ConfigError, match=r"^'x{100}\.\.\.' is not a line"):
         parse_log_line("x" * 101)
