@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import re
 from pathlib import Path
 
@@ -14,11 +15,11 @@ from mcap.stream_reader import StreamReader
 from msbot.errors import ConfigError
 from msbot.lab.recorder.batch import Kind, Unpacker, encode_began, encode_state, head
 from msbot.lab.recorder.recording_file import RecordingFile
-from msbot.lab.recorder.ring import MOST_FILES, RingLimits, Segment, segments, too_old
+from msbot.lab.recorder.ring import LONGEST_S, MOST_FILES, RingLimits, Segment, segment_name, segments, too_old
 from msbot.lab.recorder.storing import RETRY_S, Storing
 from msbot.lab.recorder.wish import RecordingWish, read_wish
 from msbot.lab.recordings.cutting import write_cut
-from msbot.lab.recordings.reading import RecordingReader
+from msbot.lab.recordings.reading import RecordingReader, ended_ns
 from tests.lab.recorded import BEGAN_NS, NS, channel, messages, sample, store
 
 records = st.lists(
@@ -45,14 +46,31 @@ def test_records_survive_being_cut_anywhere(said: list[tuple[int, int, int, byte
     st.integers(100, 5000),
 )
 def test_a_ring_keeps_its_limits_and_what_is_newest(sizes: list[tuple[int, int]], seconds: int, octets: int) -> None:
-    files = [Segment(Path(str(n)), size, age) for n, (size, age) in enumerate(sorted(sizes, key=lambda one: one[1]))]
+    in_time = sorted(sizes, key=lambda one: one[1])
+    files = [Segment(Path(segment_name(at_s * NS, n)), size, -1e9) for n, (size, at_s) in enumerate(in_time)]
     limits = RingLimits(float(seconds), octets)
     gone = too_old(files, limits, 1000.0)
     assert gone == [segment.path for segment in files[: len(gone)]]
     kept = files[len(gone) :]
-    assert all(segment.changed_s >= 1000.0 - seconds for segment in kept[:1])
+    assert all(segment.began_s + LONGEST_S >= 1000.0 - seconds for segment in kept[:1])
     assert len(kept) < MOST_FILES
     assert sum(segment.octets for segment in kept) <= octets - limits.segment_octets
+
+
+def test_a_clock_that_is_set_back_costs_nothing_of_the_ring(tmp_path: Path) -> None:
+    storing = Storing(tmp_path, RingLimits(100.0, 100 << 20), lambda *_: None)
+    storing.take(channel(1, "/fast"), 0.0)
+    for second in range(60):
+        storing.take(sample(1, float(second), bytes([second])), float(second))
+        storing.flush(float(second))
+        for path in tmp_path.iterdir():  # what the system says of them is an hour behind the robot's own time
+            os.utime(path, (0, BEGAN_NS // NS + second - 3600))
+    storing.close()
+    paths = [segment.path for segment in segments(tmp_path)]
+    said = {one.at_ns for path in paths for one in messages(path) if one.topic == "/fast"}
+    assert said == {BEGAN_NS + second * NS for second in range(60)}
+    assert ended_ns(paths) == BEGAN_NS + 59 * NS
+    assert ended_ns([]) == 0
 
 
 def test_a_ring_deletes_its_oldest_and_each_file_can_be_read_alone(tmp_path: Path) -> None:

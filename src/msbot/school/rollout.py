@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from msbot.registry import Registry, RobotRecord
 
 
+NEWEST_EDITS = 1000
+"""So many edits of a robot are looked through for one that was undone."""
+
+
 @dataclass(frozen=True, slots=True)
 class RollOutPlan:
     """What a roll-out changes in one robot."""
@@ -234,7 +238,14 @@ def undo_job(
     """What is to be done to take one change of that roll-out back; then it is remembered no more."""
 
     def do() -> RobotChange:
-        back = take_back(change, robots, who, read)
+        try:
+            back = take_back(change, robots, who, read)
+        except NoAnswer:
+            raise
+        except ConfigError as refused:
+            if not was_undone(change, robots, who, read):
+                raise
+            back = RobotChange(said("somebody has taken it back already: {words}", words=str(refused)), None)
         try:
             book.taken_back(at, [change])
         except ConfigError as error:  # it is taken back all the same
@@ -254,10 +265,7 @@ def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Rea
         RegistryError: it cannot be stored; nothing has changed.
     """
     request: dict[str, object] = {"do": "undo", "args": {"edit": done.edit}, "who": who}
-    key = (done.robot, done.serial_number, done.database)
-    robot = next(
-        (one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None
-    )  # fmt: skip
+    robot = _robot_of(done, robots)
     if robot is not None and robot.far is not None:
         answer = _change(robot.far, "POST", "/api/undo", {"edit": done.edit})
     elif robot is not None and robot.master is not None:
@@ -266,12 +274,41 @@ def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Rea
         raise ConfigError(f"there is no access to {done.database} any more, or another robot answers there")
     else:
         database = done.database if robot is None else robot.database
-        answer = read(_undo_stored, database, done.robot, done.serial_number, request)
+        answer = read(_perform_stored, database, done.robot, done.serial_number, request)
     return _done(answer)
 
 
-def _undo_stored(database: str, name: str, serial_number: str, request: dict[str, object]) -> Answer:
-    """Undo a change of a robot that does not run."""
+def was_undone(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Read = directly) -> bool:
+    """Whether somebody has undone a change of a roll-out at the robot itself; False also where nobody knows."""
+    request: dict[str, object] = {"do": "edits", "args": {"limit": NEWEST_EDITS}, "who": who}
+    robot = _robot_of(done, robots)
+    try:
+        if robot is not None and robot.far is not None:
+            path = f"/api/edits?limit={NEWEST_EDITS}"
+            lines = ask_one(robot.far.access, lambda line: line.call("GET", path), LOOK_S)
+        elif robot is not None and robot.master is not None:
+            lines = _ask_here(robot.master, request).get("edits")
+        elif robot is not None:
+            lines = read(_perform_stored, robot.database, done.robot, done.serial_number, request).get("edits")
+        else:
+            return False
+    except MsbotError:
+        return False  # the first answer is told then
+    return any(
+        isinstance(one, dict) and done.edit in (one.get("id"), one.get("number")) and one.get("undone") is True
+        for one in (lines if isinstance(lines, list) else ())
+    )
+
+
+def _robot_of(done: RolledOut, robots: Sequence[ClassRobot]) -> ClassRobot | None:
+    key = (done.robot, done.serial_number, done.database)
+    return next(
+        (one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None
+    )  # fmt: skip
+
+
+def _perform_stored(database: str, name: str, serial_number: str, request: dict[str, object]) -> Answer:
+    """Carry an operation out on a robot that does not run."""
     from msbot.operations.dispatch import perform, stored_operations  # running robots need no SQLAlchemy here
 
     with open_database(database) as registry:

@@ -10,7 +10,8 @@ from typing import Final
 
 from msbot.config import Library
 from msbot.errors import ConfigError
-from msbot.lab.curves.reading import ReadCurves, file_began_s, read_curves, ring_files
+from msbot.lab.curves.reading import ReadCurves, read_curves, ring_files
+from msbot.lab.recorder.ring import file_began_s
 from msbot.lab.recordings.reading import NS, RecordedMessage, RecordingReader
 from msbot.runtime.kept_worker import KeptWorker
 from msbot.runtime.sentence import said

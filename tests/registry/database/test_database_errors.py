@@ -25,6 +25,7 @@ def _sqlite(name: str) -> OperationalError:
         ("SQLITE_PERM", "may not be used: allow reading and writing"),
         ("SQLITE_CANTOPEN", "cannot be opened: look at the permissions"),
         ("SQLITE_FULL", "has no room: the disk is full"),
+        ("SQLITE_IOERR_SHMSIZE", "has no room: the disk is full"),
         ("SQLITE_IOERR_WRITE", "cannot be read or written: the disk answers with an error"),
         ("SQLITE_CORRUPT", "is damaged: move the file away and put a backup in its place"),
         ("SQLITE_NOTADB", "is not a database: some other file has this name"),

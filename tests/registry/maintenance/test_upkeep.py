@@ -15,6 +15,7 @@ from msbot.pnp import Group, PartState
 from msbot.registry import ProgramSource, Registry, lesson_ticks, open_registry
 from msbot.registry.database.tables import metadata
 from msbot.registry.maintenance import backup_check, upkeep
+from msbot.runtime.sentence import said
 from tests.registry.database.test_schema import NEXT, NOW, _migrations
 from tests.registry.events import CLAIM, UID, changed
 from tests.registry.hand import Hand
@@ -134,6 +135,23 @@ def test_an_older_database_is_migrated_on_demand(path: Path, tmp_path: Path, cap
         upkeep.migrate(str(path))
     with pytest.raises(RegistryError, match="there is no database"):
         upkeep.migrate(str(tmp_path / "other.db"))
+
+
+def test_a_backup_without_room_names_its_file_and_leaves_nothing(
+    full: Registry, address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_room(where: str | Path, *, read_only: bool = False) -> Registry:
+        if isinstance(where, str):  # the database itself
+            return open_registry(where, read_only=read_only)
+        for ending in ("", "-wal", "-shm"):
+            Path(f"{where}{ending}").touch()
+        raise RegistryError(said("the database {database} {fault}", database=str(where), fault="has no room"))
+
+    monkeypatch.setattr(upkeep, "open_registry", no_room)
+    with pytest.raises(RegistryError) as refused:
+        upkeep.back_up(address, tmp_path / "copy.db")
+    assert str(refused.value) == f"the database {tmp_path / 'copy.db'} has no room"
+    assert list(tmp_path.glob("copy.db*")) == []
 
 
 def test_a_sound_database_has_no_findings(full: Registry, address: str) -> None:

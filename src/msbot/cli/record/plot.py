@@ -140,7 +140,7 @@ def _units(folders: tuple[Path, ...]) -> UnitOf:
 def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves, float]:
     """What was asked for, and which time is 0."""
     from msbot.lab.curves.reading import read_curves, ring_files
-    from msbot.lab.recordings.reading import began_ns
+    from msbot.lab.recordings.reading import began_ns, ended_ns
 
     if folder is None:
         assert wish.file is not None
@@ -151,7 +151,8 @@ def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves
         for damage in read.damages:
             click.echo(f"msbot: {damage}", err=True)
     else:
-        zero_s = time.time()
+        # Not the time of this computer: its clock may have been set since the robot began.
+        zero_s = ended_ns(ring_files(folder)) / 1e9
         begin_s = zero_s - (wish.seconds or SECONDS)
         read = read_curves(ring_files(folder, begin_s), wish.names, from_s=begin_s, unit_of=unit_of)
     for name in wish.names:

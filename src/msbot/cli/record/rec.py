@@ -42,26 +42,28 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
     """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""
     from msbot.lab.recorder.ring import begun_segments
     from msbot.lab.recordings.cutting import write_cut
+    from msbot.lab.recordings.reading import ended_ns
 
     target = recording_name(file)
+    trouble = ""
     if running_master(db, robot) is None:
         folder = _ring_left(db, robot)
-        end_s = None
     else:
-        folder = str(_status(db, robot).get("folder") or "")
+        status = _status(db, robot)
+        folder = str(status.get("folder") or "")
+        troubles = status.get("troubles")
+        trouble = str(troubles.get(folder, "")) if isinstance(troubles, dict) else ""
         if not folder:
             raise ConfigError("this robot runs with `--rec off`: nothing was recorded")
-        end_s = time.time()
         time.sleep(JUST_NOW_S)  # until the last moment is in the file
     try:
         found = begun_segments(Path(folder))
     except OSError as error:
         raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
     if not found:
-        raise ConfigError(f"the recorder has written nothing yet in {folder}")
+        raise ConfigError(f"the recorder has nothing in {folder}: {trouble or 'nothing is written yet'}")
     paths = [segment.path for segment in found]
-    end_s = found[-1].changed_s if end_s is None else end_s
-    from_ns = None if last_s is None else round((end_s - last_s) * 1e9)
+    from_ns = None if last_s is None else ended_ns(paths) - round(last_s * 1e9)
     cut = write_cut(paths, target, from_ns=from_ns)
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
     click.echo(f"{target}: {amount(cut.messages, 'message')} of {seconds:.0f} s")

@@ -77,20 +77,13 @@ def ring_files(folder: Path, from_s: float | None = None, to_s: float | None = N
         raise ConfigError(f"cannot read the recorder's folder {folder}: {error.strerror}") from None
     if not found:
         return []  # its first file has not been begun yet
-    begins = [file_began_s(segment.path.name) for segment in found]
+    begins = [segment.began_s for segment in found]
     ends = [*begins[1:], float("inf")]
     return [
         segment.path
         for segment, begin, end in zip(found, begins, ends, strict=True)
         if (to_s is None or begin <= to_s) and (from_s is None or end + 1 >= from_s)  # names have whole seconds
     ]
-
-
-def file_began_s(name: str) -> float:
-    """When a file of a ring begins, by its name: whole seconds since 1970."""
-    from datetime import UTC, datetime
-
-    return datetime.strptime(name.split("-")[1], "%Y%m%dT%H%M%S").replace(tzinfo=UTC).timestamp()
 
 
 def read_curves(

@@ -41,13 +41,23 @@ class Segment:
     path: Path
     octets: int
     changed_s: float
-    """When it was last written, seconds since 1970."""
+    """When it was last written by the system's clock, seconds since 1970."""
+
+    @property
+    def began_s(self) -> float:
+        """When it begins by the robot's clock, whole seconds since 1970."""
+        return file_began_s(self.path.name)
 
 
 def segment_name(at_ns: int, number: int) -> str:
     """The name of a file that begins at that time; in the order of their names they are in the order of time."""
     at = datetime.fromtimestamp(at_ns // 1_000_000_000, UTC)
     return f"ring-{at:%Y%m%dT%H%M%S}-{number % 1_000_000:06}.mcap"
+
+
+def file_began_s(name: str) -> float:
+    """When a file of a ring begins, by its name: whole seconds since 1970."""
+    return datetime.strptime(name.split("-")[1], "%Y%m%dT%H%M%S").replace(tzinfo=UTC).timestamp()
 
 
 def segments(folder: Path) -> list[Segment]:
@@ -77,11 +87,16 @@ def begun_segments(folder: Path) -> list[Segment]:
 
 
 def too_old(files: list[Segment], limits: RingLimits, now_s: float) -> list[Path]:
-    """The files that must go so that the ring, without the file in progress, keeps its limits."""
+    """The files that must go so that the ring, without the file in progress, keeps its limits.
+
+    Their age is told by the robot's clock, which their names have: the system's may be set meanwhile, by a time server
+    after the start, and then all of them would look an hour old.
+    """
     gone = []
     rest = sum(segment.octets for segment in files)
     for index, segment in enumerate(files):
-        is_old = segment.changed_s < now_s - limits.seconds
+        next_s = files[index + 1].began_s if index + 1 < len(files) else now_s
+        is_old = min(next_s, segment.began_s + LONGEST_S) < now_s - limits.seconds
         if not is_old and rest <= limits.octets - limits.segment_octets and len(files) - index < MOST_FILES:
             break
         gone.append(segment.path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO, Final, cast
@@ -139,6 +139,20 @@ def began_ns(path: Path) -> int:
         ConfigError: it is no recording.
     """
     return next((message.logged_ns for message in RecordingReader(path).messages()), 0)
+
+
+def ended_ns(paths: Sequence[Path]) -> int:
+    """When the last thing in some recordings was said, by the robot's clock, nanoseconds since 1970; 0: never.
+
+    The recordings come one after the other in time. The system's clock may have been set since they began.
+
+    Raises:
+        ConfigError: one is no recording.
+    """
+    for path in reversed(paths):
+        if newest := max((message.logged_ns for message in RecordingReader(path).messages()), default=0):
+            return newest
+    return 0
 
 
 _MAGIC: Final = b"\x89MCAP0\r\n"

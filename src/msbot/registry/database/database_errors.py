@@ -32,6 +32,8 @@ _SQLITE_WORDS = {
         "cannot be opened: look at the permissions of the file and its folder, {otherwise}", otherwise=ELSE
     ),
     "SQLITE_FULL": said("has no room: the disk is full; delete something"),
+    # The index of its log could not be made larger.
+    "SQLITE_IOERR_SHMSIZE": said("has no room: the disk is full; delete something"),
     "SQLITE_IOERR": said("cannot be read or written: the disk answers with an error; look at the disk and its cable"),
     "SQLITE_CORRUPT": said("is damaged: move the file away and put a backup in its place, {otherwise}", otherwise=ELSE),
     "SQLITE_NOTADB": said(

@@ -24,7 +24,7 @@ from msbot.registry.maintenance.backup_check import check_backup
 from msbot.registry.registry import BUSY_TIMEOUT_S, open_registry
 from msbot.registry.running import run_lock
 from msbot.runtime.lazy_dataclass import dataclass
-from msbot.runtime.sentence import said
+from msbot.runtime.sentence import said, without
 
 _ROWS = 1000
 """How many rows are copied at a time."""
@@ -67,7 +67,10 @@ def back_up(address: str, target: Path) -> int:
     where, engine = _open(address)
     part = target.with_name(f"{target.name}.part{os.getpid()}")
     try:
-        open_registry(part).close()
+        try:
+            open_registry(part).close()
+        except RegistryError as error:
+            raise RegistryError(without(str(error), ("words", "path", "database"), str(target))) from error
         copy = make_engine(parse_address(part), busy_timeout_s=BUSY_TIMEOUT_S, read_only=False)
         try:
             with told_as_registry_error(where.words), _snapshot(engine, where) as source:
@@ -81,7 +84,8 @@ def back_up(address: str, target: Path) -> int:
             copy.dispose()
         part.replace(target)
     finally:
-        part.unlink(missing_ok=True)
+        for ending in ("", "-wal", "-shm", "-journal"):  # a disk that is full leaves more than the file itself
+            part.with_name(f"{part.name}{ending}").unlink(missing_ok=True)
         engine.dispose()
     return rows
 
