@@ -65,6 +65,8 @@ def not_for_port(part, port, binding, message):
     if binding[3]:
         return "there is no port {!r} to publish on; {}".format(port, part._bound_words())
     if not isinstance(message, Message):
+        if kind is type:
+            return "port {!r} publishes messages, not the type {n}: write {n}(...)".format(port, n=message.__name__)
         return "port {!r} publishes messages, not {}".format(port, kind.__name__)
     return "port {!r} carries {}, not {}".format(port, binding[2], type_name_of(kind))
 

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING
 
 from msbot.errors import (
@@ -197,7 +198,8 @@ _ELSEWHERE = dict.fromkeys(
 
 def __getattr__(name: str) -> object:
     if name not in __all__:
-        raise AttributeError(f"module 'msbot' has no attribute {name!r}")
+        # With name and place, Python adds which name may be meant.
+        raise AttributeError(f"module 'msbot' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     value: object = getattr(importlib.import_module(_ELSEWHERE.get(name, "msbot.part")), name)
     globals()[name] = value
     return value

@@ -357,6 +357,7 @@ def test_an_error_in_a_handler_is_reported_once_and_the_part_lives(caplog: pytes
         ),
         ("out", Light(lux=0.0), "port 'out' carries HelloWorld, not Light"),
         ("out", "hello", "port 'out' publishes messages, not str"),
+        ("out", HelloWorld, "port 'out' publishes messages, not the type HelloWorld: write HelloWorld(...)"),
     ],
 )
 def test_a_wrong_port_or_type_ends_the_program_with_one_sentence(port: str, message: Message, words: str) -> None:

@@ -130,6 +130,14 @@ def test_what_the_user_can_mend_is_one_sentence_and_status_2(
     assert len(said.splitlines()) == 1
 
 
+def test_a_text_is_no_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        Part("ABCD").run("udp:10.0.0.1:8888")  # type: ignore[arg-type]
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert said == "run() takes a list, as a command line is one: run([\"--link\", 'udp:10.0.0.1:8888'])\n"
+
+
 def test_an_unknown_option_is_a_mistake_too(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         run(Part("ABCD"), args=["--lnik", "udp:127.0.0.1:8888"])

@@ -117,6 +117,9 @@ class Ports:
         """
         bound = self._publishing(port)
         if not isinstance(message, Message):
+            if isinstance(message, type):
+                name = message.__name__
+                raise ConfigError(f"port {port!r} publishes messages, not the type {name}: write {name}(...)")
             raise ConfigError(f"port {port!r} publishes messages, not {type(message).__name__}")
         _check_type(bound, message.type_name)
         return self._write(bound, message.encode(), message.type_name)

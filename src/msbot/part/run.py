@@ -49,8 +49,10 @@ def run(*parts: Part, args: list[str] | None = None) -> None:
     Raises:
         SystemExit: status 2 after one sentence on stderr, when something is wrong that the user can fix.
     """
-    options = _parse(args)
     try:
+        if isinstance(args, str):
+            raise ConfigError(f'run() takes a list, as a command line is one: run(["--link", {args!r}])')
+        options = _parse(args)
         run_parts(
             parts, link=options.link, uid=options.uid, key=options.key, quiet=options.quiet, verbose=options.verbose
         )
@@ -140,13 +142,16 @@ async def _run_all(pairs: list[tuple[Part, Link]]) -> None:
 
 
 def end_on_signals(parts: list[Part]) -> None:
-    """Have SIGINT, SIGTERM and SIGHUP end the parts cleanly; where the loop cannot do that, Ctrl-C just ends them."""
+    """Have SIGINT, SIGTERM and SIGHUP end the parts cleanly; where the loop cannot do that, Ctrl-C just ends them.
+
+    A handler that never returns is broken off: nobody shall have to kill a program for its first mistake.
+    """
 
     def end() -> None:
         for part in parts:
             part.end()
 
-    on_end_signal(end)
+    on_end_signal(end, even_if_stuck=True)
 
 
 def _parse(args: list[str] | None) -> argparse.Namespace:

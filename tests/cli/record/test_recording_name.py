@@ -24,6 +24,14 @@ def test_a_name_without_an_ending_gets_one(given: str, written: str) -> None:
     assert recording_name(Path(given)) == Path(written)
 
 
+@pytest.mark.parametrize("given", ["", ".", "..", "a"])
+def test_a_folder_is_no_name(given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a").mkdir()
+    with pytest.raises(ConfigError, match=r"is a folder: name a file in it, for example .*lesson\.mcap$"):
+        recording_name(Path(given))
+
+
 @pytest.mark.parametrize(
     "words", [("rec", "save", "odd.txt"), ("rec", "start", "odd.txt"), ("log", "filter", "a.mcap", "odd.txt")]
 )

@@ -26,6 +26,7 @@ def begin():
     attempt(lambda: part.publish("out", Switch(on=True)))
     attempt(lambda: part.publish("nowhere", Switch(on=True)))
     attempt(lambda: part.publish("out", "words"))
+    attempt(lambda: part.publish("out", HelloWorld))
     attempt(lambda: Count(value=1 << 31))
     attempt(lambda: Switch(on=1))
     attempt(lambda: HelloWorld(message="a\0b"))

@@ -13,8 +13,10 @@ def recording_name(file: Path) -> Path:
     """The file of that name: a name without an ending gets that of recordings.
 
     Raises:
-        ConfigError: it has the ending of something else, which a recording is not.
+        ConfigError: it has the ending of something else, which a recording is not, or is a folder.
     """
+    if not file.name or file.name == ".." or file.is_dir():
+        raise ConfigError(f"{file} is a folder: name a file in it, for example {file / 'lesson'}{SUFFIX}")
     if file.suffix.lower() == SUFFIX:
         return file
     if file.suffix:
