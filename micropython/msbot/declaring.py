@@ -22,6 +22,8 @@ _WHEN = {
 def check_names(part):
     """Raise ConfigError if a part's number or name cannot be told."""
     for what, text in (("part number", part.part_number), ("local name", part.local_name)):
+        if not isinstance(text, str):
+            raise ConfigError('the {} is a text, not {!r}: write "{}"'.format(what, text, text))
         size = len(text.encode())
         if not text or size > 254 or "\0" in text:
             raise ConfigError("the {} must have 1 to 254 octets, not {}".format(what, size))

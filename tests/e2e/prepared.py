@@ -10,6 +10,7 @@ Run as a program, this file is the prepared process: requests come in at the soc
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import gc
 import importlib
@@ -81,7 +82,9 @@ def start(
 
 @cache
 def _prepared() -> Prepared:
-    return Prepared()
+    made = Prepared()
+    atexit.register(made.leave)  # or Python complains of its socket and its process when the tests are over
+    return made
 
 
 class Prepared:

@@ -357,6 +357,7 @@ def test_an_error_in_a_handler_is_reported_once_and_the_part_lives(caplog: pytes
         ),
         ("out", Light(lux=0.0), "port 'out' carries HelloWorld, not Light"),
         ("out", "hello", "port 'out' publishes messages, not str"),
+        (HelloWorld(index=0, message=""), "out", 'the port comes first, and is a text: publish("out", message)'),
         ("out", HelloWorld, "port 'out' publishes messages, not the type HelloWorld: write HelloWorld(...)"),
     ],
 )
@@ -586,6 +587,7 @@ def deaf() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
+        (lambda: Part(1234), 'the part number is a text, not 1234: write "1234"'),  # type: ignore[arg-type]
         (lambda: Part(""), "the part number '' must have 1 to 254 octets and no NUL"),
         (lambda: Part("ABCD", local_name="x" * 255), "must have 1 to 254 octets"),
         (lambda: Part("ABCD", local_name="a\0b"), "no NUL"),

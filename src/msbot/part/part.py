@@ -393,6 +393,8 @@ def _given(decorator: str, function: _F | None) -> _F:
 
 
 def _name(what: str, text: str) -> str:
+    if not isinstance(text, str):
+        raise ConfigError(f'the {what} is a text, not {text!r}: write "{text}"')
     if not text or "\0" in text or len(text.encode()) > TEXT_OCTETS:
         raise ConfigError(f"the {what} {text!r} must have 1 to {TEXT_OCTETS} octets and no NUL")
     return text

@@ -122,6 +122,8 @@ class ProgramRunner:
     def publish(self, port: str, message: Message) -> bool:
         """Send a message out of a port (`Part.publish`)."""
         ports = self._open_ports()
+        if not isinstance(port, str):
+            raise ConfigError('the port comes first, and is a text: publish("out", message)')
         if type(message) is self.program.publications.get(port) and port not in ports:
             return False  # declared, and not wired in this robot (yet): nobody listens
         return self._count(ports.publish(port, message))

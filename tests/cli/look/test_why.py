@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 from click.testing import CliRunner
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.cli.look.folding import folded
@@ -35,6 +35,7 @@ def _nobody_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
 
+@example(["a" * 37], 40)
 @given(st.lists(st.text("abc-/.é", min_size=1, max_size=60), min_size=1, max_size=30), st.integers(40, 120))
 def test_a_long_sentence_goes_on_between_two_words(words: list[str], columns: int) -> None:
     lines = folded("  - " + " ".join(words), columns).split("\n")

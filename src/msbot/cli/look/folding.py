@@ -22,9 +22,10 @@ def folded(line: str, columns: int) -> str:
     """A line as lines of at most that many columns; a word that is longer than that (a path) stays whole."""
     if len(line) <= columns or columns < LEAST_COLUMNS:
         return line
-    before = re.match(r" *", line)
+    before = re.match(r"( *)(?:- )?", line)  # the mark of a list never stands alone
     assert before is not None
-    further = " " * (before.end() + INDENT)
+    rest, further = line[before.end() :], " " * (before.end(1) + INDENT)
     return "\n".join(
-        wrap(line, columns, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
+        wrap(rest, columns, initial_indent=before[0], subsequent_indent=further, break_long_words=False,
+             break_on_hyphens=False)
     )  # fmt: skip
