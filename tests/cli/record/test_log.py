@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from msbot.cli.record import log
+from msbot.cli.record.log import _channel
 from msbot.errors import MsbotError
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
 from tests.lab.recorded import BEGAN_NS, NS, store
@@ -85,3 +86,12 @@ def test_a_full_disk_is_one_sentence(file: Path, tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(Path, "unlink", lambda _, missing_ok: None)
     (tmp_path / "full.csv").symlink_to("/dev/full")
     assert "No space left" in refusal("export", file, tmp_path / "full.csv")
+
+
+@pytest.mark.parametrize(
+    ("link", "channel"),
+    [("can:can0", "can0"), ("can:vcan7?fd=1", "vcan7"), ("canfd:can1", "can1"), ("can-legacy:can0", "can0"),
+     ("sim:500000", "sim500000"), ("sim:class 7B", "simclass7B"), ("can:", "can")],
+)  # fmt: skip
+def test_frames_are_written_with_the_name_of_their_interface(link: str, channel: str) -> None:
+    assert _channel(link) == channel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
@@ -246,7 +247,7 @@ def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
             for _, message in _chosen(reader, wish):
                 frame = frame_of(message)
                 if frame is not None:
-                    channel = message.topic.removeprefix(FRAMES).replace(":", "")
+                    channel = _channel(message.topic.removeprefix(FRAMES))
                     writer.write(LogLine(message.at_ns / 1e9, channel, frame))
                     count += 1
         finally:
@@ -254,6 +255,13 @@ def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror or error}") from None
     return count
+
+
+def _channel(link: str) -> str:
+    """The name of a link's bus as candump writes it: `can0` of `can:can0?fd=1`, which `canplayer` finds again."""
+    scheme, _, rest = link.partition("?")[0].partition(":")
+    name = rest if scheme.startswith("can") else f"{scheme}{rest}"
+    return re.sub(r"[^A-Za-z0-9_.-]", "", name) or scheme
 
 
 def _damage_of(reader: RecordingReader) -> tuple[str, ...]:
