@@ -96,9 +96,21 @@ class _UdpLink(BaseLink, ABC):
         if self._loop is None or self._socket is None:
             raise LinkDown(f"{self.info.name} is not open: start its run() first")
         if not self._queue:
-            if self._hand_over(packet, peer):
+            # As `_hand_over`, without calls: this is done for every packet.
+            try:
+                self._transmit(packet, peer)
+            except BlockingIOError:
+                self._loop.add_writer(self._socket, self._send_queued, self._socket, self._loop)
+            except OSError as error:
+                self._tolerate(error)
                 return
-            self._loop.add_writer(self._socket, self._send_queued, self._socket, self._loop)
+            else:
+                counters = self.counters
+                counters.packets_out += 1
+                counters.bytes_out += len(packet)
+                if self.tap is not None:
+                    self.tap(self._loop.time(), "out", peer, packet)
+                return
         elif len(self._queue) >= QUEUE_PACKETS:
             raise LinkFull(f"{self.info.name}: {QUEUE_PACKETS} packets wait for the network")
         self._queue.append((packet, peer))
@@ -218,8 +230,15 @@ class _UdpLink(BaseLink, ABC):
                     return False
                 continue
             now = clock()
-            for packet, peer in packets:
-                self._received(packet, peer if remote is None else remote, now)
+            counters = self.counters
+            for packet, sender in packets:
+                # As `_received`, without a call: this is done for every packet.
+                peer = sender if remote is None else remote
+                counters.packets_in += 1
+                counters.bytes_in += len(packet)
+                if self.tap is not None:
+                    self.tap(now, "in", peer, packet)
+                self._packet_handler(packet, peer, now)
             if len(packets) < BATCH:
                 self._has_come_together = len(packets) > 1
                 break
