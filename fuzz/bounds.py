@@ -63,7 +63,7 @@ def _check_shared(agent: Agent, proxies: list[Proxy]) -> None:
     if agent._held.used != held:
         raise Violation(f"{held} octets are held in all, counted {agent._held.used}")
     hold("octets held in all", held, agent._held.limit)
-    streams = [stream for session in sessions for stream in session._sender._reliable.values()]
+    streams = [stream for session in sessions for stream in session._sender.reliables.values()]
     unacked = sum(len(packet) for stream in streams for packet in stream._unacked.values())
     unacked += sum(len(body) for stream in streams for body in stream._waiting if len(body) > stream._capacity)
     if agent._unacked.used != unacked:
@@ -97,16 +97,16 @@ def check_session(session: AgentSession | ClientSession, *, statuses: int) -> No
     hold("octets held", session._memory.used, settings.max_message)
     for name, streams in (
         ("inputs", session._best_effort), ("reliable inputs", session._reliable),
-        ("outputs", sender._best_effort), ("reliable outputs", sender._reliable),
+        ("outputs", sender.best_efforts), ("reliable outputs", sender.reliables),
     ):  # fmt: skip
         hold(name, len(streams), settings.max_streams)
-    for output in sender._reliable.values():
+    for output in sender.reliables.values():
         _check_output(output, settings.window, statuses)
     lanes = settings.max_streams + 1
     hold("packets in a session", len(sender.outbox), lanes * settings.queue_limit + 2 * settings.window * lanes)
     hold("answers", len(sender._answers.packets), settings.queue_limit)
     hold("reasons of a session", len(session.dropped), REASONS)
-    hold("events", len(session._events), 0)
+    hold("events", len(session.events), 0)
 
 
 def _check_output(output: ReliableOutput, window: int, statuses: int) -> None:

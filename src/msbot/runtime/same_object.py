@@ -20,20 +20,21 @@ class ForSameObject(Generic[Given, Result]):
         most: results kept; beyond, all are forgotten.
     """
 
-    __slots__ = ("_function", "_kept", "_most")
+    __slots__ = ("_function", "_most", "kept")
 
     def __init__(self, function: Callable[[Given], Result], most: int) -> None:
         self._function = function
-        self._kept: dict[int, tuple[Given, Result]] = {}
+        self.kept: dict[int, tuple[Given, Result]] = {}
+        """What is known, by `id` of the object; for those who want to look without a call."""
         self._most = most
 
     def __call__(self, given: Given) -> Result:
         """The function's result; what it raises is not kept."""
-        kept = self._kept.get(id(given))
+        kept = self.kept.get(id(given))
         if kept is not None:
             return kept[1]
         result = self._function(given)
-        if len(self._kept) >= self._most:
-            self._kept.clear()
-        self._kept[id(given)] = (given, result)  # the object is kept as well: so nothing else can have its id
+        if len(self.kept) >= self._most:
+            self.kept.clear()
+        self.kept[id(given)] = (given, result)  # the object is kept as well: so nothing else can have its id
         return result

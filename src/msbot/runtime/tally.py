@@ -17,7 +17,8 @@ class Tally(dict[str, int]):
     __slots__ = ("limit",)
 
     def __init__(self, counts: Mapping[str, int] | Iterable[tuple[str, int]] = (), *, limit: int = MOST_NAMES) -> None:
-        super().__init__(counts)
+        if counts:
+            self.update(counts)
         self.limit = limit
 
     def count(self, name: str, times: int = 1) -> None:

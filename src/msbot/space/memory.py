@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 from msbot.errors import LocalProtocolError
 from msbot.runtime.same_object import ForSameObject
@@ -144,8 +145,22 @@ class MemoryWriter:
             if self._later is None:
                 self._later = deque()
             self._later.append(sample)
-        else:
-            self._publish(sample)
+            return sequence_nr
+        # Not in a function of its own: this is done for every sample.
+        self._delivering = True
+        self._feedback = 0
+        try:
+            while True:
+                if self._history is not None and self._open:
+                    self._history.push(sample)
+                for accept in self.route.accepts:
+                    accept(sample)
+                if not self._later:
+                    break
+                sample = self._later.popleft()
+        finally:
+            self._delivering = False
+            self._later = None
         return sequence_nr
 
     def troubles(self) -> tuple[str, ...]:
@@ -159,22 +174,6 @@ class MemoryWriter:
             if self._history is not None:
                 self._history.clear()
             self._meeting.leave(self)
-
-    def _publish(self, sample: Sample) -> None:
-        self._delivering = True
-        self._feedback = 0
-        try:
-            while True:
-                if self._history is not None and self._open:
-                    self._history.push(sample)
-                for accept in self.route.accepts:
-                    accept(sample)
-                if not self._later:
-                    return
-                sample = self._later.popleft()
-        finally:
-            self._delivering = False
-            self._later = None
 
 
 class _Route:
@@ -210,15 +209,16 @@ class _Meeting:
         self.writers: dict[MemoryWriter, None] = {}
         self.readers: dict[MemoryReader, None] = {}
         self._namesakes = namesakes
-        self._routes: dict[Qos, _Route] = {}
+        self._routes: dict[int, _Route] = {}
+        """By the `id` of what is offered: equal offers are one object (but for very many different ones)."""
         self._close = close
 
     def route(self, qos: Qos) -> _Route:
         """The route of writers with that offer; counts one more user."""
         offered = _offer(qos)
-        route = self._routes.get(offered)
+        route = self._routes.get(id(offered))
         if route is None:
-            route = self._routes[offered] = _Route(offered, self.readers)
+            route = self._routes[id(offered)] = _Route(offered, self.readers)
         route.users += 1
         return route
 
@@ -245,7 +245,7 @@ class _Meeting:
             route = endpoint.route
             route.users -= 1
             if not route.users:
-                del self._routes[route.offered]
+                del self._routes[id(route.offered)]
             for reader in self.readers:
                 if isinstance(reader, SelectiveReader):
                     reader.forget(endpoint.guid)
@@ -286,10 +286,17 @@ class _Meeting:
 
 
 def _offered(qos: Qos) -> Qos:
-    """The part of a writer's QoS that decides which readers it fits."""
-    return replace(
-        qos, depth=1, late_depth=None, keep_all=False, lifespan_s=None, strength=0, separation_s=0.0, service=False
+    """The part of a writer's QoS that decides which readers it fits; of equal ones the first."""
+    return _first_of_equal(
+        replace(
+            qos, depth=1, late_depth=None, keep_all=False, lifespan_s=None, strength=0, separation_s=0.0, service=False
+        )
     )
+
+
+@lru_cache(256)
+def _first_of_equal(qos: Qos) -> Qos:
+    return qos
 
 
 _offer = ForSameObject(_offered, 256)

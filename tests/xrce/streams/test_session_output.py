@@ -41,7 +41,7 @@ def test_messages_of_all_streams_leave_in_the_order_of_booking() -> None:
     stream = ReliableInput(8, Memory(1000), counters)
     for number in (0, 1, 2, 3, 4, 6, 7):
         stream.accept(number, b"x")
-        sender.owe_acknack(0x80, stream)
+        sender.owed[0x80] = stream
     assert hexes(sender.pull(0.0, limit=2)) == ["8180000061", "8100000062"]
     assert hexes(sender.pull(0.0)) == ["8101000063", "8100000064", "810000000a0105000500000180"]
     assert sender.is_idle

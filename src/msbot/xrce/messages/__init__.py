@@ -48,6 +48,7 @@ from msbot.xrce.messages.message import (
     WriteData,
     decode_header,
     encode_message,
+    first_submessage,
     iter_submessages,
 )
 
@@ -93,6 +94,7 @@ __all__ = [
     "WriteData",
     "decode_header",
     "encode_message",
+    "first_submessage",
     "iter_submessages",
     "kind_of",
     "make_object_id",

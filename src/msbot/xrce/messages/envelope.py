@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from functools import lru_cache
 
 _MESSAGE_HEADER = struct.Struct("<BBH")
 _DATA_HEAD = struct.Struct(">BBHHH")
@@ -47,7 +48,16 @@ def append_submessage(body: bytes, submessage: bytes) -> bytes:
 
 def data_submessage(submessage_id: int, request_id: int, object_id: int, payload: bytes) -> bytes:
     """A WRITE_DATA or DATA; above 65531 bytes of payload its length is 0, and it must be the last of its message."""
-    length = len(payload) + 4
+    return _data_head(submessage_id, request_id, object_id, len(payload)) + payload
+
+
+def _data_head(submessage_id: int, request_id: int, object_id: int, size: int) -> bytes:
+    length = size + 4
     # Length 0 means "to the end of the message" (seen on the wire for WRITE_DATA; between our own peers for DATA too).
     swapped = (length & 0xFF) << 8 | length >> 8 if length <= 0xFFFF else 0  # low octet first, unlike the ids
-    return _DATA_HEAD.pack(submessage_id, _LITTLE_ENDIAN, swapped, request_id, object_id) + payload
+    return _DATA_HEAD.pack(submessage_id, _LITTLE_ENDIAN, swapped, request_id, object_id)
+
+
+kept_data_head = lru_cache(2048)(_data_head)
+"""What precedes a payload of that many octets in a DATA, `(submessage id, request id, object id, octets)`: all samples
+of a read have the same ids, and mostly the same size."""

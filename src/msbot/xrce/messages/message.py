@@ -58,6 +58,7 @@ __all__ = [
     "WriteData",
     "decode_header",
     "encode_message",
+    "first_submessage",
     "iter_submessages",
 ]
 
@@ -150,6 +151,21 @@ def iter_submessages(packet: bytes, offset: int) -> Iterator[Submessage]:
         RemoteProtocolError: at the first one that makes no sense; the earlier ones have been yielded by then.
     """
     return (submessage for submessage, _ in located_submessages(packet, offset) if submessage is not None)
+
+
+def first_submessage(packet: bytes, offset: int) -> Submessage | None:
+    """The first one that `iter_submessages` would yield; None: there is none.
+
+    Raises:
+        RemoteProtocolError: it, or one before it, makes no sense.
+    """
+    start = offset + HEADER_SIZE
+    if start <= len(packet) and packet[offset] == _CREATE_CLIENT:
+        try:
+            return CreateClient.decode_by_content(packet, start, len(packet), packet[offset + 1])[0]
+        except RemoteProtocolError as error:
+            raise RemoteProtocolError(f"{_name(_CREATE_CLIENT)}: {error}") from None
+    return next(iter_submessages(packet, offset), None)
 
 
 def located_submessages(packet: bytes, offset: int) -> Iterator[tuple[Submessage | None, int]]:

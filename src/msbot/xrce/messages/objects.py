@@ -135,11 +135,11 @@ def read_create(packet: bytes, start: int, end: int, flags: int) -> tuple[int, i
     Raises:
         RemoteProtocolError: the octets do not make sense.
     """
-    need(start, end, 5)
+    if end - start < 5:
+        need(start, end, 5)
     request_id, object_id = _IDS.unpack_from(packet, start)
-    octets = packet[start + 4 : end]
-    read = _kept_variant if len(octets) <= KEPT_OCTETS else _read_variant
-    return request_id, object_id, read(octets, bool(flags & LITTLE_ENDIAN))
+    read = _kept_variant if end - start <= KEPT_OCTETS else _read_variant
+    return request_id, object_id, read(packet[start + 4 : end], flags & LITTLE_ENDIAN != 0)
 
 
 @dataclass(slots=True)

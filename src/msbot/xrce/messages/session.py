@@ -19,6 +19,9 @@ from msbot.xrce.messages.submessage import LITTLE_ENDIAN, frame, need
 _SECOND_NS = 1_000_000_000
 _CREATE_CLIENT_LENGTH = 16
 _LOGIN = struct.Struct(">4s2s2sIB")
+_MTUS = (struct.Struct(">H"), struct.Struct("<H"))
+_PLAIN_LOGIN_SIZE = _LOGIN.size + 3
+"""Octets of a login without properties: an octet that says so, and the MTU, follow."""
 _IDS = struct.Struct(">HH")
 _MASKS = (struct.Struct(">I"), struct.Struct("<I"))
 _TIMES = (struct.Struct(">iI"), struct.Struct("<iI"))
@@ -75,6 +78,10 @@ class CreateClient:
         Raises:
             RemoteProtocolError: the octets do not make sense.
         """
+        if start + _PLAIN_LOGIN_SIZE <= end <= len(packet) and packet[start + _LOGIN.size] == 0:
+            cookie, version, vendor, client_key, session_id = _LOGIN.unpack_from(packet, start)
+            (mtu,) = _MTUS[flags & 1].unpack_from(packet, start + _LOGIN.size + 1)
+            return cls(client_key, session_id, mtu, None, cookie, version, vendor), start + _PLAIN_LOGIN_SIZE
         reader = CdrReader(packet, start, end, little_endian=bool(flags & LITTLE_ENDIAN))
         cookie, version, vendor, client_key, session_id = _LOGIN.unpack(reader.octets(_LOGIN.size))
         properties = _read_properties(reader) if reader.boolean() else None

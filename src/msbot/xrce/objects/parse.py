@@ -37,6 +37,7 @@ FLAG_TRANSIENT_LOCAL = 0x08
 FLAG_TRANSIENT = 0x10
 FLAG_PERSISTENT = 0x20
 
+_REFERENCE = Format.REFERENCE.value
 _KNOWN = FLAG_RELIABLE | FLAG_KEEP_LAST | FLAG_EXCLUSIVE | FLAG_TRANSIENT_LOCAL
 _DURABLE = FLAG_TRANSIENT_LOCAL | FLAG_TRANSIENT | FLAG_PERSISTENT
 
@@ -49,7 +50,10 @@ def parse_variant(
     Raises:
         RemoteProtocolError: a kind that cannot be created, an unknown form, or contents that make no sense.
     """
-    if variant.format == Format.REFERENCE and variant.text is not None:
+    known = (_kept_little if little_endian else _kept_big).kept.get(id(variant))
+    if known is not None:
+        return known[1]
+    if variant.format == _REFERENCE and variant.text is not None:
         return resolve(_kind_of(variant), variant.text, variant.domain_id, references)
     if len(variant.blob or variant.text or "") > KEPT_OCTETS:
         return _parse(variant, little_endian=little_endian)

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from msbot.xrce.messages.data import FORMAT_MASK
-from msbot.xrce.messages.envelope import MTU_MIN, Envelope, data_submessage
+from msbot.xrce.messages.envelope import MTU_MIN, Envelope, kept_data_head
 from msbot.xrce.messages.ids import (
     KIND_MASK,
     OBJECT_CLIENT,
@@ -30,9 +30,9 @@ from msbot.xrce.messages.ids import (
     ObjectKind,
     SubmessageId,
 )
-from msbot.xrce.messages.message import Delete, GetInfo, Info, ReadData, Timestamp, TimestampReply
+from msbot.xrce.messages.message import GetInfo, Info, ReadData, Timestamp, TimestampReply
 from msbot.xrce.messages.objects import REPLACE, REUSE, read_create, write_status
-from msbot.xrce.messages.submessage import LITTLE_ENDIAN
+from msbot.xrce.messages.submessage import LITTLE_ENDIAN, need
 from msbot.xrce.sessions.counters import Memory
 from msbot.xrce.sessions.events import (
     AgentEvent,
@@ -44,13 +44,12 @@ from msbot.xrce.sessions.events import (
     SessionDeleteRequested,
     SessionReset,
 )
-from msbot.xrce.sessions.session import OTHER_SESSION, Session
+from msbot.xrce.sessions.session import OTHER_SESSION, Session, Take
 from msbot.xrce.sessions.settings import AgentSessionSettings
 
 _IDS = struct.Struct(">HH")
 # Plain ints: comparing with a member of an IntEnum costs several times as much, for every request.
 _DATA_ID = SubmessageId.DATA.value
-_CREATE_CLIENT_ID = SubmessageId.CREATE_CLIENT.value
 _CLIENT = ObjectKind.CLIENT.value
 _MASK_CONFIGURATION = 1
 
@@ -65,6 +64,8 @@ DataHandler = Callable[[int, int, bytes], None]
 
 class AgentSession(Session[AgentEvent]):
     """One client's session, sans I/O (see the module's docstring)."""
+
+    __slots__ = ("_epoch_ns", "_on_data")
 
     _DATA_ID = SubmessageId.WRITE_DATA.value
 
@@ -123,11 +124,10 @@ class AgentSession(Session[AgentEvent]):
         elif stream_id < STREAM_RELIABLE:
             self._sender.send_unacknowledged(body, STREAM_BEST_EFFORT)
         else:
-            stream = self._sender.reliable(STREAM_RELIABLE)
-            if stream is None or stream.waiting >= self._settings.backlog:
+            sender = self._sender
+            stream = sender.reliables.get(STREAM_RELIABLE) or sender.reliable(STREAM_RELIABLE)
+            if stream is None or not stream.send(body, self._settings.backlog):
                 self.counters.dropped.count(BACKLOG_FULL)
-            else:
-                stream.send(body)
 
     def send_info(self, request_id: int, object_id: int) -> None:
         """Answer a GET_INFO: the agent is here and knows the client."""
@@ -139,11 +139,15 @@ class AgentSession(Session[AgentEvent]):
         On a reliable stream, a sample that does not fit into one message is cut into fragments. On other streams it is
         dropped and counted, and the result is True: trying again would not help.
         """
-        body = data_submessage(_DATA_ID, request_id, object_id, payload)
+        body = kept_data_head(_DATA_ID, request_id, object_id, len(payload)) + payload
         if stream_id < STREAM_RELIABLE:
-            self._sender.send_unacknowledged(body, stream_id)
+            best_effort = self._sender.best_efforts.get(stream_id)
+            if best_effort is not None:
+                best_effort.send(body)
+            else:
+                self._sender.send_unacknowledged(body, stream_id)
             return True
-        stream = self._sender.reliable(stream_id)
+        stream = self._sender.reliables.get(stream_id) or self._sender.reliable(stream_id)
         return True if stream is None else stream.offer(body)
 
     def probe(self) -> None:
@@ -179,57 +183,62 @@ class AgentSession(Session[AgentEvent]):
             self.counters.dropped.count(NOT_DATA)
             return False
         request_id, object_id = _IDS.unpack_from(packet, start)
-        if self._on_data is None or self._events:
-            self._events.append(DataWritten(object_id, request_id, packet[start + 4 : end]))
+        if self._on_data is None or self.events:
+            self.events.append(DataWritten(object_id, request_id, packet[start + 4 : end]))
         else:
             self._on_data(object_id, request_id, packet[start + 4 : end])
         return True
 
-    def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
-        read = self._REQUESTS.get(kind)
-        if read is not None and (event := read(self, contents, flags, stream_id)) is not None:
-            self._events.append(event)
-        return kind != _CREATE_CLIENT_ID
+    # Each takes a submessage (`_OTHERS`).
 
-    def _create(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:
-        request_id, object_id, variant = read_create(contents, 0, len(contents), flags)
-        reuse, replace = bool(flags & REUSE), bool(flags & REPLACE)
-        return CreateRequested(
-            request_id, object_id, variant, reuse, replace, stream_id, bool(flags & LITTLE_ENDIAN)
-        )  # fmt: skip
+    def _create(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        request_id, object_id, variant = read_create(packet, start, end, flags)
+        self.events.append(CreateRequested(
+            request_id, object_id, variant,
+            flags & REUSE != 0, flags & REPLACE != 0, stream_id, flags & LITTLE_ENDIAN != 0,
+        ))  # fmt: skip
+        return True
 
-    def _delete(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:
-        delete = Delete.decode(contents, 0, len(contents), flags)
-        if delete.object_id & KIND_MASK != _CLIENT:
-            return DeleteRequested(delete.request_id, delete.object_id, stream_id)
+    def _delete(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        need(start, end, 4)
+        request_id, object_id = _IDS.unpack_from(packet, start)
+        if object_id & KIND_MASK != _CLIENT:
+            self.events.append(DeleteRequested(request_id, object_id, stream_id))
+            return True
         if stream_id == STREAM_NONE:
             # After its end, an ACKNACK could be mistaken for one of the client's next session.
             self._sender.settle()
-        return SessionDeleteRequested(delete.request_id, delete.object_id)
+        self.events.append(SessionDeleteRequested(request_id, object_id))
+        return True
 
-    def _read(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:  # noqa: ARG002 - one signature for all
-        read = ReadData.decode(contents, 0, len(contents), flags)
-        return ReadRequested(read.request_id, read.object_id, read)
+    def _read(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        read = ReadData.decode(packet, start, end, flags)
+        self.events.append(ReadRequested(read.request_id, read.object_id, read))
+        return True
 
-    def _get_info(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:  # noqa: ARG002
-        info = GetInfo.decode(contents, 0, len(contents), flags)
-        return InfoRequested(info.request_id, info.object_id, info.mask)
+    def _get_info(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        info = GetInfo.decode(packet, start, end, flags)
+        self.events.append(InfoRequested(info.request_id, info.object_id, info.mask))
+        return True
 
-    def _timestamp(self, contents: bytes, flags: int, stream_id: int) -> None:  # noqa: ARG002
+    def _timestamp(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
         receive_ns = self._epoch_ns()
-        originate_ns = Timestamp.decode(contents, 0, len(contents), flags).transmit_ns
+        originate_ns = Timestamp.decode(packet, start, end, flags).transmit_ns
         reply = TimestampReply(self._epoch_ns(), receive_ns, originate_ns)
         self._sender.send_unacknowledged(reply.encode(), STREAM_NONE)
+        return True
 
-    def _reset_all(self, contents: bytes, flags: int, stream_id: int) -> AgentEvent:  # noqa: ARG002
+    def _reset_all(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
         self._restart_streams()
-        return SessionReset()
+        self.events.append(SessionReset())
+        return True
 
-    def _login_inside(self, contents: bytes, flags: int, stream_id: int) -> None:  # noqa: ARG002
-        if contents:
+    def _login_inside(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        if end > start:
             self.counters.dropped.count(LOGIN_INSIDE)
+        return False
 
-    _REQUESTS: ClassVar[dict[int, Callable[[Any, bytes, int, int], AgentEvent | None]]] = {
+    _OTHERS: ClassVar[dict[int, Take]] = {
         SubmessageId.CREATE_CLIENT.value: _login_inside,
         SubmessageId.CREATE.value: _create,
         SubmessageId.GET_INFO.value: _get_info,
@@ -238,4 +247,4 @@ class AgentSession(Session[AgentEvent]):
         SubmessageId.RESET.value: _reset_all,
         SubmessageId.TIMESTAMP.value: _timestamp,
     }
-    """What a client may ask for, by kind of submessage: `(session, contents, flags, stream id)`."""
+    """What a client may ask for."""

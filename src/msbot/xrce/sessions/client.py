@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from typing import ClassVar
 
 from msbot.errors import LinkFull, LocalProtocolError
 from msbot.xrce.messages.data import FORMAT_MASK
@@ -66,7 +67,7 @@ from msbot.xrce.sessions.events import (
     StatusReceived,
 )
 from msbot.xrce.sessions.restart_doubt import RestartDoubt
-from msbot.xrce.sessions.session import OTHER_SESSION, Session
+from msbot.xrce.sessions.session import OTHER_SESSION, Session, Take
 from msbot.xrce.sessions.settings import ClientSessionSettings
 from msbot.xrce.sessions.time_sync import answers, compare_clocks
 from msbot.xrce.streams.login_retries import Retries
@@ -272,7 +273,7 @@ class ClientSession(Session[ClientEvent]):
         self._doubt.end()
         self._retries.end()
         self._restart_streams()
-        self._events.append(event)
+        self.events.append(event)
 
     # Booking.
 
@@ -307,7 +308,7 @@ class ClientSession(Session[ClientEvent]):
             self.counters.dropped.count(NOT_OPEN)
             return
         if stream_id == STREAM_RELIABLE and self._doubt.has_restarted(first):
-            self._events.append(SessionRestarted())
+            self.events.append(SessionRestarted())
         super()._take_acknack(first, bitmap, stream_id)
 
     def _take_heartbeat(self, heartbeat: Heartbeat, carrier_id: int) -> None:
@@ -324,33 +325,57 @@ class ClientSession(Session[ClientEvent]):
             self.counters.dropped.count(NOT_OPEN)
             return False
         request_id, object_id = _IDS.unpack_from(packet, start)
-        self._events.append(DataReceived(request_id, object_id, packet[start + 4 : end], stream_id))
+        self.events.append(DataReceived(request_id, object_id, packet[start + 4 : end], stream_id))
         return True
 
-    def _handle(self, kind: int, flags: int, contents: bytes, stream_id: int) -> bool:
-        size = len(contents)
-        match kind:
-            case SubmessageId.STATUS:
-                self._take_status(StatusReply.decode(contents, 0, size, flags), stream_id)
-            case SubmessageId.STATUS_AGENT if stream_id == STREAM_NONE:
-                self._take_login_answer(StatusAgent.decode(contents, 0, size, flags))
-            case SubmessageId.INFO:
-                self._take_info(Info.decode(contents, 0, size, flags))
-            case SubmessageId.GET_INFO:
-                question = GetInfo.decode(contents, 0, size, flags)
-                info = Info(question.request_id, question.object_id, has_agent=False, availability=None)
-                self._sender.answer(info.encode())
-            case SubmessageId.TIMESTAMP_REPLY:
-                self._take_time(TimestampReply.decode(contents, 0, size, flags))
-        return True
+    # Each takes a submessage (`_OTHERS`).
 
-    def _take_status(self, reply: StatusReply, stream_id: int) -> None:
+    def _status(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        reply = StatusReply.decode(packet, start, end, flags)
         if stream_id != STREAM_NONE:
-            self._events.append(StatusReceived(reply.request_id, reply.object_id, reply.status))
+            self.events.append(StatusReceived(reply.request_id, reply.object_id, reply.status))
         elif self._state is ClientState.CLOSING and reply.request_id == REQUEST_LOGOUT:
             self._end(ClientState.CLOSED, SessionClosed())
         else:
             self.counters.dropped.count(NOT_ASKED)
+        return True
+
+    def _status_agent(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
+        if stream_id == STREAM_NONE:
+            self._take_login_answer(StatusAgent.decode(packet, start, end, flags))
+        return True
+
+    def _info(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        info = Info.decode(packet, start, end, flags)
+        if info.request_id != REQUEST_PING or info.availability is None or info.availability <= 0:
+            self.counters.dropped.count(NOT_ASKED)
+        else:
+            self.events.append(Pong(info.implementation_status == 1, self.last_heard - self._pinged_at))
+        return True
+
+    def _get_info(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        question = GetInfo.decode(packet, start, end, flags)
+        info = Info(question.request_id, question.object_id, has_agent=False, availability=None)
+        self._sender.answer(info.encode())
+        return True
+
+    def _time(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
+        reply, asked_ns = TimestampReply.decode(packet, start, end, flags), self._time_asked_ns
+        if asked_ns is None or not answers(reply, asked_ns):
+            self.counters.dropped.count(NOT_ASKED)
+        else:
+            self._time_asked_ns = None
+            self.events.append(compare_clocks(reply, asked_ns, self._epoch_ns()))
+        return True
+
+    _OTHERS: ClassVar[dict[int, Take]] = {
+        SubmessageId.STATUS.value: _status,
+        SubmessageId.STATUS_AGENT.value: _status_agent,
+        SubmessageId.INFO.value: _info,
+        SubmessageId.GET_INFO.value: _get_info,
+        SubmessageId.TIMESTAMP_REPLY.value: _time,
+    }
+    """What an agent may say."""
 
     def _take_login_answer(self, answer: StatusAgent) -> None:
         if self._state is ClientState.CONNECTING:
@@ -363,7 +388,7 @@ class ClientSession(Session[ClientEvent]):
             self._sent_before = self.counters.packets_out
             self._request_id = FIRST_REQUEST - 1
             self._restart_streams()
-            self._events.append(Connected())
+            self.events.append(Connected())
         elif self._state is ClientState.CONNECTED and not self._doubt.is_ruled_out(answer.status):
             self._take_further_answer()
         else:
@@ -379,18 +404,4 @@ class ClientSession(Session[ClientEvent]):
         if doubt.has_sent:
             doubt.ask(self.last_heard)
         elif not is_explained and self.counters.packets_out > self._sent_before:
-            self._events.append(SessionRestarted())
-
-    def _take_info(self, info: Info) -> None:
-        if info.request_id != REQUEST_PING or info.availability is None or info.availability <= 0:
-            self.counters.dropped.count(NOT_ASKED)
-            return
-        self._events.append(Pong(info.implementation_status == 1, self.last_heard - self._pinged_at))
-
-    def _take_time(self, reply: TimestampReply) -> None:
-        asked_ns = self._time_asked_ns
-        if asked_ns is None or not answers(reply, asked_ns):
-            self.counters.dropped.count(NOT_ASKED)
-        else:
-            self._time_asked_ns = None
-            self._events.append(compare_clocks(reply, asked_ns, self._epoch_ns()))
+            self.events.append(SessionRestarted())

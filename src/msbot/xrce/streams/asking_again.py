@@ -49,10 +49,11 @@ class AskingAgain:
         """The open ones, by stream; read-only."""
 
     def note(self, stream_id: int, stream: ReliableInput, now: float) -> None:
-        """A message or a HEARTBEAT has come, and an ACKNACK says what the stream lacks."""
+        """A message or a HEARTBEAT has come, and an ACKNACK says what the stream lacks.
+
+        Not needed while it lacks nothing, nothing is asked, and nothing was lost of late.
+        """
         questions, round_trip = self.questions, self._sender.round_trip
-        if stream.announced == stream.last_handled and not questions and now >= round_trip.lossy_until:
-            return
         has_gap = stream.announced != stream.last_handled and stream.missing()[1] != 0
         if has_gap:
             round_trip.note_loss(now)
@@ -78,7 +79,9 @@ class AskingAgain:
         """Have the questions repeated that are due."""
         for stream_id, (stream, question) in list(self.questions.items()):
             if now >= question.repeat_at:
-                self._sender.owe_acknack(stream_id, stream, guess=question.is_guess)
+                self._sender.owed[stream_id] = stream
+                if question.is_guess:
+                    self._sender.guess(stream_id)
                 question.repeated += 1
                 question.repeated_at = now
                 self._wait(stream_id, stream, question, now)

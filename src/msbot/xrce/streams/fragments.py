@@ -44,6 +44,7 @@ class FragmentJoiner:
 
     def clear(self) -> None:
         """Forget what was collected."""
-        self._memory.give(len(self._buffer))
-        self._buffer = bytearray()
+        if self._buffer:
+            self._memory.give(len(self._buffer))
+            self._buffer = bytearray()
         self._refused = False

@@ -24,6 +24,9 @@ QUICK = 2
 """On a lossy link so many repetitions of a question wait no longer than the question itself."""
 
 
+_NEVER_YET = float("-inf")
+
+
 class RoundTrip:
     """The measured time from handing a message to the link until its acknowledgement, and recent losses."""
 
@@ -36,7 +39,7 @@ class RoundTrip:
         """How often `measure` was told of a message and its acknowledgement."""
         self.latest_s = 0.0
         self._spread_s = 0.0
-        self.lossy_until = float("-inf")
+        self.lossy_until = _NEVER_YET
 
     def measure(self, sample_s: float, since_asked_s: float | None = None, now: float = 0.0) -> None:
         """Take one measurement.
@@ -91,10 +94,11 @@ class RoundTrip:
             unanswered: questions asked since the last answer.
         """
         smoothed_s = self.smoothed_s
-        if smoothed_s is None:
+        is_lossy = now < self.lossy_until
+        if smoothed_s is None or (not is_lossy and 2 * smoothed_s <= longest_s):
             return longest_s
         wait_s = longest_s
-        if self.is_lossy(now):
+        if is_lossy:
             expected_s = max(smoothed_s + 4 * self._spread_s, shortest_s)
             wait_s = min(longest_s, expected_s * (1 << min(max(unanswered - QUICK, 0), 16)))
         # On a slow link the answer may still be on its way; but a peer that was busy for a long time must not silence

@@ -37,6 +37,10 @@ Beyond, a datagram would go in several, and be lost with any of them."""
 SLOT_HEAD = 4
 """In C clients, a reliable message lies in a buffer slot of the MTU's size that begins with 4 octets of its own."""
 
+_NEVER_YET = float("-inf")
+_PADDING = (b"", bytes(3), bytes(2), bytes(1))
+"""What fills a message up to a multiple of 4, by what is over."""
+
 QUEUE_FULL = "best-effort message: queue full, oldest dropped"
 TOO_LARGE = "unacknowledged message larger than the MTU"
 STALE_ACKNACK = "ACKNACK outside of what was sent"
@@ -77,9 +81,11 @@ class BestEffortOutput:
             return
         items = self._outbox.items
         if self._packed_max and items and items[-1] is self._lane:
-            joined = append_submessage(self._lane.packets[-1], body)
+            packets = self._lane.packets
+            before = packets[-1]
+            joined = before + _PADDING[len(before) & 3] + body
             if len(joined) <= self._packed_max:
-                self._lane.packets[-1] = joined
+                packets[-1] = joined
                 return
         nr = self._sequence_nr = (self._sequence_nr + 1) & 0xFFFF
         self._outbox.put_newest(self._envelope.seal(self.stream_id, nr, body), self._lane)
@@ -169,7 +175,7 @@ class ReliableOutput:
         self._next = 0
         self.moved = False
         """Whether `rest` has something to do."""
-        self._heartbeat_sent_at = float("-inf")
+        self._heartbeat_sent_at = _NEVER_YET
         self._timed: int | None = None
         self._timed_at = 0.0
 
@@ -221,13 +227,16 @@ class ReliableOutput:
                 return
         self.book(body)
 
-    def send(self, body: bytes) -> None:
-        """Book a body and send as much as the window allows."""
+    def send(self, body: bytes, most_waiting: int | None = None) -> bool:
+        """Book a body and send as much as the window allows; False: so many wait already, and it was not booked."""
         if not self._waiting and len(self._unacked) < self._window and len(body) <= self._capacity:
             self._emit(body)
+        elif most_waiting is not None and len(self._waiting) >= most_waiting:
+            return False
         else:
             self.book(body)
             self.advance()
+        return True
 
     def offer(self, body: bytes) -> bool:
         """Book a body if there is room for it; False: it was not booked, and the owner is told when there is room."""
@@ -305,7 +314,8 @@ class ReliableOutput:
             return
         # Messages that follow do not put it off: a peer that lacks one for long must be asked while they flow.
         due = now + self._round_trip.patience_s(now, heartbeat_s, heartbeat_min_s, self._unanswered)
-        self.heartbeat_at = due if self.heartbeat_at is None else min(due, self.heartbeat_at)
+        if self.heartbeat_at is None or due < self.heartbeat_at:
+            self.heartbeat_at = due
         if self._timed is None:
             self._timed = (self._next - 1) & 0xFFFF
             self._timed_at = now
@@ -330,11 +340,14 @@ class ReliableOutput:
         items, newest = self._outbox.items, self._newest
         if newest is not None and items and items[-1] is newest:
             nr = (self._next - 1) & 0xFFFF
-            joined = append_submessage(newest, body)
+            joined = newest + _PADDING[len(newest) & 3] + body
+            size = len(joined)
             # A false ACKNACK may have acknowledged it before it was sent.
-            if len(joined) <= self._packed_max and nr in self._unacked:
+            if size <= self._packed_max and nr in self._unacked:
                 items[-1] = self._newest = self._unacked[nr] = joined
-                self._count(len(joined) - len(newest))
+                size -= len(newest)
+                self._octets += size
+                self._pool.used += size
                 return
         self._send_new(body)
         if self._packed_max:
@@ -344,8 +357,9 @@ class ReliableOutput:
         nr = self._next
         packet = self._envelope.seal(self.stream_id, nr, body)
         self._unacked[nr] = packet
-        self._octets += len(packet)
-        self._pool.used += len(packet)
+        size = len(packet)
+        self._octets += size
+        self._pool.used += size
         self._next = (nr + 1) & 0xFFFF
         self.moved = True
         self._outbox.put(packet)

@@ -31,6 +31,11 @@ STREAM_LIMIT = "too many streams"
 class SessionOutput:
     """The sending half of a session."""
 
+    __slots__ = (
+        "_answer_header", "_answers", "_counters", "_envelope", "_guesses", "_pool", "_settings",
+        "best_efforts", "heartbeat_s", "outbox", "owed", "reliables", "round_trip",
+    )  # fmt: skip
+
     def __init__(
         self, envelope: Envelope, counters: SessionCounters, settings: SessionSettings, pool: Memory | None = None
     ) -> None:
@@ -43,11 +48,14 @@ class SessionOutput:
         self._settings = settings
         self._pool = pool or Memory(sys.maxsize)
         self._answers = Lane(ANSWERS_FULL)
-        self._owed: dict[int, ReliableInput] = {}
+        self.owed: dict[int, ReliableInput] = {}
+        """The input streams whose ACKNACK is due: the next `pull` makes it, after everything booked until then."""
         self._guesses: set[int] = set()
         self._answer_header = envelope.seal(STREAM_NONE, 0, b"")
-        self._best_effort: dict[int, BestEffortOutput] = {}
-        self._reliable: dict[int, ReliableOutput] = {}
+        self.best_efforts: dict[int, BestEffortOutput] = {}
+        """The best-effort streams in use; read-only (`best_effort` opens them)."""
+        self.reliables: dict[int, ReliableOutput] = {}
+        """The reliable streams in use; read-only (`reliable` opens them)."""
 
     def answer(self, body: bytes) -> None:
         """Book a submessage outside the streams (stream NONE); the caller makes sure that it fits."""
@@ -60,7 +68,7 @@ class SessionOutput:
     def send_unacknowledged(self, body: bytes, stream_id: int) -> None:
         """Book a message on a best-effort stream or on stream NONE; what does not fit is dropped and counted."""
         if stream_id != STREAM_NONE:
-            stream = self._best_effort.get(stream_id) or self.best_effort(stream_id)
+            stream = self.best_efforts.get(stream_id) or self.best_effort(stream_id)
             if stream is not None:
                 stream.send(body)
         elif len(body) <= self._envelope.capacity:
@@ -111,27 +119,22 @@ class SessionOutput:
 
     def waiting(self, stream_id: int) -> int:
         """How many messages of that stream wait for the window."""
-        stream = self._reliable.get(stream_id)
+        stream = self.reliables.get(stream_id)
         return 0 if stream is None else stream.waiting
 
     def next_nr(self, stream_id: int) -> int:
         """The number of the message that this reliable stream sends next."""
-        stream = self._reliable.get(stream_id)
+        stream = self.reliables.get(stream_id)
         return 0 if stream is None else stream.next_nr
 
     def first_unacked(self, stream_id: int) -> int:
         """The number of the first message of this reliable stream that the peer has not acknowledged."""
-        stream = self._reliable.get(stream_id)
+        stream = self.reliables.get(stream_id)
         return 0 if stream is None else stream.first_nr
 
-    def owe_acknack(self, stream_id: int, stream: ReliableInput, *, guess: bool = False) -> None:
-        """An ACKNACK for that input stream is due: the next `pull` makes it, after everything booked until then.
-
-        With `guess` it asks for the next message, even if nobody has said that there is one.
-        """
-        self._owed[stream_id] = stream
-        if guess:
-            self._guesses.add(stream_id)
+    def guess(self, stream_id: int) -> None:
+        """Have the ACKNACK that is due ask for the next message, even if nobody has said that there is one."""
+        self._guesses.add(stream_id)
 
     def settle(self) -> None:
         """Book the ACKNACKs that are due now, ahead of what is booked after this."""
@@ -140,29 +143,30 @@ class SessionOutput:
 
     def _acknacks(self) -> list[bytes]:
         packets = []
-        for stream_id, stream in self._owed.items():
+        for stream_id, stream in self.owed.items():
             first, bitmap = stream.missing()
             if not bitmap and stream_id in self._guesses:
                 bitmap = 1
             packets.append(self._answer_header + write_acknack(first, bitmap, stream_id))
-        self._owed.clear()
-        self._guesses.clear()
+        self.owed.clear()
+        if self._guesses:
+            self._guesses.clear()
         return packets
 
     def best_effort(self, stream_id: int) -> BestEffortOutput | None:
         """The stream, opened when first used; None (counted) when there are too many."""
-        stream = self._best_effort.get(stream_id)
-        if stream is None and self._may_open(self._best_effort):
+        stream = self.best_efforts.get(stream_id)
+        if stream is None and self._may_open(self.best_efforts):
             stream = BestEffortOutput(
                 stream_id, self._envelope, self.outbox, self._counters, packs=self._settings.packs
             )
-            self._best_effort[stream_id] = stream
+            self.best_efforts[stream_id] = stream
         return stream
 
     def reliable(self, stream_id: int) -> ReliableOutput | None:
         """The stream, opened when first used; None (counted) when there are too many."""
-        stream = self._reliable.get(stream_id)
-        if stream is None and self._may_open(self._reliable):
+        stream = self.reliables.get(stream_id)
+        if stream is None and self._may_open(self.reliables):
             stream = ReliableOutput(
                 stream_id,
                 self._envelope,
@@ -173,12 +177,12 @@ class SessionOutput:
                 pool=self._pool,
                 packs=self._settings.packs,
             )
-            self._reliable[stream_id] = stream
+            self.reliables[stream_id] = stream
         return stream
 
     def acknowledged(self, stream_id: int, first: int, bitmap: int, now: float) -> bool:
         """Note an ACKNACK; True when a stream that had refused something has room again."""
-        stream = self._reliable.get(stream_id)
+        stream = self.reliables.get(stream_id)
         if stream is None or not stream.acknowledge(first, bitmap, now):
             return False
         if stream.moved and not self.outbox.items:
@@ -194,28 +198,40 @@ class SessionOutput:
 
     def flush(self) -> None:
         """Finish the messages that submessages were packed into."""
-        for reliable in self._reliable.values():
+        for reliable in self.reliables.values():
             reliable.advance()
-        for best_effort in self._best_effort.values():
+        for best_effort in self.best_efforts.values():
             best_effort.flush()
 
     def pull(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent."""
-        if self._owed and limit is not None:
+        if limit is not None:
+            return self._pull_some(now, limit)
+        packets: list[bytes] = []
+        for stream in self.reliables.values():
+            if stream.missed:
+                packets += stream.pull_missed(now)
+            if stream.moved:
+                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+        if self.outbox.items:
+            packets += self.outbox.pull()
+        if self.owed:
+            packets += self._acknacks()
+        self._counters.packets_out += len(packets)
+        return packets
+
+    def _pull_some(self, now: float, limit: int) -> list[bytes]:
+        if self.owed:
             self.settle()
         packets: list[bytes] = []
-        for stream in self._reliable.values():
+        for stream in self.reliables.values():
             if stream.missed:
-                packets += stream.pull_missed(now, None if limit is None else limit - len(packets))
-            if stream.moved and limit is None:
-                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+                packets += stream.pull_missed(now, limit - len(packets))
         outbox = self.outbox
         if outbox.items:
-            packets += outbox.pull(None if limit is None else limit - len(packets))
-        if self._owed:
-            packets += self._acknacks()
-        if limit is not None and not outbox.items:
-            for stream in self._reliable.values():
+            packets += outbox.pull(limit - len(packets))
+        if not outbox.items:
+            for stream in self.reliables.values():
                 if stream.moved:
                     stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         self._counters.packets_out += len(packets)
@@ -223,19 +239,19 @@ class SessionOutput:
 
     def stream_states(self) -> list[StreamState]:
         """The state of every stream."""
-        states = [stream.state for stream in self._best_effort.values()]
-        return states + [stream.state for stream in self._reliable.values()]
+        states = [stream.state for stream in self.best_efforts.values()]
+        return states + [stream.state for stream in self.reliables.values()]
 
     @property
     def is_delivered(self) -> bool:
         """Whether the peer has acknowledged everything that was booked on reliable streams."""
-        return not any(stream.waiting or stream.unacked for stream in self._reliable.values())
+        return not any(stream.waiting or stream.unacked for stream in self.reliables.values())
 
     def is_at_rest(self) -> bool:
         """Whether nothing waits to be pulled, and no HEARTBEAT is due or to be worked out."""
-        if self.outbox.items or self._owed:
+        if self.outbox.items or self.owed:
             return False
-        for stream in self._reliable.values():
+        for stream in self.reliables.values():
             if stream.moved or stream.missed or stream.heartbeat_at is not None:
                 return False
         return True
@@ -243,14 +259,14 @@ class SessionOutput:
     @property
     def is_idle(self) -> bool:
         """Whether nothing waits to be pulled."""
-        return not self.outbox.items and not self._owed and not any(stream.missed for stream in self._reliable.values())
+        return not self.outbox.items and not self.owed and not any(stream.missed for stream in self.reliables.values())
 
     def timer(self) -> float | None:
         """When the next HEARTBEAT is due; None while messages wait to be pulled or nothing is unacknowledged."""
-        if self.outbox.items or self._owed:
+        if self.outbox.items or self.owed:
             return None
         due: float | None = None
-        for stream in self._reliable.values():
+        for stream in self.reliables.values():
             if stream.missed:
                 return None
             at = stream.heartbeat_at
@@ -262,7 +278,7 @@ class SessionOutput:
         """Book the HEARTBEATs that are due."""
         if not self.is_idle:
             return
-        for stream in self._reliable.values():
+        for stream in self.reliables.values():
             if stream.heartbeat_at is not None and now >= stream.heartbeat_at:
                 self.outbox.put(self._answer_header + stream.heartbeat(now).encode())
                 self._counters.heartbeats_out += 1
@@ -271,19 +287,19 @@ class SessionOutput:
         """Start all streams over and forget what waits; returns the streams that had refused something."""
         self._envelope = envelope or self._envelope
         self.round_trip = RoundTrip()
-        refused = [stream.stream_id for stream in self._reliable.values() if stream.refused]
+        refused = [stream.stream_id for stream in self.reliables.values() if stream.refused]
         self.outbox.clear()
-        self._owed.clear()
+        self.owed.clear()
         self._guesses.clear()
-        self._best_effort.clear()
-        for stream in self._reliable.values():
+        self.best_efforts.clear()
+        for stream in self.reliables.values():
             stream.release()
-        self._reliable.clear()
+        self.reliables.clear()
         return refused
 
     def release(self) -> None:
         """Give back what is counted in the pool: nothing will be sent any more."""
-        for stream in self._reliable.values():
+        for stream in self.reliables.values():
             stream.release()
 
     @staticmethod
