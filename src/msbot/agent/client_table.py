@@ -92,10 +92,14 @@ class ClientTable:
         """Enter a client, or move it to another address; no client has the old one any more."""
         self._leave_place(proxy)
         self._forget_gone(proxy)
-        self._by_key[proxy.info.key] = proxy
-        sharing = self._by_client_key.get(proxy.info.client_key, ())
-        if proxy not in sharing:
-            self._by_client_key[proxy.info.client_key] = (*sharing, proxy)
+        info = proxy.info
+        self._by_key[info.key] = proxy
+        client_key = info.client_key
+        sharing = self._by_client_key.get(client_key)
+        if sharing is None:
+            self._by_client_key[client_key] = (proxy,)
+        elif proxy not in sharing:
+            self._by_client_key[client_key] = (*sharing, proxy)
         proxy.place = (port, peer)
         port.members[proxy] = peer
         if not _has_key_in_headers(proxy):
@@ -114,22 +118,20 @@ class ClientTable:
 
     def remove(self, proxy: Proxy) -> bool:
         """Forget a client; False when it was not known."""
-        if self._by_key.get(proxy.info.key) is not proxy:
+        info = proxy.info
+        if self._by_key.get(info.key) is not proxy:
             return False
         self._leave_place(proxy)
         self._forget_gone(proxy)
-        del self._by_key[proxy.info.key]
-        client_key = proxy.info.client_key
-        others = tuple(other for other in self._by_client_key[client_key] if other is not proxy)
-        if others:
-            self._by_client_key[client_key] = others
-        else:
-            del self._by_client_key[client_key]
+        del self._by_key[info.key]
+        client_key = info.client_key
+        sharing = self._by_client_key.pop(client_key)
+        if len(sharing) > 1:
+            self._by_client_key[client_key] = tuple(other for other in sharing if other is not proxy)
         return True
 
     def _forget_gone(self, proxy: Proxy) -> None:
-        place = self._gone.pop(proxy, None)
-        if place is not None:
+        if self._gone and (place := self._gone.pop(proxy, None)) is not None:
             proxy.is_blocked = False
             port, peer = place
             others = [other for other in port.gone.pop(peer, ()) if other is not proxy]

@@ -13,6 +13,7 @@ import logging
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import replace
+from functools import lru_cache
 
 from msbot.agent.agent_settings import MIN_MTU, AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
@@ -23,7 +24,7 @@ from msbot.agent.proxy import Proxy
 from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
 from msbot.agent.session_eviction import SessionBudget
 from msbot.errors import RemoteProtocolError
-from msbot.link import Peer
+from msbot.link import Link, Peer
 from msbot.runtime.sentence import said
 from msbot.xrce import Status
 from msbot.xrce.messages import (
@@ -42,7 +43,7 @@ from msbot.xrce.messages import (
     StatusReply,
     decode_header,
     encode_message,
-    iter_submessages,
+    first_submessage,
     kind_of,
 )
 
@@ -52,6 +53,7 @@ RECENT_LOGINS = 4
 """How many logins of a client are remembered by their numbers."""
 LONGEST_NUMBER = 8
 """In octets; a longer number is none."""
+_OK = Status.OK  # a name of the module: to read the member from its class takes ten times as long
 LATE_LOGIN = "login that came late: its client has logged in again since"
 
 _MIN_DEAD_AFTER_S = 0.1
@@ -86,7 +88,7 @@ class Handshake:
             return None
         try:
             header = decode_header(packet)
-            submessage = next(iter_submessages(packet, header.size), None)
+            submessage = first_submessage(packet, header.size)
         except RemoteProtocolError:
             port.dropped.count("packet that cannot be read")
             return None
@@ -96,12 +98,13 @@ class Handshake:
                 known = self._heard_before(port, peer, submessage, number)
                 if known is not None:
                     return self._answer_again(port, header, submessage, is_latest=known.logins[0] == number)
-                wait_s = self._wait_s(port, peer, submessage, now)
-                if wait_s:
+                status = _check(submessage)
+                info = _info_of(port.link, peer, submessage.client_key)
+                if status is _OK and (wait_s := self._wait_s(port, info, now)):
                     port.dropped.count("login put off: many join at once")
                     return _come_back(header, submessage, wait_s)
-                status = self._log_in(port, peer, submessage, now, number)
-                return _status_agent(header, submessage, StatusAgent(status))
+                status = self._log_in(port, info, submessage, status, now, number)
+                return _status_agent(header, submessage, status)
             case GetInfo():
                 # A client that asks with a session id other than its present one is unknown, so that it logs in again.
                 is_outside = header.session_id in (SESSION_NONE, SESSION_NONE_KEYED)
@@ -126,14 +129,11 @@ class Handshake:
             )  # fmt: skip
         return False
 
-    def _wait_s(self, port: ServedLink, peer: Peer, request: CreateClient, now: float) -> float:
+    def _wait_s(self, port: ServedLink, info: ClientInfo, now: float) -> float:
         """How long this login has to wait for its turn; 0 for a client that has a session, or needs no turn."""
-        link = port.link
-        if port.batch is not None or _check(request) is not Status.OK or self._clients.sharing(request.client_key):
+        if port.batch is not None or self._clients.sharing(info.client_key) or self._gate.is_settled(info):
             return 0.0
-        if self._gate.is_settled(ClientInfo(request.client_key, link.info.name, peer, "")):
-            return 0.0
-        return self._queue.wait_s((link.info.name, peer), (link.info.name, link.origin(peer)), now)
+        return self._queue.wait_s((info.link, info.peer), (info.link, port.link.origin(info.peer)), now)
 
     def _heard_before(self, port: ServedLink, peer: Peer, request: CreateClient, number: str) -> Proxy | None:
         """The session whose client has sent this very login before, told by its number; None: it is a new one."""
@@ -147,26 +147,25 @@ class Handshake:
     ) -> bytes | None:  # fmt: skip
         """The answer to a copy of a login. To start the streams over once more would lose what is on its way."""
         if is_latest:
-            return _status_agent(header, request, StatusAgent(Status.OK_MATCHED))
+            return _status_agent(header, request, Status.OK_MATCHED)
         port.dropped.count(LATE_LOGIN)
         return None
 
-    def _log_in(self, port: ServedLink, peer: Peer, request: CreateClient, now: float, number: str) -> Status:
+    def _log_in(  # noqa: PLR0917 - what is known of the login
+        self, port: ServedLink, info: ClientInfo, request: CreateClient, status: Status, now: float, number: str
+    ) -> Status:
+        peer = info.peer
         owner = port.clients.get(peer)
         if owner is not None and owner.info.client_key != request.client_key:
             self._end_session(owner, said("another client logged in from its address"))
-        status = _check(request)
-        if status is not Status.OK:
+        if status is not _OK:
             return status
         link = port.link
-        patience_s = PATIENCE_ON_A_BUS_S if link.info.shared_bus else PATIENCE_S
-        info = ClientInfo(
-            request.client_key, link.info.name, peer, link.describe(peer), request.client_key, patience_s=patience_s
-        )
         if not self._gate.may_join(info):
             return Status.ERR_DENIED
-        known = self._session_of(info, port, peer)
-        others = self._clients.sharing(request.client_key) if known is None else ()
+        sharing = self._clients.sharing(request.client_key)
+        known = self._session_of(sharing, port, peer) if sharing else None
+        others = sharing if known is None else ()
         key = self._clients.free_key(info.key) if known is None else known.info.key
         if key != info.key:
             info = replace(info, key=key)
@@ -178,27 +177,26 @@ class Handshake:
                 self._end_session(known, said("replaced by a new session of the same key"))
             elif others:
                 self._rivals.make_room(request.client_key)
-            origin = link.origin(peer)
-            if not self._make_room((link.info.name, origin), now):
+            origin = (link.info.name, link.origin(peer))
+            if not self._make_room(origin, now):
                 return Status.ERR_RESOURCES
             known = self._open_session(info, port, request, now)
-            self._budget.add(known, (link.info.name, origin))
+            self._budget.add(known, origin)
             if port.batch is None and not self._gate.is_settled(info):
-                self._queue.enter(known, (link.info.name, origin), now)
+                self._queue.enter(known, origin, now)
             if others:
-                self._rivals.begin(known, others, (link.info.name, origin), now)
+                self._rivals.begin(known, others, origin, now)
         known.logins = (number, *logins[: RECENT_LOGINS - 1]) if number else ()
         self._clients.place(known, port, peer)
         self._gate.joined(info)
         known.recheck()
         known.pull()
         logger.info("client %08X logged in from %s on %s", info.key, info.address, info.link)
-        return Status.OK
+        return _OK
 
-    def _session_of(self, info: ClientInfo, port: ServedLink, peer: Peer) -> Proxy | None:
+    def _session_of(self, sharing: tuple[Proxy, ...], port: ServedLink, peer: Peer) -> Proxy | None:
         """The session that a login refers to: the one with its key at its address, one whose peer has gone, or any that
         may be moved; None: it begins a new one."""
-        sharing = self._clients.sharing(info.client_key)
         for proxy in sharing:
             if proxy.place == (port, peer):
                 return proxy
@@ -221,7 +219,9 @@ class Handshake:
 def dead_after_s(request: CreateClient, default_s: float) -> float:
     """The silence after which the client is probed: its `uxr_hl`, or the default when that is absent or not a
     number."""
-    text = dict(request.properties or ()).get(LoginProperty.HARD_LIVELINESS, "")
+    if not request.properties:
+        return default_s
+    text = dict(request.properties).get(LoginProperty.HARD_LIVELINESS, "")
     if not (text.isascii() and text.isdigit() and len(text) <= 9):
         return default_s
     return min(max(int(text) / 1000, _MIN_DEAD_AFTER_S), _MAX_DEAD_AFTER_S)
@@ -229,7 +229,14 @@ def dead_after_s(request: CreateClient, default_s: float) -> float:
 
 def wants_echo(request: CreateClient) -> bool:
     """Whether the client wants to receive the samples it published itself."""
-    return dict(request.properties or ()).get(LoginProperty.SHARED_MEMORY) != "1"
+    return not request.properties or dict(request.properties).get(LoginProperty.SHARED_MEMORY) != "1"
+
+
+def _info_of(link: Link, peer: Peer, client_key: int) -> ClientInfo:
+    """The client that logs in, as long as nobody else has its key."""
+    about = link.info
+    patience_s = PATIENCE_ON_A_BUS_S if about.shared_bus else PATIENCE_S
+    return ClientInfo(client_key, about.name, peer, link.describe(peer), client_key, patience_s)
 
 
 def _check(request: CreateClient) -> Status:
@@ -240,12 +247,14 @@ def _check(request: CreateClient) -> Status:
     if request.mtu < MIN_MTU:
         # DEVIATION: with 8 octets or less the genuine agent never finishes its first STATUS.
         return Status.ERR_INVALID_DATA
-    return Status.OK
+    return _OK
 
 
 def login_number(request: CreateClient) -> str:
     """What tells this login from the client's others; empty: nothing, as in logins of C clients."""
-    number = dict(request.properties or ()).get(LoginProperty.NUMBER, "")
+    if not request.properties:
+        return ""
+    number = dict(request.properties).get(LoginProperty.NUMBER, "")
     return number if len(number) <= LONGEST_NUMBER else ""
 
 
@@ -254,13 +263,17 @@ def _come_back(header: Header, request: CreateClient, wait_s: float) -> bytes | 
     if dict(request.properties or ()).get(LoginProperty.ASKS_AGAIN) != "1":
         return None
     tenths = min(255, math.ceil(wait_s * 10))
-    return _status_agent(header, request, StatusAgent(Status.ERR_RESOURCES, tenths))
+    return _status_agent(header, request, Status.ERR_RESOURCES, tenths)
 
 
-def _status_agent(header: Header, request: CreateClient, status: StatusAgent) -> bytes:
-    key = request.client_key if request.session_id < SESSION_NONE else None
-    answer = Header(request.session_id, header.stream_id, header.sequence_nr, key)
-    return encode_message(answer, [status], pad_end=False)
+def _status_agent(header: Header, request: CreateClient, status: Status, tenths: int = 0) -> bytes:
+    answer = Header(request.session_id, header.stream_id, header.sequence_nr, request.client_key)
+    return answer.encode() + _agent_says(status, tenths)
+
+
+@lru_cache(64)
+def _agent_says(status: Status, tenths: int) -> bytes:
+    return StatusAgent(status, tenths).encode()
 
 
 def _info(header: Header, request: GetInfo, *, is_known: bool) -> bytes:

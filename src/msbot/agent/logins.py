@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import CreateClient, decode_header, iter_submessages
+from msbot.xrce.messages import CreateClient, decode_header, first_submessage
 
 
 def client_key_in(packet: bytes) -> int | None:
@@ -12,7 +12,7 @@ def client_key_in(packet: bytes) -> int | None:
         header = decode_header(packet)
         if header.client_key:
             return header.client_key
-        first = next(iter(iter_submessages(packet, header.size)), None)
+        first = first_submessage(packet, header.size)
     except RemoteProtocolError:
         return None
     return first.client_key if isinstance(first, CreateClient) else None

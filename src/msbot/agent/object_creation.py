@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import field, replace
+from functools import lru_cache
+from typing import ClassVar
 
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
@@ -14,8 +17,14 @@ from msbot.xrce.messages import ObjectKind
 from msbot.xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
 
 KEPT = 256
-"""Definitions whose quality of service is worked out once."""
+"""Definitions whose quality of service is worked out once, and topics that are made once."""
 
+LONGEST_KEPT = 1024
+"""Topics with longer names are made each time."""
+
+_kept_topic = lru_cache(KEPT)(Topic)
+
+_TOPIC = ObjectKind.TOPIC.value
 _DOMAIN_OF_AGENT = 255
 """Domain id by which a participant leaves the choice to the agent (as in the genuine agent)."""
 
@@ -31,7 +40,7 @@ class Participant:
     def use(self, name: str, type_name: str) -> Topic:
         """Make the topic or use the existing one of that name, whose type then counts."""
         known = self.topics.get(name)
-        topic, users = (Topic(name, type_name, self.domain), 0) if known is None else known
+        topic, users = (_topic(name, type_name, self.domain), 0) if known is None else known
         self.topics[name] = (topic, users + 1)
         return topic
 
@@ -80,10 +89,12 @@ class NoSuchTopic(Exception):
 class Creator:
     """Makes the objects of clients."""
 
-    __slots__ = ("_qos", "_settings")
+    __slots__ = ("_qos", "_settings", "unquestioned")
 
     def __init__(self, settings: AgentSettings) -> None:
         self._settings = settings
+        self.unquestioned = min(settings.max_objects, settings.max_objects_unsettled)
+        """So many objects any client may have, whatever the gate says of it."""
         # Parts of one kind describe their objects alike, and equal descriptions give the same definition.
         self._qos = ForSameObject(self._make_qos, KEPT)
 
@@ -107,34 +118,53 @@ class Creator:
             assert isinstance(definition, ParticipantDef)
             owner = Owner(host.key, definition.name)
             return ClientObject(definition, Participant(self._domain(definition.domain_id), owner))
-        participant = parent.participant
-        owner = participant.owner
-        match definition:
-            case TopicDef():
-                topic = participant.use(definition.name, definition.type_name)
-                return ClientObject(definition, participant, topic)
-            case WriterDef():
-                topic = self._topic_of(definition, participant, topics)
-                endpoint: Endpoint = DataWriter(host, object_id, topic, self._qos(definition), owner)
-                return ClientObject(definition, participant, topic, endpoint)
-            case ReaderDef():
-                topic = self._topic_of(definition, participant, topics)
-                qos = self._qos(definition)
-                if host.is_latched(topic.name) and not qos.transient_local:
-                    qos = replace(qos, transient_local=True)
-                endpoint = DataReader(host, object_id, topic, qos, owner, host.own_filter)
-                return ClientObject(definition, participant, topic, endpoint)
-            case RequesterDef():
-                endpoint = Requester(
-                    host, object_id, *_service(definition, participant), self._service_qos(), owner
-                )  # fmt: skip
-                return ClientObject(definition, participant, endpoint=endpoint)
-            case ReplierDef():
-                endpoint = Replier(
-                    host, object_id, *_service(definition, participant), self._service_qos(), owner
-                )  # fmt: skip
-                return ClientObject(definition, participant, endpoint=endpoint)
-        return ClientObject(definition, participant)
+        make = self._MAKERS.get(type(definition))
+        if make is None:
+            return ClientObject(definition, parent.participant)
+        return make(self, host, object_id, definition, parent.participant, topics)
+
+    def _make_topic(
+        self, host: EndpointHost, object_id: int, definition: TopicDef, participant: Participant,  # noqa: ARG002
+        topics: dict[int, ClientObject],  # noqa: ARG002 - one signature for all
+    ) -> ClientObject:  # fmt: skip
+        return ClientObject(definition, participant, participant.use(definition.name, definition.type_name))
+
+    def _make_writer(
+        self, host: EndpointHost, object_id: int, definition: WriterDef, participant: Participant,
+        topics: dict[int, ClientObject],
+    ) -> ClientObject:  # fmt: skip
+        topic = self._topic_of(definition, participant, topics)
+        endpoint = DataWriter(host, object_id, topic, self._qos(definition), participant.owner)
+        return ClientObject(definition, participant, topic, endpoint)
+
+    def _make_reader(
+        self, host: EndpointHost, object_id: int, definition: ReaderDef, participant: Participant,
+        topics: dict[int, ClientObject],
+    ) -> ClientObject:  # fmt: skip
+        topic = self._topic_of(definition, participant, topics)
+        qos = self._qos(definition)
+        if host.is_latched(topic.name) and not qos.transient_local:
+            qos = replace(qos, transient_local=True)
+        endpoint = DataReader(host, object_id, topic, qos, participant.owner, host.own_filter)
+        return ClientObject(definition, participant, topic, endpoint)
+
+    def _make_service(
+        self, host: EndpointHost, object_id: int, definition: RequesterDef | ReplierDef, participant: Participant,
+        topics: dict[int, ClientObject],  # noqa: ARG002 - they need no topic objects
+    ) -> ClientObject:  # fmt: skip
+        make = Requester if isinstance(definition, RequesterDef) else Replier
+        request, reply = _service(definition, participant)
+        endpoint = make(host, object_id, request, reply, self._service_qos(), participant.owner)
+        return ClientObject(definition, participant, endpoint=endpoint)
+
+    _MAKERS: ClassVar[dict[type[Definition], Callable[..., ClientObject]]] = {
+        TopicDef: _make_topic,
+        WriterDef: _make_writer,
+        ReaderDef: _make_reader,
+        RequesterDef: _make_service,
+        ReplierDef: _make_service,
+    }
+    """What makes more than the object itself, by kind of definition."""
 
     def _domain(self, domain_id: int) -> int:
         return self._settings.domain_255 if domain_id == _DOMAIN_OF_AGENT else domain_id
@@ -144,7 +174,7 @@ class Creator:
     ) -> Topic:
         """Use the topic that an endpoint refers to, by id or (XML, reference) by name."""
         if definition.topic_id is not None:
-            entity = topics.get((definition.topic_id & 0xFFF0) | ObjectKind.TOPIC)
+            entity = topics.get((definition.topic_id & 0xFFF0) | _TOPIC)
             if entity is None or entity.topic is None or entity.participant is not participant:
                 raise NoSuchTopic(f"topic {definition.topic_id:04X}")
             return participant.use(entity.topic.name, entity.topic.type_name)
@@ -174,9 +204,15 @@ class Creator:
         return Qos(depth=min(self._settings.max_requests, self._settings.max_depth), service=True)
 
 
+def _topic(name: str, type_name: str, domain: int) -> Topic:
+    """The topic: the same object for clients that name the same one, so that it is found without comparing names."""
+    make = _kept_topic if len(name) + len(type_name) <= LONGEST_KEPT else Topic
+    return make(name, type_name, domain)
+
+
 def _service(definition: RequesterDef | ReplierDef, participant: Participant) -> tuple[Topic, Topic]:
     """Request and reply topic; they need no topic objects."""
     return (
-        Topic(definition.request_topic, definition.request_type, participant.domain),
-        Topic(definition.reply_topic, definition.reply_type, participant.domain),
+        _topic(definition.request_topic, definition.request_type, participant.domain),
+        _topic(definition.reply_topic, definition.reply_type, participant.domain),
     )

@@ -43,6 +43,8 @@ from msbot.xrce.sessions import Memory
 
 logger = logging.getLogger(__name__)
 
+_DELETED = said("session deleted")
+
 AgentSignalHandler = Callable[[Link, Signal, Peer | None, str, float], None]
 """`(link, signal, peer or None, reason in words, now)`."""
 
@@ -264,17 +266,12 @@ class Agent:
             port.dropped.count("packet shorter than a header")
             return
         session_id = packet[0]
-        proxy: Proxy | None = None
         if session_id > 0x80:
             proxy = port.clients.get(peer)
-        elif 0 < session_id < 0x80:
-            proxy = self._keyed(int.from_bytes(packet[4:8], "big"), port, peer)
+        else:
+            proxy = self._keyed(int.from_bytes(packet[4:8], "big"), port, peer) if 0 < session_id < 0x80 else None
         if proxy is None or proxy.session.session_id != session_id:
-            if packet.startswith(MARK):
-                self._relays.receive(port.link, packet, peer, now)
-                return
-            if (answer := self._handshake.answer(port, packet, peer, now)) is not None:
-                self._flusher.send_one(port, answer, peer)
+            self._receive_outside(port, packet, peer, now)
             return
         if session_id < 0x80 and port.members.get(proxy) != peer:
             self._receive_from_elsewhere(proxy, port, packet, peer, now)
@@ -284,7 +281,14 @@ class Agent:
         proxy.receive(packet, now)
         if proxy.is_over:
             self._flusher.send(proxy, now)
-            self._end_session(proxy, said("session deleted"))
+            self._end_session(proxy, _DELETED)
+
+    def _receive_outside(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
+        """A packet that belongs to no session: from a relay, or a client that wants one."""
+        if packet.startswith(MARK):
+            self._relays.receive(port.link, packet, peer, now)
+        elif (answer := self._handshake.answer(port, packet, peer, now)) is not None:
+            self._flusher.send_one(port, answer, peer)
 
     def _room_gained(self, port: ServedLink, peer: Peer | None) -> None:
         self._flusher.room_gained(port, peer)
@@ -311,7 +315,7 @@ class Agent:
         for answer in proxy.session.packets_to_send(now):
             self._flusher.send_one(port, answer, peer)
         if proxy.is_over:
-            self._end_session(proxy, said("session deleted"))
+            self._end_session(proxy, _DELETED)
 
     def _signal_received(self, port: ServedLink, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:
         if signal is Signal.LINK_UP:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
 from heapq import heappop, heappush
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 MOST_STALE = 256
 """Stale entries that are never thrown out before their time."""
 
 Owner = TypeVar("Owner", bound=Hashable)
+
+_Entry = list[Any]
+"""When, a number of its own, the owner (None: the entry is stale), and whether it fires (no: stale, or at rest)."""
+_OWNER, _FIRES = 2, 3
 
 
 class TimerHeap(Generic[Owner]):
@@ -21,13 +25,11 @@ class TimerHeap(Generic[Owner]):
     the entries are stale, they are thrown out.
     """
 
-    __slots__ = ("_due", "_heap", "_number", "_owners", "_resting")
+    __slots__ = ("_due", "_heap", "_number")
 
     def __init__(self) -> None:
-        self._heap: list[tuple[float, int]] = []
-        self._owners: dict[int, Owner] = {}
-        self._resting: dict[int, Owner] = {}
-        self._due: dict[Owner, tuple[float, int]] = {}
+        self._heap: list[_Entry] = []
+        self._due: dict[Owner, _Entry] = {}
         self._number = 0
 
     def __len__(self) -> int:
@@ -35,50 +37,45 @@ class TimerHeap(Generic[Owner]):
 
     def schedule(self, owner: Owner, when: float) -> None:
         """Fire for that owner at `when`, unless it fires earlier anyway."""
-        due = self._due.get(owner)
-        if due is not None:
-            at, number = due
-            if at <= when:
-                if number in self._resting:
-                    self._owners[number] = self._resting.pop(number)
+        due = self._due
+        entry = due.get(owner)
+        if entry is not None:
+            if entry[0] <= when:
+                entry[_FIRES] = True
                 return
-            self._drop(number)
+            entry[_FIRES], entry[_OWNER] = False, None
         self._number = number = self._number + 1
-        self._due[owner] = (when, number)
-        self._owners[number] = owner
-        heappush(self._heap, (when, number))
-        if len(self._heap) > 2 * len(self._due) + MOST_STALE:
-            self._heap = sorted(self._due.values())
+        due[owner] = entry = [when, number, owner, True]
+        heappush(self._heap, entry)
+        if len(self._heap) > 2 * len(due) + MOST_STALE:
+            self._heap = sorted(due.values())
 
     def rest(self, owner: Owner) -> None:
         """Do not fire for that owner until it is scheduled again; cheap, for owners that soon will be."""
-        due = self._due.get(owner)
-        if due is not None and due[1] in self._owners:
-            self._resting[due[1]] = self._owners.pop(due[1])
+        entry = self._due.get(owner)
+        if entry is not None:
+            entry[_FIRES] = False
 
     def forget(self, owner: Owner) -> None:
         """Do not fire for that owner, and do not keep it alive."""
-        due = self._due.pop(owner, None)
-        if due is not None:
-            self._drop(due[1])
+        entry = self._due.pop(owner, None)
+        if entry is not None:
+            entry[_FIRES], entry[_OWNER] = False, None
 
     def next_at(self) -> float | None:
         """When the next owner fires."""
         heap = self._heap
-        while heap and heap[0][1] not in self._owners:
-            resting = self._resting.pop(heappop(heap)[1], None)
+        while heap and not heap[0][_FIRES]:
+            resting = heappop(heap)[_OWNER]
             if resting is not None:
                 del self._due[resting]
-        return heap[0][0] if heap else None
+        when: float | None = heap[0][0] if heap else None
+        return when
 
     def pop_due(self, now: float) -> Iterator[Owner]:
         """The owners whose time has come, each once; they may be scheduled again during the loop, but later than
         `now`."""
         while (when := self.next_at()) is not None and when <= now:
-            owner = self._owners.pop(heappop(self._heap)[1])
+            owner: Owner = heappop(self._heap)[_OWNER]
             del self._due[owner]
             yield owner
-
-    def _drop(self, number: int) -> None:
-        self._owners.pop(number, None)
-        self._resting.pop(number, None)
