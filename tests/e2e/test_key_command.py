@@ -27,6 +27,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_part_joins_a_robot_with_keys_only_with_its_key(folder: Path) -> None:
     link = f"udp:127.0.0.1:{free_port()}"
+    assert run("apply", "--yes", cwd=folder).returncode == 0
     made = run("key", "new", "ABCD", "--name", "ABCD-local", "--here", "--no-qr", cwd=folder)
     assert made.returncode == 0, made.stderr
     other = run("key", "new", "EFGH", "--no-qr", cwd=folder)

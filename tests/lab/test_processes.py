@@ -206,9 +206,14 @@ def test_what_a_part_said_is_replayed_in_its_place(tmp_path: Path) -> None:
     assert (wrong.returncode, wrong.stderr) == (2, "msbot: first.mcap has no slot 'XX'; it has AA\n")
 
 
+def _begun(path: Path) -> bool:
+    """Whether something is in it: a file is empty for a moment."""
+    return path.exists() and path.stat().st_size > 0
+
+
 def acts_in(path: Path) -> list[dict[str, object]]:
     """What people did."""
-    found = RecordingReader(path).messages() if path.exists() else ()
+    found = RecordingReader(path).messages() if _begun(path) else ()
     return [json.loads(one.data) for one in found if one.topic == "/msbot/acts" and not one.is_repeated]
 
 
