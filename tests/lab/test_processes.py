@@ -219,6 +219,6 @@ def acts_in(path: Path) -> list[dict[str, object]]:
 
 def said_by_aa(path: Path) -> list[RecordedMessage]:
     """What the part in slot AA published."""
-    if not path.exists():
+    if not _begun(path):
         return []
     return [one for one in RecordingReader(path).messages() if one.slot == "AA" and not one.is_repeated]
