@@ -155,6 +155,15 @@ def test_a_wrong_address_is_told_with_a_right_one(address: str, words: str) -> N
     assert f"write it like `{address.partition(':')[0]}:can0" in str(caught.value)
 
 
+def test_the_lowest_and_the_highest_bit_rate() -> None:
+    for rate, is_right in ((4_999, False), (5_000, True), (1_000_000, True), (1_000_001, False)):
+        if is_right:
+            assert open_link(f"can:can9?bitrate={rate}", can=SETTINGS).info.bits_per_second == rate
+        else:
+            with pytest.raises(ConfigError, match="a bit rate from 5000 to 1000000"):
+                open_link(f"can:can9?bitrate={rate}", can=SETTINGS)
+
+
 def test_options_of_python_can_go_through_as_they_are() -> None:
     target = parse_target("vector:0?bitrate=500000&app_name=MsBOT&rx_queue_size=0x100&listen_only=false&x=1.5")
     assert (target.interface, target.channel, target.bitrate) == ("vector", "0", 500_000)

@@ -141,3 +141,18 @@ def test_a_peer_too_verbose_for_the_mtu_is_dropped_not_delivered() -> None:
         assert master.link.counters.dropped == {"message is longer than the link allows": 1}
 
     play(scene)
+
+
+def test_several_taps_see_every_frame_and_the_bus_is_told() -> None:
+    async def scene(robot: Robot) -> None:
+        part = robot.part()
+        taps: list[list[tuple[float, str, Frame]]] = [[], [], []]
+        for tap in taps:
+            part.link.on_frame(lambda at, whose, frame, tap=tap: tap.append((at, whose, frame)))  # type: ignore[misc]
+        robot.master()
+        await asyncio.sleep(1.0)
+        assert {whose for _, whose, _ in taps[0]} == {"here", "bus"}
+        assert taps[0] == taps[1] == taps[2]
+        assert part.link.bus_info == part.link._port.bus.info
+
+    play(scene)

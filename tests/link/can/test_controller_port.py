@@ -186,6 +186,52 @@ def test_stop_is_sent_three_times_and_heard_once() -> None:
     with_port(scene)
 
 
+def test_stop_is_said_again_after_more_than_a_tenth_of_a_second() -> None:
+    """Counted from the last one heard, told or not."""
+
+    def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
+        told = []
+        for at in (10.0, 10.09, 10.18, 10.29, 11.0, 11.05):
+            before = len(owner.told)
+            bus.frame(stop_frame(1, CanIds()), at)
+            told.append(len(owner.told) - before)
+        assert told == [1, 0, 0, 1, 1, 0]
+
+    with_port(scene)
+
+
+def test_a_tap_gets_what_is_handed_over_and_what_comes_in() -> None:
+    def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
+        tapped: list[tuple[float, str, Frame]] = []
+        port.frame_tap = lambda at, whose, frame: tapped.append((at, whose, frame))
+        port.send_urgent([Frame(1)], 3.0)
+        bus.frame(Frame(2), 4.0)
+        bus.frame(stop_frame(1, CanIds()), 5.0)
+        assert tapped == [(3.0, "here", Frame(1)), (4.0, "bus", Frame(2)), (5.0, "bus", stop_frame(1, CanIds()))]
+
+    with_port(scene)
+
+
+def test_the_timer_is_set_again_by_whatever_may_have_moved_it() -> None:
+    async def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
+        owner.alarm = 1.0
+        port.send_urgent([Frame(1)], 0.0)
+        await asyncio.sleep(2.0)
+        assert owner.alarms == [1.0]
+        bus.state(BusState.OFF, "off", 2.0)
+        owner.alarm = 3.0
+        bus.state(BusState.ACTIVE, "back", 2.5)
+        await asyncio.sleep(2.0)
+        assert owner.alarms == [1.0, 3.0]
+        owner.alarm = 5.0
+        port.arm()
+        bus.state(BusState.OFF, "off", 4.0)
+        await asyncio.sleep(2.0)
+        assert owner.alarms == [1.0, 3.0], "off the bus there is nothing to do"
+
+    with_port(scene)
+
+
 def test_urgent_frames_that_find_no_room_are_told() -> None:
     def scene(port: CanPort, bus: FakeBus, owner: Owner) -> None:
         bus.room = 0

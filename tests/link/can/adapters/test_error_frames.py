@@ -58,8 +58,18 @@ def test_error_counters_are_told_where_the_driver_gives_them() -> None:
     assert (with_counters.transmit_errors, with_counters.receive_errors) == (0x60, 0)
     older_kernel = read_report(0x004, bytes.fromhex("0008000000000061"))
     assert (older_kernel.transmit_errors, older_kernel.receive_errors) == (0, 0x61)
+    sender_only = read_report(0x008, bytes.fromhex("0000010000006100"))
+    assert (sender_only.transmit_errors, sender_only.receive_errors) == (0x61, 0)
     without = read_report(0x004, bytes.fromhex("0008000000000000"))
     assert (without.transmit_errors, without.receive_errors) == (None, None)
+
+
+def test_octet_1_says_nothing_when_the_controller_is_not_meant() -> None:
+    for classes in (0x001, 0x002, 0x008, 0x080):
+        report = read_report(classes, bytes((0, 0xFF, 1)))
+        assert (report.state, report.words) == (None, "")
+        assert len(report.events) == 1
+        assert report.events[0] not in (can_errors.RX_OVERFLOW_WORDS, can_errors.TX_OVERFLOW_WORDS)
 
 
 @given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))

@@ -235,6 +235,21 @@ def test_an_interface_of_which_little_is_known() -> None:
     assert parse_interface(struct.pack("=IHHII", 16, 17, 0, 1, 0) + answer()[16:]) is None, "RTM_DELLINK"
 
 
+@needs_netlink
+def test_a_short_answer_is_no_interface(route: Route) -> None:
+    route.answer = acknowledgement(errno.EPERM)[:18]
+    assert find_interface("can0") is None
+
+
+@pytest.mark.parametrize(("flags", "listens"), [(0x01, False), (0x02, True), (0x03, True), (0x20, False)])
+def test_listen_only_is_the_second_of_the_control_modes(flags: int, listens: bool) -> None:
+    """`CAN_CTRLMODE_...` of linux/can/netlink.h: loopback, listen-only, three samples, one shot, berr, FD."""
+    mode = attribute(18, attribute(2, attribute(5, struct.pack("=II", 0xFF, flags))))
+    found = parse_interface(answer(mode))
+    assert found is not None
+    assert found.listen_only == listens
+
+
 def test_attributes_end_where_a_length_makes_no_sense() -> None:
     empty = struct.pack("=HH", 4, 77)
     wrong = struct.pack("=HH", 3, 77)

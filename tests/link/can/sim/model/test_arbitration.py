@@ -328,6 +328,23 @@ def test_a_disturbance_before_the_fdf_bit_comes_before_the_classic_controller() 
     assert planned.error == "a bit was disturbed"
 
 
+def test_a_disturbed_fdf_bit_is_no_can_fd_for_a_classic_controller() -> None:
+    frame = Frame(5, b"x", fd=True)
+    fdf = next(at for at, bit in enumerate(wire_bits(frame)) if bit.field == "FDF")
+    for flip, error in ((fdf, "a bit was disturbed"), (fdf + 1, "a classic-only controller does not support CAN FD")):
+        planned = attempt([node("A", frame)], [node("C", fd=False)], flip)
+        assert planned.error == error
+        assert counts(planned) == {"A": (8, 0), "C": (0, 1) if flip == fdf else (0, 9)}
+
+
+def test_a_recessive_bit_of_an_identifier_that_is_disturbed_is_noticed_by_its_run() -> None:
+    """Then all bits are recessive: the sixth of them is a stuff error for everybody."""
+    planned = attempt([node("A", Frame(0x555, b"x"))], [node("B")], 1)
+    assert wire_bits(Frame(0x555, b"x"))[1].level == 1
+    assert planned.bits == 1 + 1 + 6 + 6 + 8 + 3
+    assert counts(planned) == {"A": (0, 1), "B": (0, 1)}
+
+
 def test_a_passive_sender_says_so_in_its_fd_frames() -> None:
     frame = Frame(5, b"x", fd=True, brs=True)
     assert attempt([node("A", frame, passive=True)], [node("B")]).frame == Frame(5, b"x", fd=True, brs=True, esi=True)

@@ -128,6 +128,26 @@ def test_who_is_unplugged_before_an_error_does_not_count_it() -> None:
     assert [bus.error_counters(node) for node in (a, b, c)] == [(7, 0), (0, 0), (0, 0)], "a frame has gone well"
 
 
+def test_of_two_that_send_the_same_frame_one_may_go() -> None:
+    bus, (a, b, c) = bus_of("A", "B", "C")
+    for node in (a, b):
+        bus.submit(node, FRAME, 0.0)
+    bus.unplug(a, 10.0)
+    events = bus.advance(LENGTH)
+    assert [(event.node, event.at) for event in events if isinstance(event, Sent)] == [(b, LENGTH - 3)]
+    assert (heard(events), bus.pending(a), bus.pending(b)) == ([(c, 0x100)], 1, 0)
+
+
+def test_a_sender_that_is_unplugged_before_an_error_does_not_count_it() -> None:
+    bus, (a, b, _) = bus_of("A", "B", "C")
+    for node in (a, b):
+        bus.submit(node, FRAME, 0.0)
+    bus.flip_bit(30, 0.0)
+    bus.unplug(a, 10.0)
+    bus.advance(60.0)
+    assert (bus.error_counters(a), bus.error_counters(b)) == ((0, 0), (8, 0))
+
+
 def test_a_frame_counts_when_receivers_have_it_though_its_sender_has_gone() -> None:
     bus, (a, b) = bus_of("A", "B")
     bus.submit(a, FRAME, 0.0)

@@ -122,6 +122,11 @@ def test_nonsense_is_an_error_that_says_what(octets: str, words: str) -> None:
         Splitter().receive(bytes.fromhex(octets))
 
 
+def test_what_is_left_out_of_a_message() -> None:
+    assert (Hello(KEY, "A").listen_only, Hello(KEY, "A").classic) == (False, False)
+    assert (BusFrame(Frame(1)).tag, BusFrame(Frame(1)).at) == (0, 0.0)
+
+
 def test_a_message_has_from_1_to_512_octets() -> None:
     assert Splitter().receive(bytes.fromhex("0002 03") + b"x" * 511) == [Refused("x" * 511)]
     with pytest.raises(RemoteProtocolError, match="impossible length"):
