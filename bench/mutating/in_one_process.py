@@ -37,7 +37,7 @@ from bench.mutants import ROOT, Tests, mirrored
 from bench.mutating.changes import Change, changes
 from bench.mutating.whole_files import kind_of
 
-IDLE_S = 6.0
+IDLE_S = 5.0
 """Real seconds after which a copy that does nothing counts as one that never ends."""
 PATIENCE_S = 25.0
 """The same for one that does little."""

@@ -42,6 +42,12 @@ async def test_little_waits_for_a_slow_line_and_all_its_peers_have_room_together
     assert bytes(transport.written) == encode_serial(b"\x7e", 0, 2)
 
 
+def test_who_is_on_a_port_answers_for_all_addresses_of_it() -> None:
+    link = Lines("serial:tty")
+    assert link.origin(("tty", 1)) == link.origin(("tty", 2)) == "tty"
+    assert link.origin("other") == "other"
+
+
 async def test_nothing_is_written_to_a_port_that_is_about_to_close() -> None:
     link = Lines("serial:tty")
     line, transport = await opened(link)
