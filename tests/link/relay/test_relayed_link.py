@@ -123,6 +123,27 @@ def test_packets_go_both_ways_and_are_counted_for_each_part() -> None:
     play(scene)
 
 
+def test_one_packet_is_use_and_the_relay_answers_for_all_its_parts() -> None:
+    async def scene(stage: Stage) -> None:
+        stage.hear(Up(1, "", b"up"))
+        assert stage.link.was_used
+        assert stage.link.origin(FIRST) == stage.link.origin(Behind("pi", 2)) == ("udp:1", ("10.0.0.2", 5))
+        stage.link.room_on_the_way()
+        assert stage.end.room.get_nowait() is None
+        stage.link.send_stop()
+        assert stage.way.taken()[-1] == Heard(0, 0, 1, 0)
+
+    play(scene)
+
+
+@pytest.mark.parametrize(("mtu", "of_way", "left"), [(4096, 1000, 992), (500, 1000, 500), (0, 1000, 1), (500, 9, 1)])
+def test_a_packet_is_as_long_as_both_links_can_carry(mtu: int, of_way: int, left: int) -> None:
+    way = Way()
+    way.info = LinkInfo("udp:1", of_way)
+    hello = Hello(BOOT, "pi", "can:can0", mtu, 0, shared_bus=True, compresses=True)
+    assert RelayedLink(hello, way, "a", RelayGreeting(77)).info.mtu == left
+
+
 def test_so_many_are_on_the_way_to_a_part_until_the_relay_reports() -> None:
     async def scene(stage: Stage) -> None:
         stage.hear(Up(1, "", b"up"))

@@ -177,7 +177,6 @@ class Forwarder:
             words = self._describe(peer)
         if len(self._events) >= MOST_PARTS:
             del self._events[0]  # what it is worth is known from the silence of the part, too
-            self._events_in_beat = max(0, self._events_in_beat - 1)
         self._events.append(Event(number, what, words))
         self._send_beat(now)
 
