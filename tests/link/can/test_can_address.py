@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -18,8 +19,11 @@ from msbot.link.can import (
     open_can_bus,
 )
 from msbot.link.can.adapters.interface import CanInterface
+from msbot.link.can.adapters.remedies import Wanted
 from msbot.link.can.can_address import parse_target
+from msbot.link.can.filters import legacy_filters, master_filters, part_filters
 from msbot.link.can.protocol import MemoryNodeIds, NodeIds
+from msbot.link.can.protocol.ids import CanIds
 
 CODEC = Codec(bytes, bytes)
 SETTINGS = CanSettings(codec=CODEC, is_whole=bool, uid=b"\1\2\3\4\5\6\7\x08", profile_hash=77, random=Random(1))
@@ -190,3 +194,22 @@ def test_systems_without_socketcan_can_still_make_the_link(monkeypatch: pytest.M
     finder: Callable[[str], CanInterface | None] = refuse
     monkeypatch.setattr(can_address, "find_interface", finder)
     assert open_link("can:can0?bitrate=500000", can=SETTINGS).info.bits_per_second == 500_000
+
+
+def test_the_kernel_is_asked_for_the_frames_of_that_side_alone() -> None:
+    ids = CanIds()
+    expected = {
+        ("can", True): master_filters(ids),
+        ("can", False): part_filters(ids),
+        ("can-legacy", True): legacy_filters(ids, 0x123),
+        ("can-legacy", False): legacy_filters(ids, 0x120),
+    }
+    for (scheme, serve), filters in expected.items():
+        for fd in (0, 1) if scheme == "can" else (0,):
+            link: Any = open_link(f"{scheme}:can0?fd={fd}&bitrate=250000", serve=serve, can=SETTINGS)
+            adapter = link._port.bus._adapter
+            assert tuple(adapter._filters) == tuple(filters)
+            assert adapter.wanted == Wanted("can0", bool(fd), 250_000, None)
+            assert not adapter.error_frames
+    link = open_link("can:can0?fd=1&bitrate=250000&dbitrate=2000000", can=SETTINGS)
+    assert link._port.bus._adapter.wanted == Wanted("can0", True, 250_000, 2_000_000)
