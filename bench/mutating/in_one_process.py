@@ -37,9 +37,9 @@ from bench.mutants import ROOT, Tests, mirrored
 from bench.mutating.changes import Change, changes
 from bench.mutating.whole_files import kind_of
 
-IDLE_S = 5.0
+IDLE_S = 10.0
 """Real seconds after which a copy that does nothing counts as one that never ends."""
-PATIENCE_S = 25.0
+PATIENCE_S = 60.0
 """The same for one that does little."""
 FLAGS = ("-n0", "-q", "-p", "no:cacheprovider", "-p", "no:schemathesis", "-p", "no:anyio", "--timeout", "0",
          "-W", "ignore::pytest.PytestAssertRewriteWarning")  # fmt: skip

@@ -151,13 +151,14 @@ def test_a_new_owner_of_an_address_begins_anew() -> None:
 def test_what_was_begun_before_an_address_was_given_or_taken_is_forgotten(number: str, owner: bytes) -> None:
     listener = decoder()
     listener.decode(assign_frame(Assign(UID, 7, 5, COMPRESSION), IDS), 0.0)
+    for counter in ("80", "89"):  # the first of several frames, with count 0 and then 9
+        (words,) = listener.decode(parse_frame(f"{number}#{counter}818283848586"), 0.0)
+        assert words.endswith(f", S  {int(counter, 16) & 0x3F}"), "nothing is missing"
+        listener.decode(assign_frame(Assign(owner, 7, 5, 0), IDS), 0.0)
     up = "up" if number == f"{IDS.up + 7:03X}" else "down"
-    assert listener.decode(parse_frame(f"{number}#80818182838485"), 0.0)[0].endswith(", S  0")
-    listener.decode(assign_frame(Assign(owner, 7, 5, 0), IDS), 0.0)
-    first, *others = listener.decode(parse_frame(f"{number}#C90011"), 0.0)
-    forgotten = owner == NOBODY  # whether it compresses is not known then, so it is tried
-    assert first.endswith("SE  9: 2 bytes for 3" if forgotten else "SE  9: 2 bytes")
-    assert others == [f"7 {up} {'810011' if forgotten else '0011'}"]
+    first, *others = listener.decode(parse_frame(f"{number}#C90111"), 0.0)
+    assert first.endswith("SE  9: 2 bytes"), "it does not compress, or it is not known"
+    assert others == [f"7 {up} 0111"]
 
 
 @pytest.mark.parametrize(
