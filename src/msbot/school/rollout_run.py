@@ -17,8 +17,9 @@ from msbot.errors import ConfigError, MsbotError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
-TURN_S = 5.0
-"""How long a robot of a roll-out waits for another one of its database: longer than a change takes on a slow disk."""
+TURN_S = 20.0
+"""How long a robot of a roll-out waits for another one of its database: longer than a change takes on a slow disk of a
+busy computer."""
 
 
 class NoAnswer(ConfigError):
