@@ -544,8 +544,7 @@ def test_time_against_an_agent_5_s_ahead() -> None:
     assert packet == head(0) + "0e01080064000000" + "00000000"
     bench.clock_ns += 4_000_000
     times = struct.pack("<iIiIiI", 105, 3_000_000, 105, 1_000_000, 100, 0).hex()
-    bench.feed(head(0) + "0f011800" + times[:-8] + "01000000")
-    bench.feed(head(0) + "0f011800" + times)
+    bench.feed(head(0) + "0f011800" + times[:-8] + "01000000" + "0f011800" + times)
     bench.feed(head(0) + "0f011800" + times)
     assert bench.events() == [TimeSynchronised(-5 * SECOND, 2_000_000)]
     assert bench.session.dropped == {"answer that nobody asked for": 2}

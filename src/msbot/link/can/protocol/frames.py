@@ -242,19 +242,19 @@ class FrameJoiner:
         return now - self._recent_at[q] < self._repeat_s and self._heard - self._recent_nr[q] < 63
 
     def _take(self, parts: list[bytes], data: bytes, header: int, now: float) -> bytes | None:
-        if header & LAST and len(data) > 8:
-            size = data[1]
-            if size > 62 or _FD_SLOT[size + 2] != len(data):
-                self._drop(WRONG_LENGTH)
-                self._stray = False
-                return None
-            parts.append(data[2 : size + 2])
-            self._size += size
-        else:
-            parts.append(data[1:])
-            self._size += len(data) - 1
         if header & LAST:
+            if len(data) > 8:
+                size = data[1]
+                if size > 62 or _FD_SLOT[size + 2] != len(data):
+                    self._drop(WRONG_LENGTH)
+                    self._stray = False
+                    return None
+                parts.append(data[2 : size + 2])
+            else:
+                parts.append(data[1:])
             return self._finish(parts)
+        parts.append(data[1:])
+        self._size += len(data) - 1
         self._at = now
         if self._size > self._mtu + 1:
             self._drop(TOO_LONG)
