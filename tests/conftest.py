@@ -52,16 +52,20 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
 
 
+set_timer = getattr(signal, "setitimer", None)
+"""The system's own, also while a test has put something in its place; None: this system has no such alarm."""
+
+
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """A test's time stands still while its failure is described: an alarm in there would end the whole run."""
-    if not hasattr(signal, "setitimer"):
+    if set_timer is None:
         return (yield)
-    left, _ = signal.setitimer(signal.ITIMER_REAL, 0)
+    left, _ = set_timer(signal.ITIMER_REAL, 0)
     try:
         return (yield)
     finally:
-        signal.setitimer(signal.ITIMER_REAL, left)
+        set_timer(signal.ITIMER_REAL, left)
 
 
 LOGGERS = ("", "msbot", "msbot.part")
