@@ -83,7 +83,7 @@ def test_a_frozen_part_is_named(robot: Robot) -> None:
         assert said["silent"] == ["EFGH-local"]
         assert said["told"] == 2
         done = run("stop", "--status", cwd=robot.folder, env=robot.env)
-        assert "NOT confirmed: EFGH-local: they may still move" in done.stdout
+        assert "NOT confirmed: EFGH-local: it may still move" in done.stdout
     finally:
         parts["BB"].send(signal.SIGCONT)
     until(lambda: not robot.tell("status")["silent"])

@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.config import load_library
@@ -158,6 +158,7 @@ def test_names_are_the_same_whoever_writes_them() -> None:
     assert not is_wanted("ab.c", ["a"])
 
 
+@example([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0], 5)
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=300), st.integers(4, 50))
 def test_a_thinned_curve_has_the_same_extremes_and_is_in_order(numbers: list[float], most: int) -> None:
     points = [(float(at), value) for at, value in enumerate(numbers)]

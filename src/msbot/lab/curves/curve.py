@@ -44,7 +44,7 @@ def thinned(points: Sequence[Point], most: int) -> Sequence[Point]:
     """At most this many points that show the same curve: of each step its least and its greatest."""
     if len(points) <= most:
         return points
-    step = -(-len(points) * 2 // most)
+    step = -(-len(points) // max(most // 2, 1))
     kept: list[Point] = []
     for first in range(0, len(points), step):
         part = points[first : first + step]
