@@ -110,33 +110,11 @@ class ReliableOutput:
     """A stream with acknowledgement, a window and retransmission."""
 
     __slots__ = (
-        "_capacity",
-        "_counters",
-        "_cut_at",
-        "_envelope",
-        "_first",
-        "_heartbeat_sent_at",
-        "_newest",
-        "_next",
-        "_octets",
-        "_outbox",
-        "_packed_max",
-        "_pool",
-        "_resent_at",
-        "_round_trip",
-        "_timed",
-        "_timed_at",
-        "_unacked",
-        "_unanswered",
-        "_waiting",
-        "_waiting_large",
-        "_window",
-        "heartbeat_at",
-        "missed",
-        "moved",
-        "refused",
+        "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_heartbeat_sent_at", "_newest", "_next",
+        "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_timed", "_timed_at", "_unacked",
+        "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at", "missed", "moved", "refused",
         "stream_id",
-    )
+    )  # fmt: skip
 
     def __init__(
         self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
