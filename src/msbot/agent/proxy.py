@@ -272,13 +272,9 @@ class Proxy:
             silent_s=now - self.last_heard,
             objects=tuple(
                 ObjectView(
-                    object_id,
-                    ObjectKind(object_id & 0xF).name.lower(),
-                    entity.topic_name,
-                    entity.is_attached,
-                    entity.troubles,
+                    number, ObjectKind(kind_of(number)).name.lower(), one.topic_name, one.is_attached, one.troubles
                 )
-                for object_id, entity in entities
+                for number, one in entities
             ),
             packets_in=self.session.counters.packets_in,
             packets_out=self.session.counters.packets_out,
@@ -344,8 +340,7 @@ class Proxy:
     # The rest.
 
     def _write(self, object_id: int, request_id: int, payload: bytes) -> None:
-        endpoint = self._endpoints.get(object_id)
-        if endpoint is None:
+        if (endpoint := self._endpoints.get(object_id)) is None:
             self.dropped.count("WRITE_DATA for an unknown object")
         elif self._guard is None or kind_of(object_id) != _DATAWRITER:
             endpoint.write(request_id, payload)
@@ -374,21 +369,17 @@ class Proxy:
         self.session.events.clear()
         self.is_over = True
 
-    def _streams_begin_anew(self, event: SessionReset) -> None:  # noqa: ARG002 - it says no more
+    def _streams_begin_anew(self, event: SessionReset) -> None:
         # Packets that the link has not taken yet have numbers that the client will not expect.
         self.outbox.clear()
-        self._pull_unless_blocked()
+        self._go_on(event)
 
-    def _window_opened(self, event: WindowOpened) -> None:  # noqa: ARG002 - samples are taken for all streams in turns
-        self._pull_unless_blocked()
-
-    def _pull_unless_blocked(self) -> None:
+    def _go_on(self, event: WindowOpened | SessionReset) -> None:  # noqa: ARG002 - all streams take samples in turns
         if not self.is_blocked:
             self.pull()
 
     def _read(self, event: ReadRequested) -> None:
-        endpoint = self._endpoints.get(event.object_id)
-        if endpoint is None or endpoint.incoming is None:
+        if (endpoint := self._endpoints.get(event.object_id)) is None or endpoint.incoming is None:
             self.session.send_status(event.request_id, event.object_id, Status.ERR_UNKNOWN_REFERENCE, STREAM_RELIABLE)
             return
         endpoint.incoming.start(event.request_id, event.read.stream_id, event.read.delivery)
@@ -404,6 +395,6 @@ class Proxy:
         InfoRequested: _answer_ping,
         SessionDeleteRequested: _end,
         SessionReset: _streams_begin_anew,
-        WindowOpened: _window_opened,
+        WindowOpened: _go_on,
     }
     """What is done about each event: `(proxy, event)`."""

@@ -68,41 +68,39 @@ class Agent:
             signal: called with every signal of every link.
             relay_greeting: what relays that bring parts are told of the robot.
         """
-        self._settings = settings or AgentSettings()
+        self._settings = settings = settings or AgentSettings()
         self._epoch_ns = epoch_ns
         self._gate = gate or OpenGate()
         self._ports: list[ServedLink] = []
         self._clients = ClientTable()
-        self._budget = SessionBudget(self._gate, self._settings)
+        self._budget = SessionBudget(self._gate, settings)
         self._rivals = Rivals(self._clients, self._gate, self._call_at, self._end_session)
-        self._queue = JoinQueue(
-            self._gate, places=self._settings.max_joining, most_waiting=self._settings.max_unsettled
-        )
-        self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), self._settings.max_outside_per_s)
+        self._queue = JoinQueue(self._gate, places=settings.max_joining, most_waiting=settings.max_unsettled)
+        self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), settings.max_outside_per_s)
         self._handshake = Handshake(
-            self._clients, self._gate, self._settings, budget=self._budget, rivals=self._rivals, queue=self._queue,
+            self._clients, self._gate, settings, budget=self._budget, rivals=self._rivals, queue=self._queue,
             open_session=self._open_session, end_session=self._end_session,
         )  # fmt: skip
         self._share = FairShare[Proxy](
-            self._settings.max_packets_per_s,
-            self._settings.max_packets_in_all_per_s,
+            settings.max_packets_per_s,
+            settings.max_packets_in_all_per_s,
             lambda proxy, rate, share: self._gate.limits(proxy.info, rate, share),
         )
         self.latency = Latency(self._now, self._clients)
         """How long messages take."""
         self._flusher = Flusher(self._now, self._end_session, self._compare, transit=self.latency.transit)
         self._surroundings = Surroundings(
-            space=space, gate=self._gate, settings=self._settings, clock=self._now,
+            space=space, gate=self._gate, settings=settings, clock=self._now,
             agent_id=agent_id or os.urandom(8), mark=self._flusher.mark, replies=ReplyExchange(space),
-            transit=self.latency.transit, references=references, topics=TopicTable(self._settings.max_topics),
-            budget=ObjectBudget(self._settings.max_objects_in_all), creator=Creator(self._settings),
+            transit=self.latency.transit, references=references, topics=TopicTable(settings.max_topics),
+            budget=ObjectBudget(settings.max_objects_in_all), creator=Creator(settings),
         )  # fmt: skip
         self._session_settings = {
-            (is_bus, is_fast): session_settings(self._settings, is_bus=is_bus, is_fast=is_fast)
+            (is_bus, is_fast): session_settings(settings, is_bus=is_bus, is_fast=is_fast)
             for is_bus in (False, True) for is_fast in (False, True)
         }  # fmt: skip
-        self._held = Memory(self._settings.max_held_in_all)
-        self._unacked = Memory(self._settings.max_unacked_in_all)
+        self._held = Memory(settings.max_held_in_all)
+        self._unacked = Memory(settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tasks: dict[ServedLink, asyncio.Task[None]] = {}
         self._group: asyncio.TaskGroup | None = None
@@ -180,8 +178,7 @@ class Agent:
 
     def disconnect(self, client_key: int, reason: str) -> bool:
         """End a session; False when there is none. The client finds out with its next ping or request."""
-        proxy = self._clients.by_key(client_key)
-        if proxy is None:
+        if (proxy := self._clients.by_key(client_key)) is None:
             return False
         self._end_session(proxy, reason)
         return True
@@ -203,8 +200,7 @@ class Agent:
 
     def place_of(self, client_key: int) -> tuple[Link, Peer] | None:
         """The link and the address of that client; None: it has no session, or its peer has gone."""
-        proxy = self._clients.by_key(client_key)
-        if proxy is None or proxy.place is None:
+        if (proxy := self._clients.by_key(client_key)) is None or proxy.place is None:
             return None
         port, peer = proxy.place
         return port.link, peer

@@ -51,7 +51,6 @@ from msbot.xrce.messages.message import (
     ReadData,
     StatusAgent,
     StatusReply,
-    Timestamp,
     TimestampReply,
     encode_message,
 )
@@ -69,7 +68,7 @@ from msbot.xrce.sessions.events import (
 from msbot.xrce.sessions.restart_doubt import RestartDoubt
 from msbot.xrce.sessions.session import OTHER_SESSION, Session, Take
 from msbot.xrce.sessions.settings import ClientSessionSettings
-from msbot.xrce.sessions.time_sync import answers, compare_clocks
+from msbot.xrce.sessions.time_sync import ClockComparison
 from msbot.xrce.streams.login_retries import Retries
 
 _IDS = struct.Struct(">HH")
@@ -103,16 +102,16 @@ class ClientSession(Session[ClientEvent]):
         """
         self._options = options = settings or ClientSessionSettings()
         super().__init__(client_key, session_id, mtu - _MTU_RESERVE, options, pads=options.pads)
-        self._epoch_ns = epoch_ns
+        self._clocks = ClockComparison(epoch_ns)
         self._state = ClientState.IDLE
         self._retries = Retries(options.login_period_s, options.login_tries)
         self._sent_before = 0
         self._doubt = RestartDoubt(self._sender)
         self._request_id = FIRST_REQUEST - 1
         self._pinged_at = 0.0
-        self._time_asked_ns: int | None = None
-        outside = SESSION_NONE if session_id >= SESSION_NONE else SESSION_NONE_KEYED
-        self._outside = Header(outside, client_key=client_key)
+        self._outside = Header(
+            SESSION_NONE if session_id >= SESSION_NONE else SESSION_NONE_KEYED, client_key=client_key
+        )
         login = CreateClient(client_key, session_id, self.mtu, options.login_properties)
         self._login = encode_message(self._outside, [login], pad_end=False)
         self._logout = Delete(REQUEST_LOGOUT, OBJECT_CLIENT).encode()
@@ -131,8 +130,7 @@ class ClientSession(Session[ClientEvent]):
         self._begin(ClientState.CONNECTING, now)
 
     def close(self, now: float) -> None:
-        """Delete the session at the agent; ends with SessionClosed. Messages that the window has room for are sent
-        first.
+        """Delete the session at the agent; ends with SessionClosed. What the window has room for is sent first.
 
         Raises:
             LocalProtocolError: there is no session to close.
@@ -218,8 +216,7 @@ class ClientSession(Session[ClientEvent]):
             LocalProtocolError: the session is not open.
         """
         self._need_open("sync_time")
-        self._time_asked_ns = self._epoch_ns()
-        self._sender.answer(Timestamp(self._time_asked_ns).encode())
+        self._sender.answer(self._clocks.ask().encode())
 
     def packets_to_send(self, now: float, limit: int | None = None) -> list[bytes]:
         """The next messages for the link, all or at most `limit`; they count as sent.
@@ -295,11 +292,10 @@ class ClientSession(Session[ClientEvent]):
     # Receiving.
 
     def _refusal(self, packet: bytes, stream_id: int) -> str | None:
-        if packet[0] == self._outside.session_id and stream_id == STREAM_NONE:
-            pass
-        elif packet[0] != self.session_id:
+        is_outside = stream_id == STREAM_NONE and packet[0] == self._outside.session_id
+        if packet[0] != self.session_id and not is_outside:
             return OTHER_SESSION
-        elif stream_id != STREAM_NONE and self._state not in OPEN_STATES:
+        if stream_id != STREAM_NONE and self._state not in OPEN_STATES:
             return NOT_OPEN
         return OTHER_SESSION if packet[0] < SESSION_NONE and packet[4:8] != self._key_octets else None
 
@@ -355,17 +351,14 @@ class ClientSession(Session[ClientEvent]):
 
     def _get_info(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
         question = GetInfo.decode(packet, start, end, flags)
-        info = Info(question.request_id, question.object_id, has_agent=False, availability=None)
-        self._sender.answer(info.encode())
+        self._sender.answer(Info(question.request_id, question.object_id, has_agent=False, availability=None).encode())
         return True
 
     def _time(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002
-        reply, asked_ns = TimestampReply.decode(packet, start, end, flags), self._time_asked_ns
-        if asked_ns is None or not answers(reply, asked_ns):
+        if (compared := self._clocks.take(TimestampReply.decode(packet, start, end, flags))) is None:
             self.counters.dropped.count(NOT_ASKED)
         else:
-            self._time_asked_ns = None
-            self.events.append(compare_clocks(reply, asked_ns, self._epoch_ns()))
+            self.events.append(compared)
         return True
 
     _OTHERS: ClassVar[dict[int, Take]] = {

@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
-from msbot.xrce.messages.message import TimestampReply
+from collections.abc import Callable
+
+from msbot.xrce.messages.message import Timestamp, TimestampReply
 from msbot.xrce.sessions.events import TimeSynchronised
 
 CIRCLE_NS = 2**32 * 1_000_000_000
 """Seconds are sent as 32 bits, so times come round again after 136 years (the first time in 2038)."""
+
+
+class ClockComparison:
+    """Asks for the agent's time, and takes one reply to the latest question."""
+
+    __slots__ = ("_asked_ns", "_epoch_ns")
+
+    def __init__(self, epoch_ns: Callable[[], int]) -> None:
+        """Compare that clock, nanoseconds since 1970, with the agent's."""
+        self._epoch_ns = epoch_ns
+        self._asked_ns: int | None = None
+
+    def ask(self) -> Timestamp:
+        """The question, to be sent at once."""
+        self._asked_ns = self._epoch_ns()
+        return Timestamp(self._asked_ns)
+
+    def take(self, reply: TimestampReply) -> TimeSynchronised | None:
+        """What a reply that has just come says; None: it does not answer the latest question, or that is answered."""
+        asked_ns = self._asked_ns
+        if asked_ns is None or not answers(reply, asked_ns):
+            return None
+        self._asked_ns = None
+        return compare_clocks(reply, asked_ns, self._epoch_ns())
 
 
 def answers(reply: TimestampReply, asked_ns: int) -> bool:
