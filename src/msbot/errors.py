@@ -75,3 +75,7 @@ class RequestTimeout(RequestError, TimeoutError):
 
 class RegistryError(MsbotError):
     """The database cannot be used; the text says why and what to do."""
+
+
+class DatabaseBusy(RegistryError):
+    """Another program was writing to the database: nothing has changed, and the same may succeed a moment later."""

@@ -25,7 +25,7 @@ from msbot.config import (
 )
 from msbot.errors import ConfigError
 from msbot.master import Master
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import RunningOperations, perform
 from msbot.operations.outcome import Outcome
 from msbot.pnp import Claim, MemoryStore
 from msbot.runtime.virtual_time import run_virtual
@@ -374,6 +374,9 @@ def test_a_database_that_cannot_be_written_changes_nothing_and_says_so(tmp_path:
                 stage.do.block("BB", "", who="ann"),
             ):
                 assert "locked by another program" in await stage.refusal(deed)
+            asked = await perform(stage.operations, {"do": "block", "args": {"part": "BB", "reason": ""}, "who": "ann"})
+            assert "locked by another program" in str(asked["error"])
+            assert asked["again"] is True, "another process may try it again"
             assert (stage.slot("BB"), stage.state("DD")) == ("BB", "standby")
         await stage.do.swap("BB", "DD", who="ann")
         assert stage.slot("DD") == "BB"

@@ -17,7 +17,7 @@ from socket import SHUT_RDWR, create_server, socket
 import pytest
 
 from msbot.cli.school.joining import _agreed_certificate
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, DatabaseBusy
 from msbot.school.access import FarAccess
 from msbot.school.far_masters import Asking, FarLine, FarRefusal, FarTrouble, ask_one, read_status, say_stop
 from tests.certificate import Certificate
@@ -127,7 +127,13 @@ def test_each_kind_of_trouble_is_one_sentence_with_the_address(
 
 @pytest.mark.parametrize(
     ("status", "is_refusal"),
-    [("400 Bad Request", True), ("403 Forbidden", True), ("409 Conflict", False), ("500 Server Error", False)],
+    [
+        ("400 Bad Request", True),
+        ("403 Forbidden", True),
+        ("423 Locked", True),
+        ("409 Conflict", False),
+        ("500 Server Error", False),
+    ],
 )
 def test_only_an_answer_before_anything_is_done_says_that_nothing_has_changed(
     stack: ExitStack, status: str, is_refusal: bool
@@ -136,6 +142,7 @@ def test_only_an_answer_before_anything_is_done_says_that_nothing_has_changed(
     with pytest.raises(FarTrouble) as caught:
         ask_one(there.access, lambda line: line.mapping("PUT", "/api/blueprint", {}), SHORT_S)
     assert isinstance(caught.value, FarRefusal) is is_refusal
+    assert isinstance(caught.value, DatabaseBusy) is (status == "423 Locked"), "the same may succeed a moment later"
 
 
 def test_one_that_hangs_holds_up_no_other_one(stack: ExitStack) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, DatabaseBusy
 from msbot.registry import open_registry
 from msbot.school.class_robots import ClassRobot, class_robots
 from msbot.school.rollout import RollOut, plan_for, undo_job
@@ -118,6 +118,36 @@ def test_a_robot_that_does_not_come_to_an_end_holds_up_its_database_for_a_while_
     assert run.do(0).state is StepState.CHANGED
     run = RollOutRun("robot.toml", jobs)
     assert [run.do(number).state for number in (0, 1)] == [StepState.CHANGED] * 2, "a turn is given back"
+
+
+def test_what_a_locked_database_did_not_take_is_tried_again_for_a_while_or_until_people_end_it() -> None:
+    answers = iter([DatabaseBusy("locked"), DatabaseBusy("locked"), None])
+
+    def change() -> RobotChange:
+        if (error := next(answers)) is not None:
+            raise error
+        return RobotChange("done", 1)
+
+    run = RollOutRun("robot.toml", [RobotJob("A", change)], turn_s=20)
+    assert run.do(0).state is StepState.CHANGED
+
+    refused = RobotJob("A", raising(DatabaseBusy("nothing was changed: locked")))
+    run = RollOutRun("robot.toml", [refused], turn_s=0)
+    assert (run.do(0).state, run.steps[0].words) == (StepState.REFUSED, "nothing was changed: locked")
+
+    asked = threading.Event()
+
+    def locked() -> RobotChange:
+        asked.set()
+        raise DatabaseBusy("locked")
+
+    run = RollOutRun("robot.toml", [RobotJob("A", locked)], turn_s=1000)
+    thread = threading.Thread(target=run.do, args=(0,))
+    thread.start()
+    assert asked.wait(20)
+    run.halt("the teacher ends it")
+    thread.join(20)
+    assert [step.state for step in run.steps] == [StepState.REFUSED]
 
 
 def test_stored_robots_are_changed_and_changed_back_and_one_changed_since_stays(

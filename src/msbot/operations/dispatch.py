@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from msbot.config import Blueprint, Library, blueprint_mark
-from msbot.errors import ConfigError, MsbotError
+from msbot.errors import ConfigError, DatabaseBusy, MsbotError
 from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
 from msbot.operations.arguments import read_arguments
@@ -250,7 +250,7 @@ async def perform(operations: Operations, request: Mapping[str, object]) -> dict
     """Do what another process asks for; a person's mistake is answered, not raised.
 
     A request is `{"do": name, "args": {...}, "who": name}`; the answer has `words`, plus `edit` if something was
-    stored, or it has `error`.
+    stored, or it has `error`, and `again` if the same may succeed a moment later.
     """
     do, who, arguments = request.get("do"), request.get("who"), request.get("args", {})
     try:
@@ -265,6 +265,8 @@ async def perform(operations: Operations, request: Mapping[str, object]) -> dict
         if "who" in arguments:  # who asks is said beside the arguments; no operation has one of that name
             read_arguments(OPERATIONS[do], arguments)
         return (await operations.do(do, who=whole(who), **arguments)).as_json()
+    except DatabaseBusy as error:
+        return {"error": str(error), "again": True}
     except MsbotError as error:
         return {"error": str(error)}
 

@@ -18,7 +18,7 @@ from functools import lru_cache
 from typing import Any, Final, Generic, TypeVar
 from urllib.parse import urlsplit
 
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, DatabaseBusy
 from msbot.runtime.json_reading import read_json
 from msbot.runtime.sentence import said
 from msbot.school.access import FarAccess
@@ -47,6 +47,10 @@ class FarTrouble(ConfigError):
 
 class FarRefusal(FarTrouble):
     """It has answered, and does not do it: nothing has changed there."""
+
+
+class FarBusy(FarRefusal, DatabaseBusy):
+    """It does not do it now: another program is writing to its database."""
 
 
 class FarLine:
@@ -118,6 +122,8 @@ class FarLine:
             raise FarRefusal(words)
         if answer.status != http.client.OK:
             words = said("{address}: {error}", address=where, error=_why(content) or f"{answer.status} {answer.reason}")
+            if answer.status == http.HTTPStatus.LOCKED:
+                raise FarBusy(words)
             # A database that was too slow (409) may store it later, and nobody knows of a server's own fault (5xx).
             raise FarRefusal(words) if answer.status in _NOTHING_CHANGED else FarTrouble(words)
         return content

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from msbot.agent import RunningProcess
 from msbot.config import Blueprint, Library, RobotProfile, blueprint_toml, differences
-from msbot.errors import ConfigError, MsbotError
+from msbot.errors import ConfigError, DatabaseBusy, MsbotError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.lazy_dataclass import dataclass
@@ -321,8 +321,9 @@ def _done(answer: Answer) -> RobotChange:
 
     Raises:
         ConfigError: the master has refused.
+        DatabaseBusy: its database was locked at that moment.
     """
     if "error" in answer:
-        raise ConfigError(str(answer["error"]))
+        raise (DatabaseBusy if answer.get("again") is True else ConfigError)(str(answer["error"]))
     number = answer.get("edit")
     return RobotChange(str(answer.get("words", "")), number if isinstance(number, int) else None)

@@ -1,8 +1,8 @@
 """A roll-out while it goes on, or its undo: what is done at each robot, and how far each one is.
 
 Whoever runs it calls `do` for each robot, one after the other or in threads; others may look at it meanwhile. Robots of
-one database take turns, because a master that runs waits for the lock of its file only a moment. One robot that cannot
-be changed holds up no other one for long.
+one database take turns, because a master that runs waits for the lock of its file only a moment; where another program
+has that lock, the same is tried again. One robot that cannot be changed holds up no other one for long.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import Enum
 
-from msbot.errors import ConfigError, MsbotError
+from msbot.errors import ConfigError, DatabaseBusy, MsbotError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
 TURN_S = 20.0
-"""How long a robot of a roll-out waits for another one of its database: longer than a change takes on a slow disk of a
-busy computer."""
+"""How long a robot of a roll-out waits for another one of its database, and then for the lock of its file: longer than
+a change takes on a slow disk of a busy computer."""
+AGAIN_S = 0.2
+"""How long it is until a database that was locked is asked again."""
 
 
 class NoAnswer(ConfigError):
@@ -75,7 +77,8 @@ class RollOutRun:
         blueprint: where the blueprint is from.
         jobs: in the order in which they are begun.
         is_undo: whether a roll-out is taken back.
-        turn_s: how long a robot waits for another one of its database; then it is changed all the same.
+        turn_s: how long a robot waits for another one of its database; then it is changed all the same. As long is
+            tried again what a locked database did not take.
     """
 
     def __init__(
@@ -90,7 +93,7 @@ class RollOutRun:
         self._turns = {job.database: threading.Lock() for job in jobs if job.database}
         self._turn_s = turn_s
         self._steps = [RobotStep(job.robot) for job in jobs]
-        self._halted = ""
+        self._is_halted = threading.Event()
 
     @property
     def steps(self) -> tuple[RobotStep, ...]:
@@ -105,8 +108,8 @@ class RollOutRun:
 
     def halt(self, why: str) -> None:
         """Begin with no further robot; those that are being changed are."""
+        self._is_halted.set()
         with self._lock:
-            self._halted = why
             self._steps = [
                 replace(step, state=StepState.LEFT, words=why) if step.state is StepState.WAITING else step
                 for step in self._steps
@@ -130,7 +133,7 @@ class RollOutRun:
             self._steps[number] = replace(step, state=StepState.WORKING)
         after = replace(step, state=StepState.SILENT, words=said("this failed in a way that MsBOT does not know"))
         try:
-            change = self._jobs[number].do()
+            change = self._change(self._jobs[number])
             after = replace(step, state=StepState.CHANGED, words=change.words, edit=change.edit)
         except NoAnswer as error:
             after = replace(step, state=StepState.SILENT, words=str(error))
@@ -140,3 +143,13 @@ class RollOutRun:
             with self._lock:
                 self._steps[number] = after
         return after
+
+    def _change(self, job: RobotJob) -> RobotChange:
+        """Change that robot, again and again while its database is locked."""
+        until = time.monotonic() + self._turn_s
+        while True:
+            try:
+                return job.do()
+            except DatabaseBusy:
+                if time.monotonic() >= until or self._is_halted.wait(AGAIN_S):
+                    raise

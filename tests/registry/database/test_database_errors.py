@@ -5,7 +5,7 @@ import sqlite3
 import pytest
 from sqlalchemy.exc import IntegrityError, InterfaceError, NoSuchModuleError, OperationalError, ProgrammingError
 
-from msbot.errors import RegistryError
+from msbot.errors import DatabaseBusy, RegistryError
 from msbot.registry.database.database_errors import fault_words, is_about_the_database, refusal, told_as_registry_error
 
 
@@ -70,6 +70,17 @@ def test_errors_become_a_registry_error_that_names_the_database() -> None:
         raise bare
     with pytest.raises(RegistryError, match=r"name a file or postgresql://"), told_as_registry_error("x"):
         raise NoSuchModuleError("no such driver")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("SQLITE_BUSY_SNAPSHOT", DatabaseBusy), ("SQLITE_LOCKED", DatabaseBusy), ("SQLITE_FULL", RegistryError)],
+)
+def test_a_lock_is_told_apart_because_the_same_may_succeed_a_moment_later(name: str, kind: type[RegistryError]) -> None:
+    with pytest.raises(RegistryError) as caught, told_as_registry_error("robot.db"):
+        raise _sqlite(name)
+    assert type(caught.value) is kind
+    assert type(refusal(caught.value, is_being_stored=True)) is kind
 
 
 def test_other_errors_are_left_alone() -> None:

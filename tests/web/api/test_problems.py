@@ -8,14 +8,15 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from msbot.errors import ConfigError, MsbotError, NotThere, RegistryError
+from msbot.errors import ConfigError, DatabaseBusy, MsbotError, NotThere, RegistryError
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.api.problems import status_of, tell_problems
 
 ERRORS = [
     (NotThere("no slot"), 404), (NotAllowed("a viewer may not"), 403), (SignedOut("sign in"), 401),
-    (SignInRefused("wrong"), 401), (RegistryError("locked"), 409), (ConfigError("out of range"), 400),
+    (SignInRefused("wrong"), 401), (RegistryError("no room"), 409), (DatabaseBusy("locked"), 423),
+    (ConfigError("out of range"), 400),
 ]  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from sqlalchemy.exc import DBAPIError, NoSuchModuleError, SQLAlchemyError
 
-from msbot.errors import RegistryError
+from msbot.errors import DatabaseBusy, RegistryError
 from msbot.runtime.sentence import said
 
 ELSE = said("or choose another --db")
@@ -44,6 +44,9 @@ _SQLITE_WORDS = {
 
 _TRANSIENT = ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_READONLY", "SQLITE_PERM", "SQLITE_CANTOPEN", "SQLITE_FULL",
               "SQLITE_IOERR", "SQLITE_CORRUPT", "SQLITE_NOTADB")  # fmt: skip
+
+
+_BUSY = ("SQLITE_BUSY", "SQLITE_LOCKED")
 
 
 def fault_words(error: BaseException) -> str:
@@ -89,9 +92,8 @@ def told_as_registry_error(database: str) -> Iterator[None]:
             )
         ) from None
     except (SQLAlchemyError, sqlite3.Error) as error:
-        raise RegistryError(
-            said("the database {database} {fault}", database=database, fault=fault_words(error))
-        ) from error
+        kind = DatabaseBusy if _sqlite_name(error).startswith(_BUSY) else RegistryError
+        raise kind(said("the database {database} {fault}", database=database, fault=fault_words(error))) from error
 
 
 def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
@@ -104,7 +106,8 @@ def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
     cause = error.__cause__
     if is_being_stored and isinstance(cause, DBAPIError) and cause.connection_invalidated:
         return not_known(str(error))  # the server went away with it
-    return RegistryError(said("nothing was changed: {why}", why=str(error)))
+    kind = DatabaseBusy if isinstance(error, DatabaseBusy) else RegistryError
+    return kind(said("nothing was changed: {why}", why=str(error)))
 
 
 def not_known(why: str) -> RegistryError:

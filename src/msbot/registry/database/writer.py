@@ -21,7 +21,7 @@ from typing import TypeVar, cast
 
 from sqlalchemy import Connection, Engine
 
-from msbot.errors import MsbotError, RegistryError
+from msbot.errors import DatabaseBusy, MsbotError, RegistryError
 from msbot.registry.database.database_errors import (
     fault_words,
     is_about_the_database,
@@ -180,7 +180,8 @@ class Writer:
         """Stop waiting for a change; returns its result if it is stored by now.
 
         Raises:
-            RegistryError: nothing has changed, or it is unknown whether the change was stored.
+            DatabaseBusy: nothing has changed.
+            RegistryError: it is unknown whether the change was stored.
         """
         with self._changed:
             job.is_given_up = True
@@ -191,7 +192,7 @@ class Writer:
                 raise not_known(why)
             with contextlib.suppress(ValueError):
                 self._waiting.remove(cast("PendingChange[object]", job))
-        raise RegistryError(said("nothing was changed: {why}", why=why))
+        raise DatabaseBusy(said("nothing was changed: {why}", why=why))
 
     @property
     def _busy(self) -> str:

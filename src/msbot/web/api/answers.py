@@ -25,6 +25,10 @@ PROBLEMS: dict[int | str, dict[str, object]] = {
     409: {"model": ProblemAnswer, "description": "The database does not take it at the moment."},
     413: {"model": ProblemAnswer, "description": "The body is too large."},
     422: {"model": ProblemAnswer, "description": "The request does not fit the schema."},
+    423: {
+        "model": ProblemAnswer,
+        "description": "Another program writes to the database: nothing has changed, try again.",
+    },
     429: {"model": ProblemAnswer, "description": "Calls come too often; the header Retry-After says when to go on."},
 }
 """What every call can answer besides its result."""

@@ -8,7 +8,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 
-from msbot.errors import MsbotError, NotThere, RegistryError
+from msbot.errors import DatabaseBusy, MsbotError, NotThere, RegistryError
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guard import is_left
@@ -26,6 +26,8 @@ def status_of(error: MsbotError) -> int:
             return 403
         case SignedOut() | SignInRefused():
             return 401
+        case DatabaseBusy():
+            return 423
         case RegistryError():
             return 409
     return 400
