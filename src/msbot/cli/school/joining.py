@@ -14,10 +14,11 @@ import click
 
 from msbot.errors import ConfigError
 from msbot.school.access import AccessBook, FarAccess, page_address
-from msbot.school.far_masters import LOOK_S, Answer, FarLine, ask_one
+from msbot.school.far_masters import Answer, FarLine, ask_one
 
 TOKEN = "MSBOT_TOKEN"
 PATIENCE_S = 10.0
+"""How long the one robot is waited for that somebody wants in the class: it may be a small computer with much to do."""
 
 
 @click.command("join")
@@ -117,10 +118,10 @@ def _agreed_certificate(where: str, fingerprint: str | None) -> str:
 def _connect(where: str, context: ssl.SSLContext) -> bytes | None:
     """The certificate that is shown there; None: it is not one that `context` trusts."""
     found = urlsplit(where)
-    until = time.monotonic() + LOOK_S
+    until = time.monotonic() + PATIENCE_S
     try:
         with (
-            socket.create_connection((found.hostname or "", found.port or 443), LOOK_S) as plain,
+            socket.create_connection((found.hostname or "", found.port or 443), PATIENCE_S) as plain,
             context.wrap_socket(plain, server_hostname=found.hostname) as sealed,
         ):
             sealed.settimeout(max(0.1, until - time.monotonic()))
