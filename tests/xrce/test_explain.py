@@ -43,6 +43,7 @@ LINES = [
     ("81000000 03010400 00020010", "DELETE object 0x0010, request 2"),
     ("81010100 07010900 001f0015 0001020304", "WRITE_DATA to datawriter 0x0015, request 31: 5 octets 00 01 02 03 04"),
     ("81010100 09010400 001f0016", "DATA from datareader 0x0016, request 31: 0 octets"),
+    ("81010100 07010500 001f0015 00", "WRITE_DATA to datawriter 0x0015, request 31: 1 octet 00"),
     ("81800800 0d030200 6869", "FRAGMENT, the last: 2 octets 68 69"),
     ("81000000 0c010000", "RESET: all streams start over"),
     ("81000000 04010b00 8500 58524345 0100010f00", "STATUS_AGENT: the request makes no sense"),

@@ -22,7 +22,7 @@ from msbot.registry.database.engine import (
     parse_address,
     use_write_ahead_log,
 )
-from msbot.registry.database.schema import Migrations, bring_up_to_date, check_schema, own_migrations
+from msbot.registry.database.schema import Migrations, bring_up_to_date, own_migrations, read_version
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits.editing import Edits
 from msbot.registry.edits.users import PartKeys, Users
@@ -76,11 +76,15 @@ def open_registry(
 
 
 def _prepare(engine: Engine, where: Address, migrations: Migrations, *, read_only: bool) -> None:
-    if check_schema(engine, where, migrations):
+    version = read_version(engine, where, migrations)
+    if version == migrations.newest:
         return
     if read_only:
         raise RegistryError(
-            f"the database {where.words} is empty or of an older MsBOT: `msbot db migrate --db {where.words}`"
+            f"the database {where.words} was written by an older MsBOT (schema {version}, this one knows "
+            f"{migrations.newest}): `msbot db migrate --db {where.words}`"
+            if version
+            else f"the database {where.words} is empty: `msbot master ROBOT.toml --db {where.words}` puts a robot there"
         )
     use_write_ahead_log(engine, where)
     bring_up_to_date(engine, where, migrations)

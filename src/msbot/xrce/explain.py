@@ -6,6 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.amount import amount
 from msbot.xrce.messages.ids import (
     OBJECT_AGENT,
     OBJECT_CLIENT,
@@ -240,7 +241,7 @@ def _stream(stream_id: int) -> str:
 def _octets(octets: bytes) -> str:
     shown = octets[:SHOWN_OCTETS].hex(" ")
     more = " ..." if len(octets) > SHOWN_OCTETS else ""
-    return f"{len(octets)} octets {shown}{more}".rstrip()
+    return f"{amount(len(octets), 'octet')} {shown}{more}".rstrip()
 
 
 def _short(text: str) -> str:

@@ -12,6 +12,7 @@ from enum import Enum
 from typing import Final
 
 from msbot.errors import RemoteProtocolError
+from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.xrce.messages.ids import (
     SESSION_NONE,
@@ -180,7 +181,7 @@ def _read(
 
 def _value(field: LaidField, octets: bytes, *, little: bool) -> tuple[int | None, str]:
     if field.form is Form.OCTETS:
-        return None, f"{len(octets)} octets"
+        return None, amount(len(octets), "octet")
     is_little = field.form is Form.LITTLE or (field.form is Form.NUMBER and little)
     value = int.from_bytes(octets, "little" if is_little else "big")
     words = f"0x{value:0{2 * len(octets)}X}" if field.is_hexadecimal else str(value)

@@ -25,7 +25,11 @@ NONE = None
 MISSING = "there is no database ~/robot.db: `msbot master` makes one when it runs, or choose another --db"
 FOLDER = "the database ~/robot.db is a folder: name a file in it, for example ~/robot.db/robot.db"
 TEXT = "~/robot.db is not a database: some other file has this name; move it away, or choose another --db"
-OLDER = "the database ~/robot.db is empty or of an older MsBOT: `msbot db migrate --db ~/robot.db`"
+OLDER = (
+    f"the database ~/robot.db was written by an older MsBOT (schema 4, this one knows {NOW}): `msbot db migrate --db "
+    "~/robot.db`"
+)
+EMPTY = "the database ~/robot.db is empty: `msbot master ROBOT.toml --db ~/robot.db` puts a robot there"
 NEWER = (
     f"the database ~/robot.db was written by a newer MsBOT (schema 9999, this one knows {NOW}): update MsBOT or choose "
     "another --db"
@@ -75,11 +79,11 @@ ACTIONS: dict[str, Callable[[Path, bytes], object]] = {
     "replace": _restored,
 }
 TABLE: dict[str, dict[str, object]] = {
-    "check": {"missing": MISSING, "folder": FOLDER, "empty": OLDER, "text": TEXT, "older": OLDER, "newer": NEWER,
+    "check": {"missing": MISSING, "folder": FOLDER, "empty": EMPTY, "text": TEXT, "older": OLDER, "newer": NEWER,
               "other": OTHER, "ours": []},
     "migrate": {"missing": MISSING, "folder": FOLDER, "empty": Migrated(0, NOW), "text": TEXT,
                 "older": Migrated(4, NOW), "newer": NEWER, "other": OTHER, "ours": Migrated(NOW, NOW)},
-    "back up": {"missing": MISSING, "folder": FOLDER, "empty": OLDER, "text": TEXT, "older": OLDER, "newer": NEWER,
+    "back up": {"missing": MISSING, "folder": FOLDER, "empty": EMPTY, "text": TEXT, "older": OLDER, "newer": NEWER,
                 "other": OTHER, "ours": 0},
     "bring back": {"missing": NO_BACKUP, "folder": FOLDER, "empty": f"{IN_BACKUP}it is not a database", "text": TEXT,
                    "older": None, "newer": IN_BACKUP + NEWER.replace("~/", ""),

@@ -63,20 +63,11 @@ def read_version(engine: Engine, address: Address, migrations: Migrations) -> in
         return _version(connection, address, migrations.newest)
 
 
-def check_schema(engine: Engine, address: Address, migrations: Migrations) -> bool:
-    """Whether the database has the newest schema; False: it is empty or older.
-
-    Raises:
-        RegistryError: it is newer, belongs to another program, or cannot be read.
-    """
-    return read_version(engine, address, migrations) == migrations.newest
-
-
 def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -> None:
     """Create the tables of a new database; back up and migrate an older one. One transaction.
 
     Raises:
-        RegistryError: see `check_schema`; or it cannot be written.
+        RegistryError: see `read_version`; or it cannot be written.
     """
     with (
         told_as_registry_error(address.words),

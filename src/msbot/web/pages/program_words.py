@@ -32,10 +32,8 @@ def program_words(say: Callable[[str], str]) -> dict[str, object]:
         "describes": say("It tells the robot what it is: a teacher can adopt it."),
         "line": say("line {number}"),
         "block": say("the block"),
-        "left": say("… and {number} more lines, too many at once"),
-        "tooFast": say(
-            "{number} messages were not sent: the program sends more than the robot takes. Send less often."
-        ),
+        "left": say("… left out, too many lines at once: {number}"),
+        "tooFast": say("Messages not sent: {number}. The program sends more than the robot takes: send less often."),
         "stuck": say(
             "A function of the program does not end: the part cannot beat meanwhile. Press Stop, and end the loop in it."
         ),
