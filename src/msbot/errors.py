@@ -15,7 +15,8 @@ A room that needs an error of its own derives it from one of these.
     ├── RemoteProtocolError      the other side sent bytes that make no sense; also a ValueError
     ├── RequestError             the agent refused a request; carries the status
     │   └── RequestTimeout       the agent did not answer in time; also a TimeoutError
-    └── RegistryError            the database: locked, of a newer version, not writable
+    └── RegistryError            the database: of a newer version, not writable
+        └── DatabaseBusy         another program was writing to it: nothing has changed
 """
 
 from __future__ import annotations
