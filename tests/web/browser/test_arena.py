@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
+from playwright.sync_api import TimeoutError as BrowserTimeout
 
 from tests.e2e.processes import running
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go
+from tests.web.browser.conftest import PATIENCE_MS, Site, go
 from tests.web.browser.keyboard import out_of_reach
 
 FRAMES = "window.msbotArenaFrames ? msbotArenaFrames() : 0"
@@ -46,11 +47,24 @@ def moving(blank: Page) -> Iterator[Page]:
     blank.emulate_media(reduced_motion="reduce")
 
 
+def again_until(page: Page, act: Callable[[], object], seen: str) -> None:
+    """Do something with the mouse, again if nothing comes of it, as people do: a grey page takes nothing."""
+    for patience_ms in (10_000, 20_000, PATIENCE_MS):
+        act()
+        try:
+            page.wait_for_function(seen, timeout=patience_ms)
+        except BrowserTimeout:
+            page.mouse.up()
+        else:
+            return
+    raise AssertionError(f"not seen: {seen}")
+
+
 def test_who_does_not_want_motion_sees_it_less_often(moving: Page, demo: Site) -> None:
     page = moving
     go(page, f"{demo.base}/arena")
     page.wait_for_function(f"{FRAMES} > 0")
-    assert min(page.evaluate(GAPS)) < 300
+    assert any(min(page.evaluate(GAPS)) < 300 for _ in range(20)), "on a busy machine a picture may be late"
     page.emulate_media(reduced_motion="reduce")
     assert min(page.evaluate(GAPS)[1:]) > 450
 
@@ -82,9 +96,12 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     ahead = page.get_by_role("button", name="Ahead")
     expect(ahead).to_be_visible()
     expect(page.locator("#ms-arena-senses")).to_contain_text("distance")
-    ahead.hover()
-    page.mouse.down()
-    page.wait_for_function(f"{WHERE} !== {start!r}")
+
+    def press() -> None:
+        ahead.hover()
+        page.mouse.down()
+
+    again_until(page, press, f"{WHERE} !== {start!r}")
     expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* drives"))
     page.mouse.up()
     expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* stands"))
@@ -99,11 +116,16 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     page.wait_for_function(f"{WHERE} !== {before!r}")
     box = robot.bounding_box()
     assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] - 150, box["y"] - 40, steps=4)
-    page.mouse.up()
-    page.wait_for_function(f"document.querySelector('.arena-robot').getBoundingClientRect().x < {box['x'] - 60}")
+    left, top, width, height = box["x"], box["y"], box["width"], box["height"]
+
+    def drag() -> None:
+        page.mouse.move(left + width / 2, top + height / 2)
+        page.mouse.down()
+        page.mouse.move(left - 150, top - 40, steps=4)
+        page.mouse.up()
+
+    moved = f"document.querySelector('.arena-robot').getBoundingClientRect().x < {left - 60}"
+    again_until(page, drag, moved)
     page.get_by_role("button", name="Begin anew").click()
     page.wait_for_function(f"{WHERE} === {start!r}")
     assert hurdles_by_day_and_night(page) == []
