@@ -170,6 +170,14 @@ def test_nothing_is_said_about_what_is_healthy(check: str) -> None:
     assert list(HEALTHY[check]()) == []
 
 
+def test_parts_of_one_name_that_were_refused_are_one_finding() -> None:
+    """They are counted by name; a program that is started again can be another part each time."""
+    parts = tuple(replace(LOST_PART, uid=f"{number:02x}" * 8) for number in range(3))
+    (finding,) = robot(parts=(*ROBOT.parts, *parts), refused={"knob": ("wrong number",) * 8})()
+    assert isinstance(finding, Finding)
+    assert finding.saw == "knob was refused 8 times in the last hour: wrong number"
+
+
 def test_many_parts_that_are_late_are_one_finding_and_few_among_many_are_each_their_own() -> None:
     names = [f"p{number}" for number in range(10)]
     seen = {len(late): list(robot(late=dict.fromkeys(late, 3), parts=())()) for late in (names[:2], names[:3], names)}

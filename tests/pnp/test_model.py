@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from msbot.config import Slot
@@ -79,6 +81,8 @@ def test_an_event_is_a_sentence_and_its_evidence() -> None:
     assert event.sentences() == ["AA: active -> late in slot left: no beat for 1.6 s", "  - rule: outcome"]
     first = PartEvent(1.0, "node 7", None, None, PartState.NEW, "a session was opened")
     assert first.sentences() == ["node 7: new: a session was opened"]
+    again = replace(first, from_state=PartState.REFUSED, to_state=PartState.REFUSED, reason="it is unknown")
+    assert again.sentences() == ["node 7: refused: it is unknown"], "it is as it was, for another reason"
 
 
 def test_a_slot_asks_for_its_own_name_unless_told_otherwise() -> None:

@@ -62,7 +62,7 @@ class PartEvent:
     def sentences(self) -> list[str]:
         """The event in plain words: one sentence, then one indented line for each piece of evidence."""
         change: str = said(self.to_state.value)
-        if self.from_state is not None:
+        if self.from_state not in (None, self.to_state):
             change = said("{before} -> {after}", before=said(self.from_state.value), after=change)
         if self.slot:
             change = said("{change} in slot {slot}", change=change, slot=self.slot)

@@ -110,6 +110,7 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                 said("gaps between its beats that are longer than the beat period"), f"msbot why {name}",
                 first=said("look at its supply and cable first, then for loops and waits in its program"),
             )  # fmt: skip
+    told: set[str] = set()
     for part in facts.parts:
         reasons = facts.refused.get(part.name, ())
         is_blocked = part.uid in facts.blocked
@@ -121,6 +122,9 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                 mending=Mending("unblock", {"part": part.uid}),
             )  # fmt: skip
         elif len(reasons) >= OFTEN_REFUSED and not PartState(part.state).is_registered:
+            if part.name in told:  # counted by name, and another part of that name was here before
+                continue
+            told.add(part.name)
             yield Finding(
                 "often-refused", part.name,
                 said("{part} was refused {count} times in the last hour: {reason}", part=part.name,
