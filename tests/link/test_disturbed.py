@@ -156,6 +156,8 @@ def test_a_peer_that_takes_nothing_is_told_once_when_it_does_and_the_others_go_o
         wire, one, two, rooms = Wire(), Script(), Script(), list[tuple[float, Peer | None]]()
         link = DisturbedLink(wire, one, two)
         loop = asyncio.get_running_loop()
+        failed: list[object] = []
+        loop.set_exception_handler(lambda _, context: failed.append(context))
         link.attach(room=lambda peer: rooms.append((loop.time(), peer)))
         link.attach(packet=lambda *_: None)
         one.free, two.free = {"busy": 2.0, "never": math.inf}, {"busy": 3.0}
@@ -175,7 +177,7 @@ def test_a_peer_that_takes_nothing_is_told_once_when_it_does_and_the_others_go_o
         link.remove(one)
         assert rooms == [(3.0, "busy"), (5.0, None)]
         await asyncio.sleep(10.0)
-        assert len(rooms) == 2, "the timer is gone"
+        assert (len(rooms), failed) == (2, []), "the timer is gone"
         assert [packet for _, packet in wire.got] == [b"y"]
 
     play(scene())

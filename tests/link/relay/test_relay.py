@@ -163,6 +163,32 @@ def test_a_way_with_tiny_packets_is_refused_with_a_sentence() -> None:
     asyncio.run(main())
 
 
+def test_a_packet_that_is_too_long_for_the_way_does_not_hold_up_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Way(BaseLink):
+        """A link that takes everything."""
+
+        def __init__(self) -> None:
+            super().__init__(LinkInfo("way:", 300), remote=0)
+            self.sent: list[bytes] = []
+
+        def has_room(self, _peer: Peer) -> bool:
+            return True
+
+        def send(self, packet: bytes, _peer: Peer) -> None:
+            self.sent.append(packet)
+
+    async def main() -> None:
+        way = Way()
+        relay = PartsRelay(lambda _: NarrowLink(), way, name="pi", say=print)  # type: ignore[arg-type, return-value]
+        queue = [bytes(300), bytes(301), b"next"]
+        monkeypatch.setattr(relay.forwarder, "to_master", lambda: queue.pop(0) if queue else None)
+        relay._pump()
+        assert [len(packet) for packet in way.sent] == [300, 4]
+        assert sum(relay.forwarder.dropped.values()) == 1
+
+    asyncio.run(main())
+
+
 def test_a_way_that_cannot_be_opened_is_said_once_for_each_reason_and_tried_again() -> None:
     class ClosedLink(BaseLink):
         """A link whose network is not there yet."""

@@ -192,6 +192,11 @@ async def test_writing_pauses_above_one_limit_and_goes_on_at_the_other(
     assert protocol.calls.empty()
     assert _taking(transport, 1) == resumes_at
     assert protocol.calls.get_nowait() == "resume"
+    assert _taking(transport, 0) == resumes_at
+    assert protocol.calls.empty(), "it is said once"
+    transport._waiting[:] = b"x" * (pauses_above + 1)
+    transport.write(b"x")
+    assert protocol.calls.get_nowait() == "pause", "and all of it again"
     transport.abort()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -183,6 +184,31 @@ async def test_who_reads_too_long_is_let_go_and_many_of_them_keep_others_out_onl
         while storage._asking:  # noqa: ASYNC110 - a thread makes no sound
             await asyncio.sleep(0)
         assert await storage.in_time(lambda: "again") == "again"
+
+
+async def test_what_fails_after_its_reader_was_let_go_is_no_error_of_the_program(
+    ours: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(storage_module, "LIMIT_S", 1 / 64)
+    release = threading.Event()
+    told: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: told.append(context))
+
+    def fail() -> None:
+        assert release.wait(30)
+        raise RegistryError("the disk is gone")
+
+    with opened(ours) as storage:
+        with pytest.raises(RegistryError, match="does not answer: try again in a moment"):
+            await storage.in_time(fail)
+        release.set()
+        while storage._asking:  # noqa: ASYNC110 - a thread makes no sound
+            await asyncio.sleep(0)
+        assert await storage.in_time(lambda: "again") == "again"
+    for _ in range(3):
+        await asyncio.sleep(0)
+        gc.collect()
+    assert told == []
 
 
 def test_nothing_stays_open_at_the_end(ours: Path) -> None:

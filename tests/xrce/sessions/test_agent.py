@@ -6,6 +6,7 @@ import struct
 
 import pytest
 
+from msbot.errors import RemoteProtocolError
 from msbot.xrce import AgentSession, AgentSessionSettings
 from msbot.xrce.messages import DeliveryControl
 from msbot.xrce.sessions import (
@@ -132,6 +133,17 @@ def test_create_carries_its_flags_and_byte_order(flags: str, length: str, expect
     assert (event.request_id, event.object_id, event.stream_id) == (10, 0x11, 0x80)
     assert (event.reuse, event.replace, event.little_endian) == expected
     assert event.variant.blob == b"\0\0"
+
+
+def test_a_packet_that_is_a_header_alone_is_a_packet() -> None:
+    """XRCE 1.0 §8.3.2: four octets, eight with the client's key; less is no message."""
+    for session_id, whole in ((0x81, "81000000"), (0x01, "01000000" + f"{KEY:08x}")):
+        bench = Bench(session_id=session_id)
+        octets = bytes.fromhex(whole)
+        bench.session.receive_packet(octets, 1.0)
+        assert (bench.session.counters.packets_in, bench.session.last_heard) == (1, 1.0)
+        with pytest.raises(RemoteProtocolError, match="too short for a message header"):
+            bench.session.receive_packet(octets[:-1], 2.0)
 
 
 def test_requests_become_events() -> None:

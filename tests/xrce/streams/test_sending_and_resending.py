@@ -42,6 +42,16 @@ class Rig:
             self.stream.send(b"body")
 
 
+def test_a_pool_that_is_used_up_exactly_is_full() -> None:
+    pool = Memory(48)
+    hog, other = Rig(pool=pool), Rig(pool=pool)
+    assert hog.stream.offer(bytes(20))
+    assert hog.stream.has_room()
+    assert hog.stream.offer(bytes(20))
+    assert pool.used == pool.limit
+    assert (hog.stream.has_room(), other.stream.has_room()) == (False, True)
+
+
 def test_when_the_pool_is_full_each_stream_goes_on_with_one_message_at_a_time() -> None:
     pool = Memory(100)
     hog, other = Rig(pool=pool, window=16), Rig(pool=pool)

@@ -207,8 +207,7 @@ class Storage:
         answer = asyncio.get_running_loop().run_in_executor(self._threads, serve)
         done, _ = await asyncio.wait({answer}, timeout=LIMIT_S)
         if not done:
-            answer.cancel()
-            answer.add_done_callback(_retrieve)
+            answer.cancel()  # what it still raises is nobody's then
             if not is_served:
                 self._asking.pop(number, None)
             raise RegistryError(self._no_answer())
@@ -225,9 +224,3 @@ class Storage:
 
     def _no_answer(self) -> str:
         return self.health.trouble or f"the database {self.words} does not answer: try again in a moment"
-
-
-def _retrieve(answer: asyncio.Future[_T]) -> None:
-    """Retrieve a late result, so that asyncio does not report an error that nobody is waiting for."""
-    if not answer.cancelled():
-        answer.exception()

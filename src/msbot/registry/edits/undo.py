@@ -111,8 +111,9 @@ def apply_blueprint(
             difference=snapshot.difference_words(before, after),
         )
     author = Author(robot.id, who, now_ns)
-    cells = BlueprintCell(before), BlueprintCell(after)
-    return robot, record(connection, author, EditKind.APPLY, words, before=cells[0], after=cells[1])
+    return robot, record(
+        connection, author, EditKind.APPLY, words, before=BlueprintCell(before), after=BlueprintCell(after)
+    )
 
 
 def _find(connection: Connection, robot_id: int, number: int | None) -> Row[tuple[object, ...]]:
