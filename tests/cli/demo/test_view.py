@@ -92,6 +92,9 @@ def test_a_reason_has_the_lines_that_there_are() -> None:
     assert event_lines(event, 80, None) == ["  9.731 s  fan       late -> lost: no beat for 4.9 s: life status 0"]
     assert event_lines(event, 30, None) == ["9.7 s fan lost: no beat for", "  4.9 s: life status 0"]
     assert event_lines(event, 30, 1) == ["9.7 s fan lost: no beat for…"]
+    for before in ("", "refused"):
+        words = event_lines(DemoEvent(9.731, "fan", before, "refused", "it is unknown"), 80, None)
+        assert words == ["  9.731 s  fan       refused: it is unknown"]
 
 
 def test_the_newest_events_are_shown_as_far_as_there_is_room() -> None:

@@ -31,7 +31,8 @@ _BETWEEN = "   "
 
 def event_words(event: DemoEvent) -> str:
     """One event in one line."""
-    return f"{event.at_s:7.3f} s  {event.part:<9} {event.from_state} -> {event.to_state}: {event.reason}"
+    before = "" if event.from_state in ("", event.to_state) else f"{event.from_state} -> "
+    return f"{event.at_s:7.3f} s  {event.part:<9} {before}{event.to_state}: {event.reason}"
 
 
 def event_lines(event: DemoEvent, width: int, most: int | None) -> list[str]:
