@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, settings
 
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
-from tests import import_order
+from tests import import_order, taking_turns
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
 
@@ -36,8 +36,10 @@ guard()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Workers share the work of importing."""
+    """Workers share the work of importing, and take turns with browsers."""
     config.pluginmanager.register(import_order)
+    if config.pluginmanager.hasplugin("dsession"):  # it hands out the work
+        config.pluginmanager.register(taking_turns)
 
 
 def pytest_xdist_auto_num_workers() -> int:
