@@ -137,7 +137,7 @@ static void leave(msbot_part *part)
 {
     part->config.safe(part->config.context, MSBOT_ALL_PORTS);
     /* The master that takes the part back repeats STOP if it still holds. */
-    part->stopped = false;
+    part->stopped = part->stop_for_robot = false;
     part->stop_heard = part->stop_over = part->stop_ends_with = part->stop_obeyed = 0;
 }
 
@@ -159,6 +159,8 @@ static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
     } else if (state == MSBOT_CONFIGURING) {
         part->has_beat = true;
         part->beat_at_us = now_us + part->beat_us;
+        /* The master has heard as well what was said until now: the configuration says whether STOP holds. */
+        part->stop_for_robot = part->stopped;
         fetch(part, now_us);
     } else if (state == MSBOT_WRONG_ROBOT) {
         part->profile_wanted = MSBOT_READ_ALL;
@@ -316,14 +318,17 @@ static void want_binding(msbot_part *part, const binding *wanted)
     }
 }
 
-static void tell_settings(msbot_part *part, reader *from)
+/* False: no setting says that STOP holds. */
+static bool tell_settings(msbot_part *part, reader *from)
 {
+    bool stop_holds = false;
     uint32_t told[MSBOT_PART_SETTINGS] = {0};
     uint32_t count = take_u32(from);
     for (uint32_t i = 0; i < count; i++) {
         const char *name = take_string(from);
         const char *value = take_string(from);
         uint32_t hash = msbot_crc32((const uint8_t *)name, strlen(name));
+        stop_holds = stop_holds || strcmp(name, ".stop") == 0;
         hash = (hash * 31U + msbot_crc32((const uint8_t *)value, strlen(value))) | 1U;
         bool known = false;
         for (unsigned k = 0; k < MSBOT_PART_SETTINGS; k++) {
@@ -337,6 +342,7 @@ static void tell_settings(msbot_part *part, reader *from)
         }
     }
     memcpy(part->told, told, sizeof told);
+    return stop_holds;
 }
 
 static void use_configuration(msbot_part *part)
@@ -351,7 +357,10 @@ static void use_configuration(msbot_part *part)
         binding wanted = take_binding(&from);
         want_binding(part, &wanted);
     }
-    tell_settings(part, &from);
+    if (!tell_settings(part, &from) && part->stopped && part->stop_for_robot) {
+        part->stopped = part->stop_for_robot = false;
+        part->stop_obeyed = part->stop_ends_with = 0;
+    }
 }
 
 static void configuration_received(msbot_part *part, const uint8_t *payload, size_t size, uint32_t now_us)
@@ -458,6 +467,7 @@ static void stop(msbot_part *part, uint32_t number, uint32_t now_us)
         /* The master repeats on its own any STOP from the bus, so its GO ends that one, too. */
         part->stop_ends_with = part->stop_heard;
     }
+    part->stop_for_robot = false;
     if (!part->stopped) {
         part->stopped = true;
         part->config.safe(part->config.context, MSBOT_ALL_PORTS);

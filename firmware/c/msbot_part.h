@@ -89,6 +89,7 @@ typedef struct {
     uint16_t configuration_size;
     uint32_t told[MSBOT_PART_SETTINGS];
     bool stopped; /* STOP came and GO did not: no incoming message reaches `received` */
+    bool stop_for_robot; /* STOP came before the robot was asked whether one holds */
     uint32_t stop_heard, stop_over, stop_ends_with, stop_obeyed;
     uint32_t beats, missed_beats;
     uint16_t dropped; /* messages that could not be used */

@@ -37,8 +37,10 @@ def configure(part, slot, bindings, settings, now):
     for port, fields in safe.items():
         if port in part._listeners:
             _make_safe(part, port, fields)
-    number = dict(settings).get(".stop", "")
-    if number.isdigit():
+    number = dict(settings).get(".stop")
+    if number is None:
+        part.no_stop_holds()
+    elif number.isdigit():
         part.stop_said("it holds in the robot that the part has joined", now, int(number))
     bind(part, bindings)
     for port, (message_class, _, optional) in part._listeners.items():

@@ -78,6 +78,7 @@ class Part:
         self.obeys = 0  # the number of the master's STOP for which every port has its safe value; every beat carries it
         self._is_safe = False
         self._heard = self._over = self._ends_with = 0  # numbers of STOPs
+        self._is_for_robot = False  # STOP was heard before the robot was asked whether one holds
         self._now = 0
         self._client = self._membership = None
 
@@ -214,6 +215,8 @@ class Part:
             self._enter_safe_state()
             self.stopped = False  # the master that takes the part back repeats STOP if it still holds
             self.obeys = self._heard = self._over = self._ends_with = 0
+        if state is JoinState.CONFIGURING:
+            self._is_for_robot = self.stopped
         if state is JoinState.ENDED:
             self._tell("end")
         elif before is JoinState.ACTIVE:
@@ -257,6 +260,7 @@ class Part:
             self._heard = self._ends_with = max(self._heard, number)
         before, is_news = self.obeys, not self.stopped
         self.stopped = True
+        self._is_for_robot = False
         if is_news:
             say("info", "STOP: " + reason)
             self._is_safe = False
@@ -267,6 +271,14 @@ class Part:
             self._tell("stop")
         if self.obeys not in (0, before):
             self._membership.beat_soon(now)
+
+    def no_stop_holds(self):
+        """The configuration names no STOP: one that was heard before the part asked for it is over."""
+        if self.stopped and self._is_for_robot:
+            self.stopped = self._is_for_robot = False
+            self.obeys = self._ends_with = 0
+            say("info", "GO: no STOP holds in the robot that the part has joined")
+            self._tell("go")
 
     def _bound_words(self):
         return once("words").bound([self._ports[port][0] for port in self._places if port in self._ports])

@@ -224,6 +224,37 @@ def test_stop_holds_until_go(firmware: Firmware, tmp_path: Path) -> None:
     play(tmp_path, scene)
 
 
+@pytest.mark.parametrize("holds", [False, True])
+def test_a_stop_heard_on_the_way_into_the_robot_holds_only_if_it_does_there(
+    firmware: Firmware, tmp_path: Path, holds: bool
+) -> None:
+    """On a bus everybody hears STOP; GO is told to the parts of the robot, and the board is not yet one of them."""
+
+    async def scene(robot: Robot) -> None:
+        hand = lever(robot)
+        await asyncio.sleep(1)
+        part = robot.plug(board(firmware))
+        while part.state is PartState.LOOKING:  # noqa: ASYNC110 - in virtual time
+            await asyncio.sleep(0.0001)
+        robot.master.say_stop("ann")
+        await asyncio.sleep(0.0005)
+        assert part.stopped
+        assert part.state in (PartState.RECOGNISING, PartState.CLAIMING)
+        if not holds:
+            robot.master.say_go("ann")
+        await asyncio.sleep(1)
+        assert robot.state() == "active"
+        assert part.stopped is holds
+        if holds:
+            robot.master.say_go("ann")
+            await asyncio.sleep(SOON_S)
+        hand.publish("on", Switch(on=True))
+        await asyncio.sleep(SOON_S)
+        assert part.heard == [(DRIVE, ON)]
+
+    play(tmp_path, scene)
+
+
 def test_it_can_say_stop_itself(firmware: Firmware, tmp_path: Path) -> None:
     async def scene(robot: Robot) -> None:
         hand = lever(robot)

@@ -231,6 +231,22 @@ async def stopped_join(world: World) -> None:
     await asyncio.sleep(0.2)
 
 
+async def unheard_go(world: World) -> None:
+    """On a bus everybody hears STOP; GO is told to the parts of the robot alone, and this one is not among them yet."""
+    partner = world.plug_partner()
+    await asyncio.sleep(JOINED_AT_S)
+    world.plug()
+    await world.until_state("recognising", "active", look_s=0.0001)  # the latter where it takes no time
+    world.note("STOP")
+    world.master.say_stop("ann")
+    world.note("GO")
+    world.master.say_go("ann")
+    await world.until_state("active")
+    await asyncio.sleep(0.5)
+    partner.publish("power", Level(percent=50.0))
+    await asyncio.sleep(0.2)
+
+
 async def unsafe(world: World) -> None:
     await begin(world)
     world.note("STOP")
@@ -408,6 +424,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "stopped_join": Scene(SAFE, stopped_join),
     "stranger": Scene(Robot(options=Options(explain=True)), refused),
     "timers": Scene(wired("out out Trigger"), timers),
+    "unheard_go": Scene(wired("power in Level"), unheard_go),
     "unsafe": Scene(replace(SAFE, settings=(*SAFE.settings, ("broken", "true"))), unsafe),
     "wrong_key": Scene(KEYED, refused),
     "wrong_robot": Scene(Robot(), wrong_robot),

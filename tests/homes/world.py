@@ -186,13 +186,13 @@ class World:
         """Something that the world saw."""
         self.log.append(f"> {text}")
 
-    async def until_state(self, word: str, seconds: float = 20.0) -> None:
-        """Wait until the program's part is in that state."""
+    async def until_state(self, *words: str, seconds: float = 20.0, look_s: float = 0.01) -> None:
+        """Wait until the program's part is in one of these states; looks again and again after so many seconds."""
         loop = asyncio.get_running_loop()
         end_at = loop.time() + seconds
-        while not self.home.state().startswith(word):
-            assert loop.time() < end_at, f"it is {self.home.state()}, not {word}; {self.log}"
-            await asyncio.sleep(0.01)
+        while not self.home.state().startswith(words):
+            assert loop.time() < end_at, f"it is {self.home.state()}, not {words}; {self.log}"
+            await asyncio.sleep(look_s)
 
     def spawn(self, work: Coroutine[object, object, None]) -> asyncio.Task[None]:
         return asyncio.get_running_loop().create_task(work)

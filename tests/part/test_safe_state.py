@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.part.handler_guard import Guard
@@ -171,6 +173,83 @@ def test_a_stop_on_the_bus_whose_notice_was_lost_ends_with_the_next_go() -> None
         scene.safety.stop("on the bus")
         scene.safety.go(1)
         assert not scene.safety.stopped
+
+    play(scenario)
+
+
+def test_a_stop_that_was_heard_before_the_robot_was_asked_is_over_unless_it_holds_there(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        safety.ask()
+        assert not safety.none_holds(), "there was none"
+        safety.stop("on the bus")
+        safety.ask()
+        assert safety.none_holds()
+        assert (safety.stopped, safety.number) == (False, 0)
+        assert "GO: no STOP holds in the robot" in caplog.text
+        assert not safety.none_holds(), "it is said once"
+
+        safety.stop("on the bus")
+        safety.ask()
+        safety.stop("it holds in the robot that the part has joined", 3)
+        assert not safety.none_holds(), "a later configuration names none"
+        assert safety.stopped
+        assert safety.go(3)
+
+        safety.ask()
+        safety.stop("on the bus, while the answer is on its way")
+        assert not safety.none_holds()
+        assert safety.stopped
+        assert safety.go(4)
+
+        safety.stop("on the bus")
+        safety.ask()
+        safety.leave()
+        safety.stop("on the bus")
+        assert not safety.none_holds(), "it was asked in another session"
+        assert safety.stopped
+
+    play(scenario)
+
+
+@given(st.lists(st.sampled_from(["bus", "number", "old number", "ask", "none", "go", "leave"]), max_size=12))
+def test_nothing_said_after_the_question_is_ended_by_its_answer(steps: list[str]) -> None:
+    """A plain model: whether STOP holds, and whether all that was heard of it was heard before the question."""
+
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        number, over, holds, is_before = 0, 0, False, False
+        for step in steps:
+            match step:
+                case "bus":
+                    safety.stop("on the bus")
+                    holds, is_before = True, False
+                case "number":
+                    number += 1
+                    safety.stop("said by the master", number)
+                    holds, is_before = True, False
+                case "old number" if over:
+                    safety.stop("a repetition", over)
+                case "ask":
+                    safety.ask()
+                    is_before = holds
+                case "none":
+                    assert safety.none_holds() is is_before
+                    if is_before:
+                        holds = is_before = False
+                case "go":
+                    number = number + 1  # newer than anything
+                    over = number
+                    safety.go(number)
+                    holds = False
+                case "leave":
+                    safety.leave()
+                    number, over, holds, is_before = 0, 0, False, False
+            if not holds:
+                is_before = False
+            assert safety.stopped is holds
 
     play(scenario)
 

@@ -258,6 +258,8 @@ class ProgramRunner:
                 timed.cancel()
             # The robot that takes the part back says STOP again if it still holds.
             self.safety.leave()
+        if change.after is JoinState.CONFIGURING:
+            self.safety.ask()
         if change.after is JoinState.ENDED:
             self._tell("end")
         elif change.before is JoinState.ACTIVE:
@@ -275,6 +277,8 @@ class ProgramRunner:
         for setting in configuration.settings:
             if setting.name == STOP_SETTING and setting.value.isdecimal():
                 self._stop_said("it holds in the robot that the part has joined", int(setting.value))
+        if len(settings) == len(configuration.settings) and self.safety.none_holds():
+            self._tell("go")
         self._ports.bind(configuration.bindings)
         for port, listener in self.program.listeners.items():
             fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)

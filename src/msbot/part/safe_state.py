@@ -10,6 +10,9 @@ if it still holds). A part that is unplugged from its robot cannot be told GO, a
 The master numbers its STOPs, and repeats STOP and GO in case one is lost. A repeated GO of an earlier STOP may still be
 on its way when the next STOP is said on the bus, which overtakes everything else and carries no number: only a GO newer
 than anything heard before ends such a STOP.
+
+A part hears the bus also while it is not in its robot, and nobody tells it GO then. What was said before it asks for
+its configuration, the master has heard as well: the answer says which STOP holds, or, by naming none, that none does.
 """
 
 from __future__ import annotations
@@ -59,6 +62,8 @@ class Safety:
         """The highest number of a STOP that is over."""
         self._ends_with = 0
         """The lowest number of a GO that ends the present STOP."""
+        self._is_for_robot = False
+        """STOP holds, and was said before the part asked the robot whether one does."""
 
     def configure(self, safe: Mapping[str, str]) -> None:
         """Take the safe values of a configuration: `PORT.safe.FIELD` -> text."""
@@ -106,7 +111,7 @@ class Safety:
             # This also ends a STOP said on the bus earlier: the master's STOP came after it, so its GO ends both.
             self._heard = self._ends_with = max(self._heard, number)
         is_news = not self.stopped
-        self.stopped = True
+        self.stopped, self._is_for_robot = True, False
         if is_news:
             _log.warning("STOP: %s", reason)
             self._is_safe = False
@@ -124,10 +129,23 @@ class Safety:
         _log.warning("GO: STOP is over")
         return True
 
+    def ask(self) -> None:
+        """The part asks for its configuration, which also says whether STOP holds in the robot."""
+        self._is_for_robot = self.stopped
+
+    def none_holds(self) -> bool:
+        """The configuration has come and names no STOP; False: there was none to end, or one was said since `ask`."""
+        if not (self.stopped and self._is_for_robot):
+            return False
+        self.stopped = self._is_for_robot = False
+        self.number = self._ends_with = 0
+        _log.warning("GO: no STOP holds in the robot that the part has joined")
+        return True
+
     def leave(self) -> None:
         """The part is out of its robot: it goes to the safe state, and an earlier STOP no longer counts."""
         self.enter()
-        self.stopped = False
+        self.stopped = self._is_for_robot = False
         self.number = self._heard = self._over = self._ends_with = 0
 
 
