@@ -38,7 +38,7 @@ guard()
 def pytest_configure(config: pytest.Config) -> None:
     """Workers share the work of importing, and take turns with browsers."""
     config.pluginmanager.register(import_order)
-    if config.pluginmanager.hasplugin("dsession"):  # it hands out the work
+    if config.pluginmanager.hasplugin("xdist") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(taking_turns)
 
 

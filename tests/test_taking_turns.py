@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -62,3 +65,12 @@ def test_at_the_end_all_help_and_one_worker_alone_does_all() -> None:
     files = [f"{BROWSERS}test_{number}.py" for number in range(6)]
     assert set(play(3, files)) == {(0, 1, 2)}
     assert set(play(1, [*files, "tests/test_more.py"])) == {(0,), ()}
+
+
+def test_it_is_in_use() -> None:
+    words = ["-m", "pytest", "-v", "-n", "1", "--dist", "loadfile", "-p", "no:cacheprovider", "tests/test_errors.py"]
+    done = subprocess.run(
+        [sys.executable, *words], cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False
+    )
+    assert "scheduling tests via TakingTurns" in done.stdout
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -14,6 +14,7 @@ from weakref import WeakSet
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import TimeoutError as BrowserTimeout
 
 from tests.e2e.processes import Process, running
 
@@ -104,6 +105,23 @@ def go(page: Page, address: str, *, waits: bool = True) -> None:
         page.add_locator_handler(page.locator("html.ms-dead"), lambda: None)
     page.goto(address)
     page.wait_for_function("window.did_handshake && window.socket.connected")
+
+
+def again_until(act: Callable[[], object], seen: Callable[[float], object]) -> None:
+    """Do something, and again if nothing comes of it, as people do: a grey page takes no press, and what was typed just
+    before a page had lost its robot for long, and was made anew, is gone.
+
+    Args:
+        act: what is done.
+        seen: waits for what comes of it, at most so many milliseconds.
+    """
+    for patience_ms in (15_000, 30_000):
+        act()
+        with suppress(AssertionError, BrowserTimeout):
+            seen(patience_ms)
+            return
+    act()
+    seen(PATIENCE_MS)
 
 
 def call(page: Page, method: str, path: str, body: object = None) -> int:

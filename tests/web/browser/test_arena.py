@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
-from playwright.sync_api import TimeoutError as BrowserTimeout
 
 from tests.e2e.processes import running
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import PATIENCE_MS, Site, go
+from tests.web.browser.conftest import Site, again_until, go
 from tests.web.browser.keyboard import out_of_reach
 
 FRAMES = "window.msbotArenaFrames ? msbotArenaFrames() : 0"
@@ -45,19 +44,6 @@ def moving(blank: Page) -> Iterator[Page]:
     blank.emulate_media(reduced_motion="no-preference")
     yield blank
     blank.emulate_media(reduced_motion="reduce")
-
-
-def again_until(page: Page, act: Callable[[], object], seen: str) -> None:
-    """Do something with the mouse, again if nothing comes of it, as people do: a grey page takes nothing."""
-    for patience_ms in (10_000, 20_000, PATIENCE_MS):
-        act()
-        try:
-            page.wait_for_function(seen, timeout=patience_ms)
-        except BrowserTimeout:
-            page.mouse.up()
-        else:
-            return
-    raise AssertionError(f"not seen: {seen}")
 
 
 def test_who_does_not_want_motion_sees_it_less_often(moving: Page, demo: Site) -> None:
@@ -98,10 +84,11 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     expect(page.locator("#ms-arena-senses")).to_contain_text("distance")
 
     def press() -> None:
+        page.mouse.up()
         ahead.hover()
         page.mouse.down()
 
-    again_until(page, press, f"{WHERE} !== {start!r}")
+    again_until(press, lambda ms: page.wait_for_function(f"{WHERE} !== {start!r}", timeout=ms))
     expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* drives"))
     page.mouse.up()
     expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* stands"))
@@ -125,7 +112,7 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
         page.mouse.up()
 
     moved = f"document.querySelector('.arena-robot').getBoundingClientRect().x < {left - 60}"
-    again_until(page, drag, moved)
+    again_until(drag, lambda ms: page.wait_for_function(moved, timeout=ms))
     page.get_by_role("button", name="Begin anew").click()
     page.wait_for_function(f"{WHERE} === {start!r}")
     assert hurdles_by_day_and_night(page) == []

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from msbot.lab.explain.quiz import questions
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import Site, go, new_page, undo_newest
+from tests.web.browser.conftest import Site, again_until, go, new_page, undo_newest
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
@@ -92,10 +92,14 @@ def test_a_changed_setting_is_obeyed_journalled_and_undone(blank: Page, demo: Si
     page = blank
     go(page, f"{demo.base}/?slot=knob")
     field = page.get_by_label("period_s [s]")
-    field.fill("0.5")
-    field.blur()
     # In the drawer: a slot of this robot is called `hand`, too.
-    expect(page.get_by_role("dialog").get_by_text("hand", exact=True)).to_be_visible()
+    by_hand = page.get_by_role("dialog").get_by_text("hand", exact=True)
+
+    def change() -> None:
+        field.fill("0.5")
+        field.blur()
+
+    again_until(change, lambda ms: expect(by_hand).to_be_visible(timeout=ms))
     go(page, f"{demo.base}/journal")
     page.get_by_role("tab", name="Changes by people").click()
     line = page.get_by_text(re.compile("period_s of knob: 0.1 s -> 0.5 s"))
