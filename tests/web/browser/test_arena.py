@@ -97,23 +97,31 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     page.get_by_role("button", name="Pause").click()
     expect(page.get_by_role("button", name="Go on")).to_be_visible()
     robot = page.locator(".arena-robot")
-    robot.focus()
     before = page.evaluate(WHERE)
-    page.keyboard.press("ArrowLeft")
-    page.wait_for_function(f"{WHERE} !== {before!r}")
+
+    def nudge() -> None:
+        robot.focus()
+        page.keyboard.press("ArrowLeft")
+
+    again_until(nudge, lambda ms: page.wait_for_function(f"{WHERE} !== {before!r}", timeout=ms))
     box = robot.bounding_box()
     assert box is not None
     left, top, width, height = box["x"], box["y"], box["width"], box["height"]
+    picture = page.locator("svg", has=robot).bounding_box()
+    assert picture is not None
+    aside = (
+        -150 if left > picture["x"] + picture["width"] / 2 else 150
+    )  # where the robot stands depends on how long the button was held
 
     def drag() -> None:
         page.mouse.move(left + width / 2, top + height / 2)
         page.mouse.down()
-        page.mouse.move(left - 150, top - 40, steps=4)
+        page.mouse.move(left + width / 2 + aside, top + height / 2, steps=4)
         page.mouse.up()
 
-    moved = f"document.querySelector('.arena-robot').getBoundingClientRect().x < {left - 60}"
+    moved = f"Math.abs(document.querySelector('.arena-robot').getBoundingClientRect().x - {left}) > 60"
     again_until(drag, lambda ms: page.wait_for_function(moved, timeout=ms))
-    page.get_by_role("button", name="Begin anew").click()
-    page.wait_for_function(f"{WHERE} === {start!r}")
+    anew = page.get_by_role("button", name="Begin anew")
+    again_until(anew.click, lambda ms: page.wait_for_function(f"{WHERE} === {start!r}", timeout=ms))
     assert hurdles_by_day_and_night(page) == []
     assert errors == []
