@@ -43,7 +43,7 @@ _MISSED = """() => {
 
 
 _ROUNDS = 3
-"""On a busy machine a page is still being made while Tab goes round: what came behind it is reached by the next round."""
+"""On a busy machine a page is still being made while Tab goes round: the next round comes to what came behind it."""
 
 
 def out_of_reach(page: Page) -> list[str]:
