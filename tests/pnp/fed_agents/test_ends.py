@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from random import Random
 
 from hypothesis import given
@@ -225,6 +226,19 @@ def test_a_verdict_that_was_lost_on_the_way_is_said_again() -> None:
     assert scene.rights_here() == scene.rights_there() == {1: {("slot1_topic", True)}}
 
 
+def test_a_stop_is_told_although_the_go_before_it_was_lost() -> None:
+    scene = Scene(Random(1))
+    scene.live(1.0)
+    act(scene, "stop", True)
+    scene.drop = 1.0
+    act(scene, "stop", False)
+    scene.drop = 0.0
+    act(scene, "stop", True)
+    assert scene.orders == [(plug.NoticeKind.STOP, 1), (plug.NoticeKind.STOP, 2)]
+    act(scene, "stop", False)
+    assert scene.orders[2:] == [(plug.NoticeKind.GO, 2)]
+
+
 @given(st.lists(DONE, max_size=16), st.randoms(use_true_random=False), st.sampled_from([0.0, 0.3]))
 def test_whatever_happened_both_ends_agree_once_the_way_is_whole(
     story: list[tuple[str, float]], random: Random, twice: float
@@ -244,7 +258,11 @@ def test_whatever_happened_both_ends_agree_once_the_way_is_whole(
     scene.live(5.0)
     assert scene.rights_here() == scene.rights_there()
     told = [kind for kind, _ in scene.orders]
-    assert all(kind is plug.NoticeKind.STOP for kind in told[::2])
+    # Of a STOP whose GO was lost on the way the next STOP is told all the same; a GO ends what was told.
+    before_each = [plug.NoticeKind.GO, *told]
+    assert all(now is plug.NoticeKind.STOP or last is plug.NoticeKind.STOP for last, now in pairwise(before_each))
+    numbers = [number for kind, number in scene.orders if kind is plug.NoticeKind.STOP]
+    assert numbers == sorted(set(numbers)), "each STOP once, in their order"
     assert (bool(told) and told[-1] is plug.NoticeKind.STOP) is scene.stop[1]
     assert bool(scene.stops) is bool(presses)
     assert len(scene.stops) <= presses

@@ -94,8 +94,13 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     expect(page.locator("body")).to_contain_text(re.compile(r"robot is at .* stands"))
     assert page.locator(".arena-trails polyline").count() == 1
 
-    page.get_by_role("button", name="Pause").click()
-    expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    pause, go_on = page.get_by_role("button", name="Pause"), page.get_by_role("button", name="Go on")
+
+    def stand_still() -> None:
+        if pause.is_visible():
+            pause.click()
+
+    again_until(stand_still, lambda ms: expect(go_on).to_be_visible(timeout=ms))
     robot = page.locator(".arena-robot")
     before = page.evaluate(WHERE)
 
