@@ -394,8 +394,8 @@ class Acts:
             if await self._insist("block", "POST", f"/api/parts/{uid}/block", {"reason": "the soak"}):
                 expected.absent = time.monotonic()
                 await asyncio.sleep(self._while(1.0, 12.0))
-            expected.absent = None  # it may be back before the answer is here
-            await self._insist("unblock", "POST", f"/api/parts/{uid}/unblock", {})
+                expected.absent = None  # it may be back before the answer is here
+                await self._insist("unblock", "POST", f"/api/parts/{uid}/unblock", {})
 
     async def connect_silently(self, _name: str) -> None:
         """Connections that say half a request and no more."""

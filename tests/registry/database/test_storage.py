@@ -20,7 +20,7 @@ import pytest
 from sqlalchemy import Connection
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
+from msbot.errors import DatabaseBusy, RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
 from msbot.registry.database import storage
@@ -202,10 +202,12 @@ async def test_a_locked_file_holds_nobody_up(running: Running, path: Path) -> No
     registry, robot, store = running
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(RegistryError, match="is locked by another program"):
+        with pytest.raises(DatabaseBusy, match="is locked by another program"):
             await registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=3))
         store.remember(UID, "left", CLAIM)
         await until(lambda: registry.storage.health.trouble is not None)
+        with pytest.raises(DatabaseBusy, match="is locked by another program"):  # also behind what waits already
+            await registry.edits.make_soon(robot, "Ann", partial(PERIOD, value=3))
         assert await registry.storage.in_time(_period, registry, robot) == 2  # reading goes on
     await until(lambda: registry.storage.health.is_well and registry.storage.health.waiting == 0)
     assert [part.slot for part in registry.robots.parts(robot)] == ["left"]

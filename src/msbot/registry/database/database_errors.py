@@ -62,6 +62,12 @@ def fault_words(error: BaseException) -> str:
     return said("cannot be used ({why}): mend that, {otherwise}", why=_first_line(error), otherwise=ELSE)
 
 
+def kind_of(error: BaseException) -> type[RegistryError]:
+    """What to raise for an error of a database driver: of a lock it is known that it ends."""
+    is_lock = isinstance(error, DatabaseBusy) or _sqlite_name(error).startswith(_BUSY)
+    return DatabaseBusy if is_lock else RegistryError
+
+
 def is_about_the_database(error: BaseException) -> bool:
     """Whether the same statement may succeed later: the database is locked, full or gone; no wrong statement."""
     if isinstance(error, RegistryError):
@@ -92,8 +98,8 @@ def told_as_registry_error(database: str) -> Iterator[None]:
             )
         ) from None
     except (SQLAlchemyError, sqlite3.Error) as error:
-        kind = DatabaseBusy if _sqlite_name(error).startswith(_BUSY) else RegistryError
-        raise kind(said("the database {database} {fault}", database=database, fault=fault_words(error))) from error
+        words = said("the database {database} {fault}", database=database, fault=fault_words(error))
+        raise kind_of(error)(words) from error
 
 
 def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
@@ -106,8 +112,7 @@ def refusal(error: RegistryError, *, is_being_stored: bool) -> RegistryError:
     cause = error.__cause__
     if is_being_stored and isinstance(cause, DBAPIError) and cause.connection_invalidated:
         return not_known(str(error))  # the server went away with it
-    kind = DatabaseBusy if isinstance(error, DatabaseBusy) else RegistryError
-    return kind(said("nothing was changed: {why}", why=str(error)))
+    return kind_of(error)(said("nothing was changed: {why}", why=str(error)))
 
 
 def not_known(why: str) -> RegistryError:

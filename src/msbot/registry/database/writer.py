@@ -25,6 +25,7 @@ from msbot.errors import DatabaseBusy, MsbotError, RegistryError
 from msbot.registry.database.database_errors import (
     fault_words,
     is_about_the_database,
+    kind_of,
     not_known,
     refusal,
     told_as_registry_error,
@@ -85,6 +86,7 @@ class Writer:
         self._waiting: deque[Note | PendingChange[object]] = deque()
         self._in_hand: Sequence[Note] = ()
         self._fault = ""
+        self._fault_kind: type[RegistryError] = RegistryError
         self._tries = 0
         self._last_failed = 0
         """Number of the most recent try that failed."""
@@ -170,7 +172,7 @@ class Writer:
             if self._closing:
                 raise RegistryError(said("the database {database} is closed", database=self._database))
             if len(self._waiting) >= self._capacity:
-                raise RegistryError(said("nothing was changed: {trouble}", trouble=self.trouble or self._busy))
+                raise self._not_made()
             self._waiting.append(cast("PendingChange[object]", job))
             self._hurry = True
             self._changed.notify_all()
@@ -180,23 +182,27 @@ class Writer:
         """Stop waiting for a change; returns its result if it is stored by now.
 
         Raises:
-            DatabaseBusy: nothing has changed.
-            RegistryError: it is unknown whether the change was stored.
+            RegistryError: nothing has changed, or it is unknown whether the change was stored.
         """
         with self._changed:
             job.is_given_up = True
             if job.done.done() and not job.done.cancelled():
                 return job.done.result()
-            why = self.trouble or self._busy
             if job.is_being_stored:
-                raise not_known(why)
+                raise not_known(self.trouble or self._busy)
             with contextlib.suppress(ValueError):
                 self._waiting.remove(cast("PendingChange[object]", job))
-        raise DatabaseBusy(said("nothing was changed: {why}", why=why))
+            raise self._not_made()
 
     @property
     def _busy(self) -> str:
         return said("the database {database} is busy: try again", database=self._database)
+
+    def _not_made(self) -> RegistryError:
+        """The error for a change that was not made; of another kind where only its turn, or a lock, was waited for."""
+        trouble = self.trouble
+        kind = DatabaseBusy if trouble is None else self._fault_kind if self._fault else RegistryError
+        return kind(said("nothing was changed: {why}", why=trouble or self._busy))
 
     def flush(self, timeout_s: float = 10.0) -> bool:
         """Wait until everything handed over is stored; False: a try has just failed, or it took too long."""
@@ -360,7 +366,7 @@ class Writer:
             words = fault_words(error)
             if not self._fault:
                 _log.warning("the database %s %s; until then changes are kept in memory", self._database, words)
-            self._fault = words
+            self._fault, self._fault_kind = words, kind_of(error)
 
     def _wait_after(self, error: Exception, pause_s: float) -> bool:
         """Note a failure and wait for the next try; False: the writer has to end."""
@@ -377,7 +383,7 @@ class Writer:
         """Refuse all waiting changes: nobody should wait for one that cannot be made now."""
         for job in [one for one in self._waiting if isinstance(one, PendingChange)]:
             self._waiting.remove(job)
-            self._answer(job, error=RegistryError(said("nothing was changed: {trouble}", trouble=self.trouble)))
+            self._answer(job, error=self._not_made())
 
     @staticmethod
     def _answer(job: PendingChange[object], made: object = None, *, error: BaseException | None = None) -> None:
