@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 from sqlalchemy import Connection
 
@@ -54,3 +54,12 @@ class PendingChange(Executor, Generic[_T]):
             return waiting.result()
         waiting.cancel()
         return self._give_up(self)
+
+    def answer(self, made: _T | None = None, *, error: BaseException | None = None) -> None:
+        """Tell who waits what came of it; who has stopped waiting has cancelled it and is told nothing."""
+        if not self.done.set_running_or_notify_cancel():
+            return
+        if error is None:
+            self.done.set_result(cast("_T", made))
+        else:
+            self.done.set_exception(error)

@@ -297,15 +297,15 @@ class Writer:
                             raise RegistryError(said("nobody waits for this change any more"))
                         job.is_being_stored = True
         except RegistryError as error:
-            self._answer(job, error=refusal(error, is_being_stored=job.is_being_stored))
+            job.answer(error=refusal(error, is_being_stored=job.is_being_stored))
         except MsbotError as error:
-            self._answer(job, error=error)
+            job.answer(error=error)
         except Exception as error:
             _log.exception("a change failed")
-            self._answer(job, error=error)
+            job.answer(error=error)
         else:
             then(job.is_given_up)
-            self._answer(job, made)
+            job.answer(made)
             self._note_health()
         finally:
             self._asked_at = None
@@ -383,17 +383,7 @@ class Writer:
         """Refuse all waiting changes: nobody should wait for one that cannot be made now."""
         for job in [one for one in self._waiting if isinstance(one, PendingChange)]:
             self._waiting.remove(job)
-            self._answer(job, error=self._not_made())
-
-    @staticmethod
-    def _answer(job: PendingChange[object], made: object = None, *, error: BaseException | None = None) -> None:
-        """Pass on the result; a caller that stopped waiting has cancelled the job."""
-        if not job.done.set_running_or_notify_cancel():
-            return
-        if error is None:
-            job.done.set_result(made)
-        else:
-            job.done.set_exception(error)
+            job.answer(error=self._not_made())
 
     def _give_up(self, error: Exception) -> None:
         with self._changed:
