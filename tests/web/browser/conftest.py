@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from random import Random
-from weakref import WeakSet
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
@@ -76,9 +75,25 @@ def free_port() -> int:
 
 
 def new_page(
-    browser: Browser, *, width: int = 1280, height: int = 900, locale: str = "en-GB", by_finger: bool = False
+    browser: Browser,
+    *,
+    width: int = 1280,
+    height: int = 900,
+    locale: str = "en-GB",
+    by_finger: bool = False,
+    waits: bool = True,
 ) -> Page:
-    """A fresh visitor, without cookies."""
+    """A fresh visitor, without cookies.
+
+    Args:
+        browser: where.
+        width: of the window.
+        height: of the window.
+        locale: the language of the browser.
+        by_finger: whether it is a phone or a tablet.
+        waits: in none of their tabs a click is made while the page is grey, because the robot has said nothing for a
+            moment, as on a busy machine: it takes no clicks then.
+    """
     context = browser.new_context(
         viewport={"width": width, "height": height},
         locale=locale,
@@ -87,22 +102,13 @@ def new_page(
         reduced_motion="reduce",  # drawing animations in software costs more than all the rest of a page
     )
     context.set_default_timeout(PATIENCE_MS)
+    if waits:
+        context.on("page", lambda page: page.add_locator_handler(page.locator("html.ms-dead"), lambda: None))
     return context.new_page()
 
 
-patient: WeakSet[Page] = WeakSet()
-
-
-def go(page: Page, address: str, *, waits: bool = True) -> None:
-    """Open a page and wait until it is connected: what is done before would be lost.
-
-    Args:
-        waits: no click is made, and nothing is expected, while the page is grey because the robot has said nothing for
-            a moment, as on a busy machine: it takes no clicks then.
-    """
-    if waits and page not in patient:
-        patient.add(page)
-        page.add_locator_handler(page.locator("html.ms-dead"), lambda: None)
+def go(page: Page, address: str) -> None:
+    """Open a page and wait until it is connected: what is done before would be lost."""
     page.goto(address)
     page.wait_for_function("window.did_handshake && window.socket.connected")
 

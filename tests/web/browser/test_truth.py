@@ -208,9 +208,9 @@ def test_what_is_being_typed_stays_when_others_change_something_and_when_the_con
 def test_a_master_that_is_frozen_or_gone_is_seen_and_stop_says_so(browser: Browser, tmp_path: Path) -> None:
     with running("demo", "--port", "0", cwd=tmp_path) as process:
         site = Site(process)
-        page = new_page(browser)
+        page = new_page(browser, waits=False)
         page.goto(site.link)
-        go(page, site.base, waits=False)
+        go(page, site.base)
         lost = page.locator("#ms-lost")
         expect(page.get_by_role("button", name="Open slot knob")).to_contain_text("active")
         assert not page.evaluate(DEAD)
