@@ -14,6 +14,7 @@ FREE = (
 )  # fmt: skip
 """Beginnings of words of licences that ask for no more than a notice, or (MPL) for changes to their own files."""
 ALLOWED = {
+    "apsw": "the zlib licence, which it tells as any-OSI",
     "psycopg": "LGPL: used as it is, and can be exchanged: the extra `postgres` installs it",
     "psycopg-binary": "LGPL: as psycopg",
     "python-can": "LGPL: used as it is, and can be exchanged: the extra `can` installs it",

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -11,14 +12,17 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import Channel
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msbot.cli.record.log import command as log_command
 from msbot.config import load_library, read_description
 from msbot.demo import DemoRobot
 from msbot.errors import ConfigError
-from msbot.lab.recorder.batch import Kind, RecordedChannel, Unpacker
+from msbot.lab.recorder.batch import Kind, RecordedChannel, Unpacker, encode_object
 from msbot.lab.recorder.can_frames import FRAME
 from msbot.lab.recorder.recorder import Recorder
+from msbot.lab.recorder.schemas import ENCODING, ros_definition
 from msbot.lab.recorder.topics import MEASURED
 from msbot.lab.recordings.comparing import differences
 from msbot.lab.recordings.reading import Decoder, RecordedMessage, RecordingReader
@@ -27,8 +31,9 @@ from msbot.link import LinkInfo
 from msbot.link.can import CanBusInfo, CanMasterLink, FrameTap
 from msbot.link.can.protocol import Frame
 from msbot.operations.dispatch import RunningOperations
+from msbot.part.messages.standard import Level
 from msbot.space import MemorySpace, Qos, Topic
-from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
+from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
 
 
 async def a_part_comes_and_goes(robot: DemoRobot, operations: RunningOperations) -> None:
@@ -94,6 +99,58 @@ def test_what_is_named_and_not_there_is_told(recording: Path, tmp_path: Path) ->
         with pytest.raises(ConfigError, match="nothing lies from 3 s to 2 s"):
             log(*words, "--from", "3", "--to", "2")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -> None:
+    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+        await asyncio.sleep(2)
+        await operations.do("stop", who="Ada", reason="a finger")
+
+    whole, piece = tmp_path / "a.mcap", tmp_path / "ros.mcap"
+    record_demo(tmp_path, whole, scene, ("knob", "fan"), "rover")
+    words = ("filter", str(whole), str(piece), "--ros2")
+    done = CliRunner().invoke(log_command, words, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "left out, for they are no ROS 2 messages: /msbot/acts, /msbot/blueprint, " in done.stdout
+    types = get_typestore(Stores.EMPTY)
+    with Reader(piece) as reader:
+        for connection in reader.connections:
+            assert re.fullmatch("(/[A-Za-z_][A-Za-z0-9_]*)+", connection.topic)
+            types.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        read = [(one.topic, at, types.deserialize_cdr(data, one.msgtype)) for one, at, data in reader.messages()]
+    ours = [one for one in messages(whole) if one.is_ros]
+    assert [at for _, at, _ in read] == sorted(one.logged_ns for one in ours)
+    decoder = Decoder()
+    said = [one for one in ours if one.topic == "/fan_power"]
+    assert len(said) > 10
+    assert [{"percent": one.percent} for topic, _, one in read if topic == "/fan_power"] == [  # type: ignore[attr-defined]
+        decoder.fields(one) for one in said
+    ]
+    frames = [one for topic, _, one in read if topic == "/msbot/frames/sim_500000"]
+    assert len(frames) == sum(frame_of(one) is not None for one in ours)
+
+
+def test_topics_of_one_name_in_ros_2_stay_apart_and_what_was_asked_for_and_left_out_is_told(tmp_path: Path) -> None:
+    schema = ("msbot_msgs/msg/Level", ENCODING, ros_definition(Level))
+    items = []
+    for number, topic in enumerate(("/a-b", "/a b", "/2nd/a-b"), 1):
+        items += [
+            (int(Kind.CHANNEL), number, 0, RecordedChannel(topic, "cdr", *schema).encode()),
+            (int(Kind.SAMPLE), number, BEGAN_NS + number, Level(percent=number).encode()),
+        ]
+    items += [
+        (int(Kind.CHANNEL), 9, 0, RecordedChannel("/t", "json").encode()),
+        (int(Kind.OBJECT), 9, BEGAN_NS, encode_object({})),
+    ]
+    store(items, tmp_path / "a.mcap")
+    words = ("filter", str(tmp_path / "a.mcap"), str(tmp_path / "b.mcap"), "--ros2")
+    assert "2 messages\n" in CliRunner().invoke(log_command, [*words, "--topic", "a-b", "--topic", "a b"]).stdout
+    assert {one.topic for one in messages(tmp_path / "b.mcap")} == {"/a_b", "/a_b_2"}
+    (tmp_path / "b.mcap").unlink()
+    done = CliRunner().invoke(log_command, [*words, "--topic", "t", "--topic", "2nd"])
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert "1 message\nleft out, for they are no ROS 2 messages: /t\n" in done.stdout
+    assert [one.topic for one in messages(tmp_path / "b.mcap")] == ["/_2nd/a_b"]
 
 
 def test_times_are_those_of_the_robot(recording: Path) -> None:

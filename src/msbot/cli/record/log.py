@@ -134,9 +134,13 @@ def show(
 @_file
 @click.argument("target", type=click.Path(path_type=Path))
 @_choice
+@click.option(
+    "--ros2", "ros", is_flag=True, help="Only what ROS 2 can read, in a file that `ros2 bag` and rosbags take."
+)
 def filter_(  # noqa: PLR0917 - what the command was given
-    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
-) -> None:
+    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None,
+    *, ros: bool,
+) -> None:  # fmt: skip
     """Write a piece of FILE to TARGET; what was known when it begins is at its beginning."""
     from msbot.lab.recordings.cutting import write_cut
     from msbot.lab.recordings.reading import began_ns
@@ -150,8 +154,11 @@ def filter_(  # noqa: PLR0917 - what the command was given
         from_ns=None if from_s is None else zero_ns + round(from_s * 1e9),
         to_ns=None if to_s is None else zero_ns + round(to_s * 1e9),
         wanted=wish.has,
+        ros=ros,
     )
     click.echo(f"{target}: {amount(cut.messages, 'message')}")
+    if cut.left_out:
+        click.echo(f"left out, for they are no ROS 2 messages: {_listed(cut.left_out)}")
     _tell_rest(wish.mistakes(file), [f"{name} is damaged: {damage}" for name, damage in cut.damages.items()])
 
 

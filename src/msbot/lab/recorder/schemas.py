@@ -27,6 +27,12 @@ def ros_name(type_name: str) -> str:
     return f"{PACKAGE}/msg/{name if name[:1].isalpha() else f'Type{name}'}"
 
 
+def ros_topic(topic: str) -> str:
+    """The name of a topic as ROS 2 allows it: words of letters, digits and single underscores, with `/` between them."""
+    words = (_FOREIGN.sub("_", word) for word in topic.split("/") if word)
+    return "".join(f"/{'_' if word[0].isdigit() else ''}{word}" for word in words) or "/_"
+
+
 def ros_definition(cls: type[Message]) -> str:
     """The fields of a class, and those of all classes inside it, as one text."""
     inside: dict[type[Message], None] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
+from itertools import count
 from pathlib import Path
 from typing import Final
 
@@ -11,12 +12,16 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from msbot.errors import ConfigError
+from msbot.lab.recorder.schemas import ros_topic
 from msbot.lab.recordings.new_file import new_file, whole_or_none
 from msbot.lab.recordings.reading import OWN, RecordedMessage, RecordingReader
 from msbot.runtime.lazy_dataclass import dataclass
 
 MOMENTS: Final = (f"{OWN}acts", f"{OWN}measured")
 """Topics that say what happened at a moment, and nothing that is so from then on."""
+
+ROS: Final = "ros2"
+"""The profile of a file in which everything is a ROS 2 message: ros2 bag and rosbags ask for it."""
 
 ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
 
@@ -28,6 +33,8 @@ class Cut:
     messages: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
+    left_out: set[str] = field(default_factory=set)
+    """Topics with something that is no ROS 2 message, if only those were asked for."""
     damages: Mapping[str, str] = field(default_factory=dict)
     """Name of a source -> what could not be read of it, in words."""
 
@@ -39,8 +46,17 @@ def write_cut(
     from_ns: int | None = None,
     to_ns: int | None = None,
     wanted: Callable[[RecordedMessage], bool] = lambda _: True,
+    ros: bool = False,
 ) -> Cut:
     """Write the messages of some recordings, in this order, to a new one.
+
+    Args:
+        sources: the recordings.
+        target: the new one.
+        from_ns: since when; None: since their beginning.
+        to_ns: until when; None: until their end.
+        wanted: which messages.
+        ros: only ROS 2 messages, in a file that ROS 2's own programs read.
 
     What was known when the cut begins is at its beginning, with the time at which it happened: the last sample of each
     topic, and the states since the beginning of the file in which the cut begins.
@@ -51,13 +67,16 @@ def write_cut(
     cut = Cut()
     try:
         with whole_or_none(target), new_file(target) as stream:
-            copier = _Copier(Writer(stream), cut)
+            copier = _Copier(Writer(stream), cut, ros=ros)
             copier.start()
             damages = {}
             for path in sources:
                 reader = RecordingReader(path)
                 for message in reader.messages():
-                    copier.take(message, from_ns, to_ns, wanted)
+                    if not ros or message.is_ros:
+                        copier.take(message, from_ns, to_ns, wanted)
+                    elif wanted(message):
+                        cut.left_out.add(message.topic)
                 if reader.damage:
                     damages[path.name] = reader.damage
             cut.damages = damages
@@ -70,16 +89,19 @@ def write_cut(
 
 
 class _Copier:
-    def __init__(self, writer: Writer, cut: Cut) -> None:
+    def __init__(self, writer: Writer, cut: Cut, *, ros: bool) -> None:
         self._writer = writer
         self._cut = cut
+        self._ros = ros
+        self._names: dict[str, str] = {}
+        """Topic -> its name in ROS 2."""
         self._channels: dict[ChannelKey, int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._before: dict[tuple[ChannelKey, int], RecordedMessage] | None = {}
         """What was known before the cut begins; None: it has begun."""
 
     def start(self) -> None:
-        self._writer.start("", "msbot")
+        self._writer.start(ROS if self._ros else "", "msbot")
 
     def take(
         self,
@@ -127,7 +149,20 @@ class _Copier:
             if known not in self._schemas:
                 self._schemas[known] = self._writer.register_schema(*known)
             schema = self._schemas[known]
-        return self._writer.register_channel(channel.topic, channel.message_encoding, schema, channel.metadata)
+        return self._writer.register_channel(
+            self._name(channel.topic) if self._ros else channel.topic,
+            channel.message_encoding,
+            schema,
+            channel.metadata,
+        )
+
+    def _name(self, topic: str) -> str:
+        """A name that ROS 2 allows, and that no other topic of the file has."""
+        if topic not in self._names:
+            name, taken = ros_topic(topic), set(self._names.values())
+            others = (f"{name}_{number}" for number in count(2))
+            self._names[topic] = name if name not in taken else next(one for one in others if one not in taken)
+        return self._names[topic]
 
 
 def _key(message: RecordedMessage) -> ChannelKey:

@@ -53,6 +53,11 @@ class RecordedMessage:
         return self.channel.metadata.get("slot", "")
 
     @property
+    def is_ros(self) -> bool:
+        """Whether it is a ROS 2 message whose definition the recording holds, and not JSON, or of an unknown type."""
+        return self.schema is not None and (self.channel.message_encoding, self.schema.encoding) == ("cdr", "ros2msg")
+
+    @property
     def is_repeated(self) -> bool:
         """Whether it happened before the file began."""
         return self.at_ns < self.logged_ns
