@@ -28,7 +28,7 @@ def ros_name(type_name: str) -> str:
 
 
 def ros_topic(topic: str) -> str:
-    """The name of a topic as ROS 2 allows it: words of letters, digits and single underscores, with `/` between them."""
+    """The name of a topic as ROS 2 allows it: words of letters, digits and single underscores, `/` between them."""
     words = (_FOREIGN.sub("_", word) for word in topic.split("/") if word)
     return "".join(f"/{'_' if word[0].isdigit() else ''}{word}" for word in words) or "/_"
 
