@@ -439,6 +439,11 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     page.get_by_role("button", name="Back to the blocks").click()
     page.wait_for_function("msbotBlocks.isShown()")
     desk.expect_text(made)
+    # The robot is out of reach for so long that the page makes itself anew.
+    page.evaluate("window.isOld = true, socket.disconnect()")
+    desk.append({"type": "text_print", "id": "added"}, "")
+    page.wait_for_function("!window.isOld && window.did_handshake && msbotBlocks.isShown()")
+    page.wait_for_function("msbotBlocks.workspace().getBlockById('added') !== null")
 
 
 STRANGE = {

@@ -20,7 +20,8 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 PASSWORD = "correct horse"
 WORK_MS = 120_000
 """How long a program may take to become active; the machine may be busy. It takes half a second."""
-
+TEXT = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
+"""What is in the editor."""
 PRESS_AT_ONCE = """new MutationObserver((_, itself) => {
   const run = [...document.querySelectorAll("button")].find((one) => one.textContent.endsWith("Run"));
   if (!run || !document.querySelector(".cm-content")) return;
@@ -121,9 +122,8 @@ def test_two_examples_in_two_browsers_speak_to_each_other(open_desk: Callable[..
     speaker = open_desk("?name=01_hello.py")
     listener = open_desk("?name=02_listen.py", elsewhere=True, width=390, height=844)
     for page, name in ((speaker, "01_hello.py"), (listener, "02_listen.py")):
-        text = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
-        page.wait_for_function(f"{text} !== ''")
-        assert page.evaluate(text) == (EXAMPLES / name).read_text(), "unchanged"
+        page.wait_for_function(f"{TEXT} !== ''")
+        assert page.evaluate(TEXT) == (EXAMPLES / name).read_text(), "unchanged"
         press(page, "Run")
     for page in (speaker, listener):
         expect_state(page, "active")
@@ -265,6 +265,36 @@ print("has tried")
     page.wait_for_timeout(500)
     assert any(url.endswith("micropython.wasm") for url in asked), "what a worker asks for is seen here"
     assert [url for url in asked if "/api/me" in url or "/api/stop" in url] == []
+
+
+def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    press(page, "More")
+    page.get_by_text("New program", exact=True).click()
+    page.wait_for_function(f"{TEXT} !== ''")
+    write(page, "one = 1\n")
+    # What is under way when a connection breaks never arrives.
+    page.evaluate("socket.io.engine.write = () => {}")
+    page.keyboard.insert_text("two = 2\n")
+    page.evaluate("socket.io.engine.close()")
+    page.wait_for_function("socket.connected")
+    page.keyboard.press("Control+Home")
+    page.keyboard.insert_text("zero = 0\n")
+    press(page, "Keep")
+    expect(page.get_by_text("is kept, version")).to_be_visible()
+    page.reload()
+    page.wait_for_function(f"window.did_handshake && {TEXT} === 'zero = 0\\none = 1\\ntwo = 2\\n'")
+    # It has been away for so long that the page makes itself anew.
+    page.locator(".cm-content").click()
+    page.keyboard.press("Control+End")
+    page.evaluate("window.isOld = true, socket.disconnect()")
+    page.keyboard.insert_text("three = 3\n")
+    page.wait_for_function(f"!window.isOld && window.did_handshake && {TEXT}.endsWith('two = 2\\nthree = 3\\n')")
+    expect(page.get_by_text("What you typed while the robot was out of reach is here again.")).to_be_visible()
+    press(page, "Keep")
+    expect(page.get_by_text("is kept, version")).to_be_visible()
+    page.reload()
+    page.wait_for_function(f"window.did_handshake && {TEXT}.endsWith('two = 2\\nthree = 3\\n')")
 
 
 def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page], lesson: Site) -> None:

@@ -29,6 +29,7 @@ from msbot.web.pages.share_program import ShareDialog
 from msbot.web.pages.under_teacher import UnderTeacher
 from msbot.web.programs.browser_files import examples
 from msbot.web.programs.program_deeds import ProgramDeeds
+from msbot.web.programs.program_shelf import MAX_BLOCKS, MAX_PROGRAM
 from msbot.web.service import Service
 
 FIRST = "01_hello.py"
@@ -38,6 +39,7 @@ PHONE = "phone.py"
 NEW = "00_blink.py"
 """What a new program begins with: it works in every robot, because it describes itself (docs/howto/add_a_part_type.md)."""
 _MOST_MARKS = 20
+_MOST_TYPED = 2 * (MAX_PROGRAM + MAX_BLOCKS)
 
 
 def register(service: Service) -> None:
@@ -65,6 +67,7 @@ class _Desk:
         """The program as it was opened or kept last."""
         self._blocks = ProgramBlocks(page, on_new=self._new_blocks)
         self._mine: list[str] = []
+        self._was_connected = False
         self._is_guest = bool(page.session.guest_of)
         """Runs what the ticket opens, and keeps nothing."""
 
@@ -102,6 +105,7 @@ class _Desk:
             ).classes("ms-prog-right")
         ui.on("ms_program_line", self._mark)
         ui.on("ms_program_adopt", self._adopt)
+        ui.on("ms_program_typed", self._typed)
         ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
         self._blocks.lay_out_editor(self._editor)
         held = (run, stop, self._blocks.switch, self._choice, *keeping)
@@ -109,6 +113,7 @@ class _Desk:
         self._page.every(0.5, self._follow_look)
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)
+        self._page.client.on_connect(self._connected)
         await self._list()
         await self._open_first(name, shared)
 
@@ -183,7 +188,7 @@ class _Desk:
         if self._choice.value != name and name in (self._choice.options or ()):
             self._choice.value = name
         ui.run_javascript(
-            f"msbotProgram.opened({self._editor.id}, {json.dumps(name)});"
+            f"msbotProgram.opened({self._editor.id}, {json.dumps(name)}, {json.dumps(self._page.session.name)});"
             f"history.replaceState(history.state, '', {json.dumps(f'/program?name={name}')})"
         )
 
@@ -222,6 +227,28 @@ class _Desk:
             except MsbotError:
                 return  # signed out, or too long: the person was told when it was kept or run
             self._kept = source
+
+    def _connected(self) -> None:
+        """The connection is there; if it was there before, what was under way when it broke may be lost."""
+        if self._was_connected:
+            ui.run_javascript("msbotProgram.tellAll()")
+        self._was_connected = True
+
+    async def _typed(self, event: GenericEventArguments) -> None:
+        """Take what was typed into the page that was here before; `event.args` comes from the browser."""
+        found = event.args if isinstance(event.args, dict) else {}
+        text, blocks = found.get("text"), found.get("blocks") or self._blocks.doc
+        if (found.get("name"), found.get("who")) != (self._name, self._page.session.name):
+            return
+        # What is too long to be kept is told so when it is kept (`check_program`).
+        if not isinstance(text, str) or not isinstance(blocks, str) or len(text) + len(blocks) > _MOST_TYPED:
+            return
+        source = ProgramSource(text, blocks)
+        if source == self._source or not self._editor.enabled:
+            return
+        self._put_in(self._name, text)
+        await self._blocks.opened(self._name, source)
+        ui.notify(self._page.say("What you typed while the robot was out of reach is here again."))
 
     def _mark(self, event: GenericEventArguments) -> None:
         """Mark the lines that an error names; `event.args` comes from the browser."""

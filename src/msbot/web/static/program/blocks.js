@@ -386,5 +386,11 @@ const msbotBlocks = (() => {
     language = code;
   }
 
-  return { use, know, rename, show, hide, textOf, began, light, reveal, isShown: () => isOpen, words: (key) => words[key], workspace: () => workspace, lines: () => (made ? made.lines : []) };
+  // The blocks as the server was told them; it may not have heard.
+  const doc = () => (isOpen ? told : "");
+  function tellAgain() {
+    if (doc()) emitEvent("ms_blocks", { name, doc: told });
+  }
+
+  return { use, know, rename, show, hide, textOf, began, light, reveal, doc, tellAgain, isShown: () => isOpen, words: (key) => words[key], workspace: () => workspace, lines: () => (made ? made.lines : []) };
 })();

@@ -2,9 +2,9 @@
 // needs the server while a program runs; texts from the program are shown as text, never as HTML.
 
 const msbotProgram = (() => {
-  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50;
+  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed";
   let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
-  let begun = 0, tellOpened = null, held = "";
+  let begun = 0, tellOpened = null, held = "", person = "";
   const isOpened = new Promise((done) => { tellOpened = done; });
   let device = {}, sent = "", audio = null, deviceTimer = null, hasTilt = false;
 
@@ -372,9 +372,15 @@ const msbotProgram = (() => {
     if (worker !== null) worker.postMessage({ do: "hold", on: held !== "" });
   }
 
-  function opened(id, file) {
+  function opened(id, file, who) {
     editor = id;
     name = file;
+    person = who;
+    const typed = sessionStorage.getItem(TYPED);
+    if (typed !== null) {
+      sessionStorage.removeItem(TYPED);
+      emitEvent("ms_program_typed", JSON.parse(typed));
+    }
     const shown = at("ms-prog");
     if (shown) useDevice(false);
     if (worker === null && sessionStorage.getItem("msbot_runs")) {
@@ -384,6 +390,16 @@ const msbotProgram = (() => {
     tellOpened();
   }
 
+  // What was under way when a connection broke has never arrived, and what came later would be put into another text:
+  // the server asks for all of it when the connection is there again.
+  function tellAll() {
+    const found = getElement(editor);
+    if (!found || !found.editor) return;
+    const all = text();
+    found.$emit("update:value", { sections: [0, all.length], inserted: [all.split("\n")] });
+    msbotBlocks.tellAgain();
+  }
+
   // Named for whoever cannot see it: the editor's own field has no label.
   function label(id, title) {
     const found = getElement(id);
@@ -391,6 +407,12 @@ const msbotProgram = (() => {
     found.editor.contentDOM.setAttribute("aria-label", title);
   }
 
-  addEventListener("pagehide", () => { if (worker !== null) { worker.postMessage({ do: "stop" }); } });
-  return { run, stop, hold, opened, label, showBoard, putOnBoard, isRunning: () => worker !== null };
+  addEventListener("pagehide", () => {
+    if (worker !== null) worker.postMessage({ do: "stop" });
+    const found = editor && getElement(editor);
+    // A page that is made anew because the robot was out of reach for long takes along what was typed meanwhile.
+    if (found && found.editor && !window.socket.connected)
+      sessionStorage.setItem(TYPED, JSON.stringify({ name, who: person, text: text(), blocks: msbotBlocks.doc() }));
+  });
+  return { run, stop, hold, opened, tellAll, label, showBoard, putOnBoard, isRunning: () => worker !== null };
 })();
