@@ -149,7 +149,7 @@ def test_with_a_slow_a_frozen_and_a_crashed_database_server(server: tuple[Path, 
             assert "Traceback" not in done.stderr
         until(lambda: not trouble(robot))
 
-        os.kill(int((cluster / "data/postmaster.pid").read_text().split()[0]), signal.SIGQUIT)
+        crash(int((cluster / "data/postmaster.pid").read_text().split()[0]))
         refused(changes)
         robot.parts("CC")
         stops(robot)
@@ -185,6 +185,19 @@ def test_with_another_program_that_holds_the_lock_of_the_file(tmp_path: Path) ->
         run("parts", cwd=robot.folder, env=robot.env)
         master.end(signal.SIGKILL)
         everything_is_there(robot, changes, {"AA"})
+
+
+def crash(server: int) -> None:
+    """End a server and all its sessions at once, as it does when one of them has damaged its memory."""
+    os.kill(server, signal.SIGQUIT)
+
+    def is_gone() -> bool:
+        try:
+            return Path(f"/proc/{server}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+        except FileNotFoundError:
+            return True
+
+    until(is_gone)
 
 
 def stops(robot: Robot) -> None:

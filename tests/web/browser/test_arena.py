@@ -62,14 +62,16 @@ def test_what_is_seen_is_told_in_words_and_the_keyboard_comes_to_everything(blan
     expect(told).to_have_text(re.compile(r"robot is at [\d.]+, [\d.]+ m, looks [a-z-]+, (stands|drives).*\."))
     assert out_of_reach(page) == []
     robot = page.locator(".arena-robot")
+    start = page.evaluate(WHERE)
     page.get_by_role("button", name="Pause").click()
     robot.focus()
     before = told.text_content()
     for _ in range(6):
         page.keyboard.press("ArrowRight")
     expect(told).not_to_have_text(before or "")
-    page.get_by_role("button", name="Begin anew").click()
-    page.get_by_role("button", name="Go on").click()
+    anew, go_on = page.get_by_role("button", name="Begin anew"), page.get_by_role("button", name="Go on")
+    again_until(anew.click, lambda ms: page.wait_for_function(f"{WHERE} === {start!r}", timeout=ms))
+    again_until(lambda: go_on.is_visible() and go_on.click(), lambda ms: expect(go_on).to_have_count(0, timeout=ms))
 
 
 def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) -> None:

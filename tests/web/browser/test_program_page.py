@@ -101,6 +101,7 @@ def open_desk(browser: Browser, lesson: Site) -> Iterator[Callable[..., Page]]:
 def write(page: Page, program: str) -> None:
     """Put a program into the editor, as if it was pasted."""
     content = page.locator(".cm-content")
+    expect(content).to_have_attribute("contenteditable", "true")  # the program that is opened first is in it
     content.click()
     page.keyboard.press("Control+A")
     page.keyboard.insert_text(program)
@@ -111,7 +112,10 @@ def press(page: Page, name: str) -> None:
 
 
 def expect_state(page: Page, word: str) -> None:
-    expect(page.locator("#ms-prog-state")).to_have_attribute("data-state", word, timeout=WORK_MS)
+    try:
+        expect(page.locator("#ms-prog-state")).to_have_attribute("data-state", word, timeout=WORK_MS)
+    except AssertionError as error:
+        raise AssertionError(f"{error}\nConsole: {page.locator('#ms-console').inner_text()}") from None
 
 
 def expect_said(page: Page, words: str | re.Pattern[str]) -> None:
@@ -267,6 +271,31 @@ print("has tried")
     assert [url for url in asked if "/api/me" in url or "/api/stop" in url] == []
 
 
+def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page], lesson: Site) -> None:
+    page = open_desk()
+    press(page, "More")
+    page.get_by_text("New program", exact=True).click()
+    expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
+    write(page, "print('first')\n")
+    press(page, "Keep")
+    expect(page.get_by_text("program1.py is kept, version 2.")).to_be_visible()
+    write(page, "print('second')\n")
+    press(page, "Run")
+    expect_said(page, "second")
+    press(page, "More")
+    page.get_by_text("Earlier versions").click()
+    page.get_by_role("button", name=re.compile(r"^2: ")).click()
+    expect(page.locator(".cm-content")).to_contain_text("print('first')")
+    press(page, "More")
+    page.get_by_text("Share, or open on a phone").click()
+    page.get_by_text("People with an account").click()
+    link = page.get_by_text(re.compile(r"/program\?shared=")).text_content()
+    assert link is not None
+    other = open_desk(link[link.index("?") :], width=390, height=844)
+    expect(other.locator(".cm-content")).to_contain_text("print('first')")
+    expect(other.get_by_text("A copy of program1.py by ada. Read it before you run it.")).to_be_visible()
+
+
 def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(open_desk: Callable[..., Page]) -> None:
     page = open_desk()
     press(page, "More")
@@ -295,31 +324,6 @@ def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(o
     expect(page.get_by_text("is kept, version")).to_be_visible()
     page.reload()
     page.wait_for_function(f"window.did_handshake && {TEXT}.endsWith('two = 2\\nthree = 3\\n')")
-
-
-def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page], lesson: Site) -> None:
-    page = open_desk()
-    press(page, "More")
-    page.get_by_text("New program", exact=True).click()
-    expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
-    write(page, "print('first')\n")
-    press(page, "Keep")
-    expect(page.get_by_text("program1.py is kept, version 2.")).to_be_visible()
-    write(page, "print('second')\n")
-    press(page, "Run")
-    expect_said(page, "second")
-    press(page, "More")
-    page.get_by_text("Earlier versions").click()
-    page.get_by_role("button", name=re.compile(r"^2: ")).click()
-    expect(page.locator(".cm-content")).to_contain_text("print('first')")
-    press(page, "More")
-    page.get_by_text("Share, or open on a phone").click()
-    page.get_by_text("People with an account").click()
-    link = page.get_by_text(re.compile(r"/program\?shared=")).text_content()
-    assert link is not None
-    other = open_desk(link[link.index("?") :], width=390, height=844)
-    expect(other.locator(".cm-content")).to_contain_text("print('first')")
-    expect(other.get_by_text("A copy of program1.py by ada. Read it before you run it.")).to_be_visible()
 
 
 def test_the_device_is_a_part(open_desk: Callable[..., Page]) -> None:

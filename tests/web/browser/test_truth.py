@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.processes import running
-from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.conftest import Site, again_until, go, new_page
 
 DEAD = "document.documentElement?.classList.contains('ms-dead')"
 
@@ -184,10 +184,16 @@ def test_what_is_being_typed_stays_when_others_change_something_and_when_the_con
     other = page.context.new_page()
     for tab in (page, other):
         go(tab, f"{demo.base}/?slot=knob")
+
+    def set_elsewhere(period: str) -> None:
+        def act() -> None:
+            other.get_by_label("period_s [s]").fill(period)
+            other.get_by_label("period_s [s]").blur()
+
+        again_until(act, lambda ms: expect(page.get_by_label("period_s [s]")).to_have_value(period, timeout=ms))
+
     page.get_by_label("change [%]").fill("7")
-    other.get_by_label("period_s [s]").fill("0.3")
-    other.get_by_label("period_s [s]").blur()
-    expect(page.get_by_label("period_s [s]")).to_have_value("0.3")
+    set_elsewhere("0.3")
     expect(page.get_by_label("change [%]")).to_have_value("7")
     # Out of reach for a while.
     page.context.set_offline(offline=True)
@@ -195,9 +201,7 @@ def test_what_is_being_typed_stays_when_others_change_something_and_when_the_con
     expect(page.locator("#ms-lost")).to_have_text(re.compile(r"is [4-9] s old"))
     page.context.set_offline(offline=False)
     page.wait_for_function(f"!{DEAD} && socket.connected")
-    other.get_by_label("period_s [s]").fill("0.4")
-    other.get_by_label("period_s [s]").blur()
-    expect(page.get_by_label("period_s [s]")).to_have_value("0.4")
+    set_elsewhere("0.4")
     expect(page.get_by_label("change [%]")).to_have_value("7")
     assert page.evaluate("window.stays"), "the same page, not one made anew"
     page.get_by_label("change [%]").blur()

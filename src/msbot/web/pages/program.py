@@ -93,6 +93,7 @@ class _Desk:
                 self._blocks.lay_out_place()
                 with ui.element("div").classes("ms-prog-text"):
                     self._editor = ui.codemirror("", language="Python", theme="githubLight").classes("ms-prog-editor")
+                    self._editor.props("disable")  # until there is a program in it, which would replace what was typed
                     self._blocks.lay_out_note()
                 ui.html(render("console", say=say), sanitize=False).classes("w-full ms-prog-console")
             ui.html(
