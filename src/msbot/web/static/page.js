@@ -42,7 +42,7 @@ const msbot = (() => {
     lookedAt = now;
     if (slept) ask();
     if (window.socket) {
-      hasSocket = hasSocket || window.socket.connected;
+      hasSocket = hasSocket || window.socket.connected || window.did_handshake === true;
       if (window.socket.connected || !hasSocket) socketAt = now;
     } else socketAt = now;
     const age = now - Math.min(heardAt, socketAt);
