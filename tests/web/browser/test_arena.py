@@ -71,7 +71,9 @@ def test_what_is_seen_is_told_in_words_and_the_keyboard_comes_to_everything(blan
     expect(told).not_to_have_text(before or "")
     anew, go_on = page.get_by_role("button", name="Begin anew"), page.get_by_role("button", name="Go on")
     again_until(anew.click, lambda ms: page.wait_for_function(f"{WHERE} === {start!r}", timeout=ms))
-    again_until(lambda: go_on.click() if go_on.is_visible() else None, lambda ms: expect(go_on).to_have_count(0, timeout=ms))
+    again_until(
+        lambda: go_on.click() if go_on.is_visible() else None, lambda ms: expect(go_on).to_have_count(0, timeout=ms)
+    )
 
 
 def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) -> None:
