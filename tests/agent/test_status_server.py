@@ -112,6 +112,30 @@ async def test_silent_connections_keep_nobody_out_who_knows_the_token(tmp_path: 
             each.close()
 
 
+async def test_with_the_server_ends_what_nobody_reads_and_who_was_just_let_in(tmp_path: Path) -> None:
+    long = {"long": "x" * 50_000_000}
+    server = StatusServer(Agent(MemorySpace()), what="agent", name="x", details=lambda: long, folder=tmp_path)
+    task = asyncio.create_task(server.run())
+    while server.path is None:  # noqa: ASYNC110 - a file makes no sound
+        await asyncio.sleep(0)
+    (file,) = find_files(tmp_path)
+    reader, writer = await asyncio.open_connection("127.0.0.1", file.port)
+    writer.write(file.token.encode() + b' {"do":"describe"}\n')
+    assert await reader.readexactly(1) == b"{"
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        server._take(theirs)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        assert theirs.fileno() == -1, "its visit was cancelled before its first step"
+    read = 0
+    with contextlib.suppress(ConnectionResetError):
+        while piece := await reader.read(1 << 20):
+            read += len(piece)
+    assert read < len(long["long"])
+    writer.close()
+
+
 async def test_many_readers_take_turns(tmp_path: Path) -> None:
     async with shown(Agent(MemorySpace()), tmp_path / "msbot") as file:
         readers = [await asyncio.open_connection("127.0.0.1", file.port) for _ in range(12)]

@@ -76,8 +76,8 @@ class StatusServer:
         self._folder = folder or status_folder()
         self._details = details
         self._control = control
-        self._strangers: dict[asyncio.Task[None], None] = {}
-        """Connections that have not presented the token yet, oldest first."""
+        self._strangers: dict[asyncio.Task[None], socket.socket | None] = {}
+        """Who has not presented the token yet, oldest first, with their connection while nothing else will close it."""
         self._visits: set[asyncio.Task[None]] = set()
         self._reading = asyncio.Semaphore(_MAX_READERS)
         self._dropped = Tally()
@@ -120,37 +120,45 @@ class StatusServer:
 
     def _take(self, connection: socket.socket) -> None:
         visit = asyncio.get_running_loop().create_task(self._receive(connection))
-        self._strangers[visit] = None
+        self._strangers[visit] = connection
         visit.add_done_callback(self._visit_ended)
         if len(self._strangers) > _MAX_STRANGERS:
             # A connection that has not presented the token makes room for a new one.
             next(iter(self._strangers)).cancel()
 
     def _visit_ended(self, visit: asyncio.Task[None]) -> None:
-        self._strangers.pop(visit, None)
+        unopened = self._strangers.pop(visit, None)
+        if unopened is not None:  # it was cancelled before its first step
+            unopened.close()
         self._visits.discard(visit)
 
     async def _receive(self, connection: socket.socket) -> None:
+        visit = asyncio.current_task()
+        assert visit is not None
+        self._strangers[visit] = None
         try:
             reader, writer = await asyncio.open_connection(sock=connection, limit=MAX_REQUEST)
         except BaseException:
             connection.close()
             raise
         try:
-            await self._answer(reader, writer)
+            await self._answer(visit, reader, writer)
+            writer.close()
+            async with asyncio.timeout(READ_S):
+                await writer.wait_closed()
         except (OSError, ValueError) as error:
             logger.debug("a reader of the status has gone: %s", error)
         finally:
-            writer.close()
+            writer.transport.abort()  # what nobody reads must not outlive this process' loop
 
-    async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _answer(
+        self, visit: asyncio.Task[None], reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         async with asyncio.timeout(TOKEN_S):
             shown = await reader.readline()
         token, _, request = shown.strip().partition(b" ")
         if not (self._token and hmac.compare_digest(token, self._token)):
             return
-        visit = asyncio.current_task()
-        assert visit is not None
         self._strangers.pop(visit, None)
         self._visits.add(visit)
         if request:
