@@ -185,6 +185,7 @@ def test_what_is_not_stored_is_said_by_who_reads_the_database(tmp_path: Path) ->
             other.execute("BEGIN IMMEDIATE")
             stage.pull("DD")
             await asyncio.sleep(30.0)
+            assert not await asyncio.to_thread(stage.registry.storage.flush), "its thread has met the lock"
             for words in (("why", "DD"), ("parts", "--json"), ("robots", "--json")):
                 assert "what follows may be older than the robot: the database" in await typed(*words)
 
