@@ -249,7 +249,8 @@ class _Desk:
             return
         self._put_in(self._name, text)
         await self._blocks.opened(self._name, source)
-        ui.notify(self._page.say("What you typed while the robot was out of reach is here again."))
+        if found.get("isAway"):
+            ui.notify(self._page.say("What you typed while the robot was out of reach is here again."))
 
     def _mark(self, event: GenericEventArguments) -> None:
         """Mark the lines that an error names; `event.args` comes from the browser."""

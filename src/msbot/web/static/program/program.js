@@ -2,7 +2,7 @@
 // needs the server while a program runs; texts from the program are shown as text, never as HTML.
 
 const msbotProgram = (() => {
-  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed";
+  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed", FRESH_MS = 10000;
   let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
   let begun = 0, tellOpened = null, held = "", person = "";
   const isOpened = new Promise((done) => { tellOpened = done; });
@@ -376,11 +376,9 @@ const msbotProgram = (() => {
     editor = id;
     name = file;
     person = who;
-    const typed = sessionStorage.getItem(TYPED);
-    if (typed !== null) {
-      sessionStorage.removeItem(TYPED);
-      emitEvent("ms_program_typed", JSON.parse(typed));
-    }
+    const typed = JSON.parse(sessionStorage.getItem(TYPED));
+    sessionStorage.removeItem(TYPED);
+    if (typed !== null && (typed.isAway || Date.now() - typed.at < FRESH_MS)) emitEvent("ms_program_typed", typed);
     const shown = at("ms-prog");
     if (shown) useDevice(false);
     if (worker === null && sessionStorage.getItem("msbot_runs")) {
@@ -410,9 +408,12 @@ const msbotProgram = (() => {
   addEventListener("pagehide", () => {
     if (worker !== null) worker.postMessage({ do: "stop" });
     const found = editor && getElement(editor);
-    // A page that is made anew because the robot was out of reach for long takes along what was typed meanwhile.
-    if (found && found.editor && !window.socket.connected)
-      sessionStorage.setItem(TYPED, JSON.stringify({ name, who: person, text: text(), blocks: msbotBlocks.doc() }));
+    if (!found || !found.editor) return;
+    // A page that is loaded anew is made before the server has kept what was typed into this one; and while the robot is
+    // out of reach it hears nothing of that at all.
+    sessionStorage.setItem(TYPED, JSON.stringify({
+      name, who: person, text: text(), blocks: msbotBlocks.doc(), isAway: !window.socket.connected, at: Date.now(),
+    }));
   });
   return { run, stop, hold, opened, tellAll, label, showBoard, putOnBoard, isRunning: () => worker !== null };
 })();
