@@ -138,12 +138,13 @@ def no_file_can_be_written(robot: Robot, _master: Process) -> Iterator[None]:
 @contextmanager
 def a_blueprint_is_compared(robot: Robot, master: Process) -> Iterator[None]:
     """Somebody compares a blueprint, and whoever does it for the master does not come to an end."""
+    question = ("POST", "/blueprint/diff", {"toml": SAMPLE_ROBOT_TOML})
     before = children(master)
+    assert robot.call(*question) == (200, {"changes": []})
+    (worker,) = children(master) - before  # it stays for the next question
+    os.kill(worker, signal.SIGSTOP)
     with ThreadPoolExecutor(1) as aside:
-        answer = aside.submit(robot.call, "POST", "/blueprint/diff", {"toml": SAMPLE_ROBOT_TOML})
-        until(lambda: bool(children(master) - before))
-        (worker,) = children(master) - before
-        os.kill(worker, signal.SIGSTOP)
+        answer = aside.submit(robot.call, *question)
         try:
             yield
             assert not answer.done()
