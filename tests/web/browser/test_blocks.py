@@ -428,9 +428,11 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     page.get_by_role("button", name="Python", exact=True).click()
     expect(page.get_by_text("Text does not turn into blocks. The blocks are kept as they were")).to_be_visible()
     expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
+    page.wait_for_function("!msbotBlocks.isShown()")  # until they are gone, they may take the keys
     page.locator(".cm-content").click()
     page.keyboard.press("Control+End")
     page.keyboard.type("# mine")
+    desk.expect_text(made + "# mine")
     page.get_by_role("button", name="Blocks", exact=True).click()
     expect(page.get_by_text("The text has been changed since it was made of blocks.")).to_be_visible()
     page.get_by_role("button", name="Stay with the text").click()
