@@ -115,7 +115,6 @@ def test_a_second_master_on_a_bus_ends_with_one_sentence_and_the_robot_goes_on(t
         first.wait_for("second master")
         assert run("stop", cwd=folders[0], env=env).returncode == 0
         part.wait_for("STOP")  # by then everything before has been read
-        assert not any("another" in line or "wrong robot" in line for line in part.lines)
-        # It may have been lost on a busy computer, which is not the second master's doing; then it is there again.
+        assert not any("lost" in line for line in part.lines)
         (told,) = json.loads(run("parts", "--json", cwd=folders[0], env=env).stdout)
         assert (told["slot"], told["state"]) == ("AA", "active")

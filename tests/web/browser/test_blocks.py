@@ -437,6 +437,10 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     expect(page.get_by_text("The text has been changed since it was made of blocks.")).to_be_visible()
     page.get_by_role("button", name="Stay with the text").click()
     assert page.evaluate(TEXT) == made + "# mine"
+    page.reload()  # before the server has kept that it is text now
+    page.wait_for_function(f"window.did_handshake && {TEXT}.endsWith('# mine')")
+    page.wait_for_function("msbotBlocks.words('part') !== undefined && !msbotBlocks.isShown()")
+    expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
     page.get_by_role("button", name="Blocks", exact=True).click()
     page.get_by_role("button", name="Back to the blocks").click()
     page.wait_for_function("msbotBlocks.isShown()")

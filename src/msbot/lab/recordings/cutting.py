@@ -50,6 +50,9 @@ def write_cut(
 ) -> Cut:
     """Write the messages of some recordings, in this order, to a new one.
 
+    What was known when the cut begins is at its beginning, with the time at which it happened: the last sample of each
+    topic, and the states since the beginning of the file in which the cut begins.
+
     Args:
         sources: the recordings.
         target: the new one.
@@ -57,9 +60,6 @@ def write_cut(
         to_ns: until when; None: until their end.
         wanted: which messages.
         ros: only ROS 2 messages, in a file that ROS 2's own programs read.
-
-    What was known when the cut begins is at its beginning, with the time at which it happened: the last sample of each
-    topic, and the states since the beginning of the file in which the cut begins.
 
     Raises:
         ConfigError: a source is no recording, or the target exists or cannot be written.

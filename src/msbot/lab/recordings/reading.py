@@ -274,7 +274,7 @@ class Decoder:
                 return None
             return found if isinstance(found, dict) else {"value": found}
         schema = message.schema
-        if schema is None or message.channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
+        if schema is None or not message.is_ros:
             return None
         key = (schema.name, schema.data)
         if key not in self._decoders:

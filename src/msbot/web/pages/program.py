@@ -27,6 +27,7 @@ from msbot.web.pages.program_blocks import ProgramBlocks
 from msbot.web.pages.program_words import program_words
 from msbot.web.pages.share_program import ShareDialog
 from msbot.web.pages.under_teacher import UnderTeacher
+from msbot.web.programs.block_view import PYTHON, with_view
 from msbot.web.programs.browser_files import examples
 from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import MAX_BLOCKS, MAX_PROGRAM
@@ -238,13 +239,15 @@ class _Desk:
     async def _typed(self, event: GenericEventArguments) -> None:
         """Take what was typed into the page that was here before; `event.args` comes from the browser."""
         found = event.args if isinstance(event.args, dict) else {}
-        text, blocks = found.get("text"), found.get("blocks") or self._blocks.doc
+        text, blocks = found.get("text"), found.get("blocks")
         if (found.get("name"), found.get("who")) != (self._name, self._page.session.name):
             return
         # What is too long to be kept is told so when it is kept (`check_program`).
         if not isinstance(text, str) or not isinstance(blocks, str) or len(text) + len(blocks) > _MOST_TYPED:
             return
-        source = ProgramSource(text, blocks)
+        if not blocks and text != self._editor.value:  # it was shown as text, also if its blocks had made it before
+            blocks = with_view(self._blocks.doc, PYTHON)
+        source = ProgramSource(text, blocks or self._blocks.doc)
         if source == self._source or not self._editor.enabled:
             return
         self._put_in(self._name, text)
