@@ -46,6 +46,9 @@ async def test_who_needs_too_much_is_ended_and_the_next_call_goes_well() -> None
         await worker.run(eat_time)
     assert await worker.run(process_number) != os.getpid()
     worker.end()
+    hurried = KeptWorker(WorkLimits(cpu_s=60, wall_s=0.2))
+    with pytest.raises(TooMuchWork, match=r"within 0\.2 s; this computer may have too much to do"):
+        await hurried.run(eat_time)
 
 
 async def test_too_many_are_refused_and_idleness_ends_it() -> None:

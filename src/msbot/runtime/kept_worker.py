@@ -15,11 +15,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from struct import Struct
-from threading import Lock, Timer
+from threading import Event, Lock, Timer
 from typing import IO, Final, ParamSpec, TypeVar
 
 from msbot.errors import ConfigError, MsbotError
-from msbot.runtime.worker import TooMuchWork, WorkLimits, answer_of, limit_memory
+from msbot.runtime.worker import TooMuchWork, WorkLimits, answer_of, limiter
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -40,6 +40,11 @@ class KeptWorker:
 
     def __init__(self, limits: WorkLimits, *, idle_s: float = IDLE_S) -> None:
         self._limits = limits
+        self._too_much = {
+            "late": f"this did not come to an end within {limits.wall_s:g} s; this computer may have too much to do",
+            "memory": f"this needs more than {limits.memory_mb} MB of memory",
+            "ended": f"this needs more than {limits.cpu_s} s of processor time or {limits.memory_mb} MB of memory",
+        }
         self._idle_s = idle_s
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="msbot-kept-worker")  # started when needed
         self._process: subprocess.Popen[bytes] | None = None
@@ -75,11 +80,8 @@ class KeptWorker:
             return given
         if kind == "refused" and isinstance(value, MsbotError):
             raise value
-        if kind in ("memory", "ended"):
-            raise TooMuchWork(
-                f"this needs more than {self._limits.cpu_s} s of processor time, {self._limits.wall_s:g} s in all, or "
-                f"{self._limits.memory_mb} MB of memory"
-            )
+        if kind in self._too_much:
+            raise TooMuchWork(self._too_much[kind])
         raise RuntimeError(f"a worker failed:\n{value}")
 
     def end(self) -> None:
@@ -94,7 +96,13 @@ class KeptWorker:
             process = self._process
             if process is None or process.poll() is not None:
                 process = self._process = self._start()
-            too_late = Timer(self._limits.wall_s, process.kill)
+            is_late = Event()
+
+            def end_it() -> None:
+                is_late.set()
+                process.kill()
+
+            too_late = Timer(self._limits.wall_s, end_it)
             too_late.daemon = True
             too_late.start()
             answer: tuple[str, object] | None = None
@@ -112,7 +120,7 @@ class KeptWorker:
             self._idle = Timer(self._idle_s, self.end)
             self._idle.daemon = True
             self._idle.start()
-            return answer or ("ended", None)
+            return answer or ("late" if is_late.is_set() else "ended", None)
 
     def _start(self) -> subprocess.Popen[bytes]:
         limits = self._limits
@@ -143,20 +151,9 @@ def _read(stream: IO[bytes]) -> bytes | None:
 
 
 def _main(cpu_s: int, memory_mb: int, source: IO[bytes], target: IO[bytes]) -> None:
-    limit_memory(memory_mb)
+    limit = limiter(cpu_s, memory_mb)
     while (call := _read(source)) is not None:
-        _allow(cpu_s)
-        _write(target, answer_of(call))
-
-
-def _allow(cpu_s: int) -> None:
-    """So much more processor time from now on."""
-    try:
-        import resource
-    except ImportError:
-        return  # Windows: only the caller's wait limits the time
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    resource.setrlimit(resource.RLIMIT_CPU, (round(used.ru_utime + used.ru_stime) + cpu_s, resource.RLIM_INFINITY))
+        _write(target, answer_of(call, limit))
 
 
 if __name__ == "__main__":

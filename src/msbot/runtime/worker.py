@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import importlib
+import math
 import os
 import pickle
 import subprocess
@@ -70,7 +71,10 @@ def run_limited(function: Callable[_P, _T], limits: WorkLimits, *args: _P.args, 
             command, input=call, capture_output=True, timeout=limits.wall_s, check=False, env=environment
         )
     except subprocess.TimeoutExpired:
-        raise _too_much(f"did not come to an end within {limits.wall_s:g} s") from None
+        raise TooMuchWork(
+            f"what was sent did not come to an end within {limits.wall_s:g} s, and is refused; "
+            "this computer may have too much to do"
+        ) from None
     if done.returncode > 0 and b"MemoryError" not in done.stderr:
         raise RuntimeError(f"a worker failed:\n{done.stderr.decode(errors='replace')}")
     if done.returncode != 0:
@@ -117,14 +121,21 @@ def _too_much(words: str) -> TooMuchWork:
     return TooMuchWork(f"what was sent {words}, and is refused: no text of a person does that")
 
 
-def answer_of(call: bytes) -> bytes:
-    """Do what a pickled call asks for: the answer, pickled, as a pair of its kind and what was given or raised."""
+def answer_of(call: bytes, limit: Callable[[], None]) -> bytes:
+    """Do what a pickled call asks for: the answer, pickled, as a pair of its kind and what was given or raised.
+
+    Args:
+        call: module, name, arguments.
+        limit: limits this process. MsBOT's own modules are imported before: that takes what it takes, and on a busy
+            computer would take half a minute for a process that lets all others go first.
+    """
     try:
         module, name, args, kwargs = pickle.loads(call)  # from this program's other process
         function: object = importlib.import_module(module)
         for step in name.split("."):
             function = getattr(function, step)
         assert callable(function)
+        limit()
         return pickle.dumps(("given", function(*args, **kwargs)))
     except MsbotError as error:
         return pickle.dumps(("refused", error))
@@ -134,31 +145,32 @@ def answer_of(call: bytes) -> bytes:
         return pickle.dumps(("failed", traceback.format_exc()))
 
 
+def limiter(cpu_s: int, memory_mb: int) -> Callable[[], None]:
+    """What limits this process, to be called before each piece of work: its memory, once; its processor time from then
+    on. It gives the robot priority, too."""
+    is_limited = False
+
+    def limit() -> None:
+        nonlocal is_limited
+        try:
+            import resource
+        except ImportError:
+            return  # Windows: only the caller's wait limits the time
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        longest_s = math.ceil(used.ru_utime + used.ru_stime) + cpu_s
+        resource.setrlimit(resource.RLIMIT_CPU, (longest_s, resource.RLIM_INFINITY))
+        if not is_limited:
+            is_limited = True
+            os.nice(5)  # as the recorder's; one that lets all others go first gets nothing on a busy computer
+            with contextlib.suppress(ValueError, OSError):  # macOS refuses a limit below what a process has mapped
+                resource.setrlimit(resource.RLIMIT_AS, (memory_mb << 20, memory_mb << 20))
+
+    return limit
+
+
 def _main(cpu_s: int, memory_mb: int, source: BinaryIO, target: BinaryIO) -> None:
-    limit_memory(memory_mb)
-    _limit_time(cpu_s)
-    target.write(answer_of(source.read()))
+    target.write(answer_of(source.read(), limiter(cpu_s, memory_mb)))
     target.flush()
-
-
-def limit_memory(memory_mb: int) -> None:
-    """Have the system refuse this process more memory than that, and give the robot priority."""
-    try:
-        import resource
-    except ImportError:
-        return
-    os.nice(10)
-    with contextlib.suppress(ValueError, OSError):  # macOS refuses a limit below what a process has mapped
-        resource.setrlimit(resource.RLIMIT_AS, (memory_mb << 20, memory_mb << 20))
-
-
-def _limit_time(cpu_s: int) -> None:
-    """Have the system end this process when it needs longer."""
-    try:
-        import resource
-    except ImportError:
-        return  # Windows: only the caller's wait limits the time
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,20 @@ class Gauge:
         self.reading = reading
         self.moves = bool(reading.integrate or reading.lag_s or reading.slew_per_s)
         """Whether its value depends on the time between two updates."""
+        self.is_timeless = not (self.moves or reading.noise or reading.lasts or reading.random_every is not None)
+        """Whether it stays what it is as long as its sources do."""
+        self.port = reading.follows.partition(".")[0].removeprefix("#")
+        """The port that it follows, if it follows one."""
+        self._is_numeric = (
+            self.moves
+            or bool(reading.negate or reading.function or reading.offset)
+            or ((reading.scale, reading.divide_by) != (1.0, 1.0))
+        )
+        self._waits = reading.start is not None and "." in reading.follows
+        """It has a value of its own until a message has come."""
+        # Most steps do nothing in most readings, and a robot updates thousands of them a second.
+        self._is_scaled = (reading.scale, reading.offset, reading.divide_by) != (1.0, 0.0, 1.0)
+        self._is_limited = reading.least is not None or reading.most is not None
         self._random = random
         self._pattern = re.compile(reading.pattern) if reading.pattern else None
         self._state: float | None = None
@@ -47,7 +61,7 @@ class Gauge:
             return self._shown(format_text(reading.text, values))
         if reading.random_every is not None:
             return self._draw(values, now)
-        value = self._taken(values, now, came_at)
+        value = self._taken(values, now, came_at) if self._waits or reading.lasts else values[reading.follows]
         if self._pattern is not None:
             value = self._pick(value)
         if reading.equals is not None:
@@ -58,31 +72,15 @@ class Gauge:
             return self._shown(value) if isinstance(value, str) else value
         return self._measure(as_number(value), values, step_s, final=final)
 
-    @property
-    def _is_numeric(self) -> bool:
-        reading = self.reading
-        return (
-            self.moves
-            or bool(reading.negate or reading.function)
-            or any(
-                operand != neutral
-                for operand, neutral in ((reading.scale, 1.0), (reading.offset, 0.0), (reading.divide_by, 1.0))
-            )
-        )
-
     def _taken(self, values: Values, now: float, came_at: float | None) -> Scalar:
         """The value of the source, or `start` before anything has come or when it has expired."""
         reading = self.reading
         value = values[reading.follows]
-        if reading.start is None:
-            rest: Scalar = type(value)()
-        else:
-            rest = reading.start
         lasts_s = number(reading.lasts, values)
         if lasts_s > 0 and (came_at is None or now - came_at >= lasts_s):
-            return rest
-        if reading.start is not None and came_at is None and "." in reading.follows:
-            return rest
+            return type(value)() if reading.start is None else reading.start
+        if self._waits and came_at is None and reading.start is not None:
+            return reading.start
         return value
 
     def _pick(self, value: Scalar) -> Scalar:
@@ -101,27 +99,30 @@ class Gauge:
             value = -value
         if reading.function:
             value = _FUNCTIONS[reading.function](math.radians(value))
-        value = value * number(reading.scale, values) + number(reading.offset, values)
-        if (divisor := number(reading.divide_by, values)) != 0:
+        if self._is_scaled:
+            value *= number(reading.scale, values)
+        value += number(reading.offset, values)  # also if it is 0: there is no -0
+        if self._is_scaled and (divisor := number(reading.divide_by, values)) != 0:
             value /= divisor
         if reading.integrate:
             value = (self._state or 0.0) + value * step_s
         if reading.wrap is not None and (wrap := number(reading.wrap, values)) > 0:
             value %= wrap
-        value = self._limited(value, values)
-        if not reading.integrate:
+        if self._is_limited:
+            value = self._limited(value, values)
+        if self.moves and not reading.integrate:
             value = self._followed(value, values, step_s)
         if not math.isfinite(value):
             value = self._state or 0.0  # numbers too large to be multiplied: keep the last valid one
         self._state = value
-        if final and (noise := number(reading.noise, values)):
+        if final and reading.noise and (noise := number(reading.noise, values)):
             value = self._limited(value + self._random.gauss(0.0, noise), values)
-        return _stepped(value, number(reading.step, values))
+        return _stepped(value, number(reading.step, values)) if reading.step else value
 
     def _followed(self, value: float, values: Values, step_s: float) -> float:
         """The value after lag and slew; the first one applies at once."""
         if self._state is None:
-            if self.reading.start is None or not self.moves:
+            if self.reading.start is None:
                 return value
             self._state = as_number(self.reading.start)
         before = self._state

@@ -47,6 +47,9 @@ class World:
         readings = [replace(reading, noise=0.0, lag_s=0.0) if ideal else reading for reading in simulator.readings]
         self._gauges = [Gauge(reading, random) for reading in readings]
         self._moves = any(gauge.moves for gauge in self._gauges)
+        self._is_timeless = all(gauge.is_timeless for gauge in self._gauges)
+        self._is_changed = True
+        """Something has changed of which the readings do not know yet."""
         self._came_at: dict[str, float] = {}
         self._now: float | None = None
         self._mouths = [_Mouth(output, self._ports[output.port]) for output in simulator.outputs]
@@ -56,6 +59,9 @@ class World:
         """Let time pass until `now`."""
         if self._now is None:
             self._now = now
+        if not self._is_changed and (self._is_timeless or now == self._now):
+            self._now = now
+            return
         passed_s = max(0.0, now - self._now)
         steps = min(MOST_STEPS, math.ceil(passed_s / STEP_S)) if self._moves else 1
         for step in range(1, steps + 1):
@@ -76,6 +82,7 @@ class World:
         """Change a control or a parameter."""
         self.advance(now)
         self._values[source] = value
+        self._is_changed = True
         self.advance(now)
 
     def feed(self, measured: Mapping[str, Scalar], now: float) -> None:
@@ -84,6 +91,7 @@ class World:
         names = {gauge.reading.name for gauge in self._gauges}
         self._measured |= {name: value for name, value in measured.items() if name in names}
         self._values |= measured
+        self._is_changed = True
         self.advance(now)
 
     def settle(self, now: float) -> None:
@@ -98,6 +106,7 @@ class World:
         if counts:
             self._values[f"#{port}"] = int(as_number(self._values[f"#{port}"])) + 1
         self._came_at[port] = now
+        self._is_changed = True
         self.advance(now)
 
     def readings(self) -> dict[str, Scalar]:
@@ -129,16 +138,18 @@ class World:
             for fields in mouth.due(self._values, now):
                 said.append((mouth.output.port, fields))
                 self._values[f"#{mouth.output.port}"] = int(as_number(self._values[f"#{mouth.output.port}"])) + 1
+                self._is_changed = True
         return said
 
     def _evaluate(self, now: float, step_s: float, *, final: bool) -> None:
+        values, measured, came_at = self._values, self._measured, self._came_at
         for gauge in self._gauges:
-            if gauge.reading.name in self._measured:
-                self._values[gauge.reading.name] = self._measured[gauge.reading.name]
-                continue
-            port = gauge.reading.follows.partition(".")[0].removeprefix("#")
-            came_at = self._came_at.get(port)
-            self._values[gauge.reading.name] = gauge.update(self._values, now, step_s, came_at, final=final)
+            name = gauge.reading.name
+            if name in measured:
+                values[name] = measured[name]
+            else:
+                values[name] = gauge.update(values, now, step_s, came_at.get(gauge.port), final=final)
+        self._is_changed = False
 
 
 class _Mouth:

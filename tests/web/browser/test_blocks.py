@@ -425,10 +425,11 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     assert again.evaluate(TEXT) == made, "blocks and text are those that were kept"
     assert said in Pupil(again).blocks("text_print")
     again.close()
-    page.get_by_role("button", name="Python", exact=True).click()
+    to_python = "[...document.querySelectorAll('.ms-blocks-switch button')].at(-1)"
+    pressed = f"{to_python}.click(), [document.querySelector('#ms-blocks').inert, msbotBlocks.isShown()]"
+    assert page.evaluate(pressed) == [True, True], "blocks take no key any more, before the robot has answered"
     expect(page.get_by_text("Text does not turn into blocks. The blocks are kept as they were")).to_be_visible()
     expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
-    page.wait_for_function("!msbotBlocks.isShown()")  # until they are gone, they may take the keys
     page.locator(".cm-content").click()
     page.keyboard.press("Control+End")
     page.keyboard.type("# mine")
@@ -443,7 +444,7 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
     page.get_by_role("button", name="Blocks", exact=True).click()
     page.get_by_role("button", name="Back to the blocks").click()
-    page.wait_for_function("msbotBlocks.isShown()")
+    page.wait_for_function("msbotBlocks.isShown() && !document.querySelector('#ms-blocks').inert")
     desk.expect_text(made)
     # The robot is out of reach for so long that the page makes itself anew.
     page.evaluate("window.isOld = true, socket.disconnect()")

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from msbot.config import SENSES
+from msbot.config import DRIVES, SENSES
 from msbot.errors import ConfigError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.sim.arena.inhabitant import Inhabitant
@@ -33,6 +33,9 @@ class Lodger:
 
     inhabitant: Inhabitant
     senses: tuple[str, ...]
+    """What it is shown."""
+    acts: bool
+    """It does something, too."""
 
 
 class LivingArena:
@@ -78,7 +81,8 @@ class LivingArena:
             raise ConfigError(f'another part sits at slot "{slot}" of robot "{robot}" in the world')
         names = tuple(quantities)
         self.arena.mount(robot, slot, names)
-        self._lodgers[robot, slot] = Lodger(inhabitant, tuple(name for name in names if name in SENSES))
+        senses = tuple(name for name in names if name in SENSES)
+        self._lodgers[robot, slot] = Lodger(inhabitant, senses, acts=not set(names).isdisjoint(DRIVES))
 
     def unseat(self, robot: str, slot: str) -> None:
         """Take a part out: it does nothing any more."""
@@ -153,7 +157,8 @@ class LivingArena:
 
     def _act(self) -> None:
         for (robot, slot), lodger in self._lodgers.items():
-            self.arena.drive(robot, slot, lodger.inhabitant.doing())
+            if lodger.acts:
+                self.arena.drive(robot, slot, lodger.inhabitant.doing())
 
     def _see(self) -> None:
         for (robot, slot), lodger in self._lodgers.items():

@@ -114,8 +114,9 @@ class ArenaRobot:
         """Note what a part does."""
         seat = self.seats.get(slot)
         if seat is not None:
-            seat.does = {name: value for name, value in does.items() if name in seat.quantities}
-            self.take_powers()
+            before, seat.does = seat.does, {name: value for name, value in does.items() if name in seat.quantities}
+            if seat.does != before:
+                self.take_powers()
 
     def take_powers(self) -> None:
         """Give each wheel what its motor driver says; a wheel that no driver feeds has no power."""

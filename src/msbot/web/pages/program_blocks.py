@@ -50,7 +50,11 @@ class ProgramBlocks:
     def lay_out_switch(self) -> None:
         """The two buttons."""
         say = self._page.say
-        self.switch = ui.toggle({BLOCKS: say("Blocks"), PYTHON: say("Python")}, value=PYTHON, on_change=self._switched)
+        views = {BLOCKS: say("Blocks"), PYTHON: say("Python")}
+        self.switch = ui.toggle(views, value=PYTHON, on_change=self._switched)
+        # In the browser a view is its number. From the press on blocks take nothing, however late the answer comes.
+        python = list(views).index(PYTHON)
+        self.switch.on("update:model-value", js_handler=f"(number) => msbotBlocks.rest(number === {python})")
         self.switch.props(f'no-caps aria-label="{say("Blocks or Python")}"').classes("ms-blocks-switch")
 
     def lay_out_note(self) -> None:
