@@ -75,6 +75,27 @@ def _forms(node: ast.AST) -> set[str]:
     return {node.value} if isinstance(node, ast.Constant) and isinstance(node.value, str) else set()
 
 
+def losses_of_the_links() -> set[str]:
+    """Why links drop packets, as far as it stands in their code."""
+    found: set[str] = set()
+    for path in (Path(str(msbot.__path__[0])) / "link").rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        names = {
+            target.id: node.value
+            for node in tree.body
+            if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
+            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+            if isinstance(target, ast.Name)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("dropped.count"):
+                why = node.args[0]
+                for one in (why.body, why.orelse) if isinstance(why, ast.IfExp) else (why,):
+                    found |= _forms(names.get(one.id, one) if isinstance(one, ast.Name) else one)
+        found |= {text for name in ("NOT_SENT", "BUS_LEFT") if name in names for text in _forms(names[name])}
+    return found
+
+
 def texts_of_the_library() -> set[str]:
     """What the library says of its part types, as far as it holds words."""
     library = load_library()
@@ -108,6 +129,13 @@ def test_every_text_of_the_pages_is_translated(code: str) -> None:
 def test_every_sentence_of_the_robot_is_translated(code: str) -> None:
     found = sentences_of_the_robot()
     assert "heard again after {silence:.1f} s" in found, "the forms are found at all"
+    assert found - set(languages()[code].texts) == set()
+
+
+@pytest.mark.parametrize("code", [language.code for language in OTHERS])
+def test_every_reason_for_a_lost_packet_is_translated(code: str) -> None:
+    found = losses_of_the_links()
+    assert "still waiting when the peer's address ended" in found
     assert found - set(languages()[code].texts) == set()
 
 

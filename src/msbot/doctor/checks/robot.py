@@ -64,7 +64,7 @@ def _master(facts: RobotFacts) -> Iterator[Finding]:
     for reason, count in facts.lost_packets.items():
         if count >= MANY_LOST:
             yield Finding(
-                "packets-lost", name, said("{count} packets were lost: {reason}", count=count, reason=reason),
+                "packets-lost", name, said("{count} packets were lost: {reason}", count=count, reason=said(reason)),
                 said("samples are missing, and what is reliable is sent twice"),
                 said("gaps in the sequence numbers, ACKNACKs that ask for what is missing"), "msbot clients -v",
                 must=False,
