@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +18,7 @@ from msbot.runtime.worker import AT_ONCE, WorkLimits, Workshop, run_limited
 from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
 LIMITS = WorkLimits()
+PROJECT = Path(__file__).parents[2]
 has_limits = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limits for processes")
 
 
@@ -56,6 +60,19 @@ def test_too_much_memory_is_refused() -> None:
 def test_too_much_processor_time_is_refused() -> None:
     with pytest.raises(ConfigError, match="needs more than 1 s of processor time"):
         run_limited(eat_time, WorkLimits(cpu_s=1))
+
+
+@has_limits
+def test_a_limit_of_whoever_has_started_the_robot_stays_and_is_no_obstacle() -> None:
+    program = (
+        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (50, 50))\n"
+        "from msbot.runtime.worker import WorkLimits, run_limited\n"
+        "from tests.runtime.work import processor_limits\n"
+        "print(*(run_limited(processor_limits, WorkLimits(cpu_s=cpu_s)) for cpu_s in (20, 100)))"
+    )
+    there = os.environ | {"PYTHONPATH": str(PROJECT)}
+    done = subprocess.run([sys.executable, "-c", program], env=there, capture_output=True, text=True, check=False)
+    assert re.fullmatch(r"\(2\d, 50\) \(50, 50\)\n", done.stdout), done.stdout + done.stderr
 
 
 def test_who_gives_no_answer_is_ended() -> None:

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import os
+import sys
 
 from msbot.errors import ConfigError
 
 
 def process_number() -> int:
     return os.getpid()
+
+
+def processor_limits() -> tuple[int, int]:
+    assert sys.platform != "win32"
+    import resource  # there is none on Windows
+
+    return resource.getrlimit(resource.RLIMIT_CPU)
 
 
 def refuse(words: str) -> None:

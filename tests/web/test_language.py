@@ -13,6 +13,8 @@ from starlette.requests import HTTPConnection
 import msbot
 import msbot.web
 from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
+from msbot.doctor import Finding
+from msbot.doctor.checks.robot import check_robot
 from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role
 from msbot.part.join.plug import Refusal
@@ -23,6 +25,7 @@ from msbot.web.api.models import JournalLine
 from msbot.web.html import render
 from msbot.web.language import COOKIE, language_of, languages
 from msbot.web.pages.part_sentences import PART_SAYS
+from tests.doctor.healthy import ROBOT
 
 
 def texts_of_the_pages() -> set[str]:
@@ -137,6 +140,13 @@ def test_every_reason_for_a_lost_packet_is_translated(code: str) -> None:
     found = losses_of_the_links()
     assert "still waiting when the peer's address ended" in found
     assert found - set(languages()[code].texts) == set()
+
+
+def test_why_packets_were_lost_is_told_in_german_too() -> None:
+    (found,) = check_robot(replace(ROBOT, lost_packets={"still waiting when the peer's address ended": 22}))
+    assert isinstance(found, Finding)
+    german = languages()["de"].say(found.saw)
+    assert german == "22 Pakete gingen verloren: warteten noch, als die Adresse der Gegenseite endete"
 
 
 @pytest.mark.parametrize("code", [language.code for language in OTHERS])

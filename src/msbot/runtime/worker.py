@@ -158,7 +158,10 @@ def limiter(cpu_s: int, memory_mb: int) -> Callable[[], None]:
             return  # Windows: only the caller's wait limits the time
         used = resource.getrusage(resource.RUSAGE_SELF)
         longest_s = math.ceil(used.ru_utime + used.ru_stime) + cpu_s
-        resource.setrlimit(resource.RLIMIT_CPU, (longest_s, resource.RLIM_INFINITY))
+        _, most_s = resource.getrlimit(resource.RLIMIT_CPU)  # of whoever has started the robot: it cannot be raised
+        if most_s != resource.RLIM_INFINITY:
+            longest_s = min(longest_s, most_s)
+        resource.setrlimit(resource.RLIMIT_CPU, (longest_s, most_s))
         if not is_limited:
             is_limited = True
             os.nice(5)  # as the recorder's; one that lets all others go first gets nothing on a busy computer

@@ -30,15 +30,11 @@ class Gauge:
         """Whether it stays what it is as long as its sources do."""
         self.port = reading.follows.partition(".")[0].removeprefix("#")
         """The port that it follows, if it follows one."""
-        self._is_numeric = (
-            self.moves
-            or bool(reading.negate or reading.function or reading.offset)
-            or ((reading.scale, reading.divide_by) != (1.0, 1.0))
-        )
         self._waits = reading.start is not None and "." in reading.follows
         """It has a value of its own until a message has come."""
         # Most steps do nothing in most readings, and a robot updates thousands of them a second.
-        self._is_scaled = (reading.scale, reading.offset, reading.divide_by) != (1.0, 0.0, 1.0)
+        self._is_scaled = (reading.scale, reading.divide_by) != (1.0, 1.0)
+        self._is_numeric = self.moves or self._is_scaled or bool(reading.negate or reading.function or reading.offset)
         self._is_limited = reading.least is not None or reading.most is not None
         self._random = random
         self._pattern = re.compile(reading.pattern) if reading.pattern else None

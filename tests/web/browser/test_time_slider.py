@@ -23,6 +23,12 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield Site(process)
 
 
+WELL_FOR_2_S = """() => {
+  const all = document.querySelectorAll(".slot.is-active").length === 10;
+  window.wellSince = all ? window.wellSince ?? Date.now() : undefined;
+  return all && Date.now() - window.wellSince > 2000;
+}"""
+"""A part that was lost on a busy computer has only just come back when the tenth is active."""
 AT_MS = "Number(new URL(location.href).searchParams.get('at'))"
 SLIDE_TO = """(slider, to) => {
   slider.value = (to - Date.now()) / 1000;
@@ -45,7 +51,7 @@ def look_back(page: Page, to_ms: float) -> None:
 def test_one_person_looks_back_and_comes_back_by_one_key(page: Page, demo: Site, signed_in: BrowserContext) -> None:
     other = signed_in.new_page()
     go(other, demo.base)
-    expect(page.locator(".slot.is-active")).to_have_count(10)
+    page.wait_for_function(WELL_FOR_2_S)
     all_is_well_ms = page.evaluate("Date.now()")
     other.get_by_role("button", name="Unplug knob").click()
     expect(other.locator("[data-slot=knob] .slot")).to_have_class("slot is-lost")
