@@ -52,9 +52,10 @@ class ProgramBlocks:
         say = self._page.say
         views = {BLOCKS: say("Blocks"), PYTHON: say("Python")}
         self.switch = ui.toggle(views, value=PYTHON, on_change=self._switched)
-        # In the browser a view is its number. From the press on blocks take nothing, however late the answer comes.
+        # In the browser a view is its number. Blocks that stay until the answer comes would take keys, and write over
+        # what is typed.
         python = list(views).index(PYTHON)
-        self.switch.on("update:model-value", js_handler=f"(number) => msbotBlocks.rest(number === {python})")
+        self.switch.on("update:model-value", js_handler=f"(number) => number === {python} && msbotBlocks.hide()")
         self.switch.props(f'no-caps aria-label="{say("Blocks or Python")}"').classes("ms-blocks-switch")
 
     def lay_out_note(self) -> None:

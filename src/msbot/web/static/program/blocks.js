@@ -152,7 +152,7 @@ const msbotBlocks = (() => {
       return words.noFiles;
     }
     if (mine !== turn) return "";
-    at("ms-blocks").hidden = at("ms-blocks").inert = false;
+    at("ms-blocks").hidden = false;
     document.documentElement.classList.add("ms-with-blocks");
     if (workspace === null) inject();
     isOpen = false;
@@ -187,11 +187,6 @@ const msbotBlocks = (() => {
   function toTop() {
     const box = workspace.getBlocksBoundingBox();
     workspace.scroll(20 - box.left * workspace.scale, 20 - box.top * workspace.scale);
-  }
-
-  // Somebody has chosen Python: no key or press comes to the blocks any more; until they choose blocks again.
-  function rest(isResting) {
-    at("ms-blocks").inert = isResting;
   }
 
   function hide() {
@@ -397,5 +392,5 @@ const msbotBlocks = (() => {
     if (doc()) emitEvent("ms_blocks", { name, doc: told });
   }
 
-  return { use, know, rename, show, rest, hide, textOf, began, light, reveal, doc, tellAgain, isShown: () => isOpen, words: (key) => words[key], workspace: () => workspace, lines: () => (made ? made.lines : []) };
+  return { use, know, rename, show, hide, textOf, began, light, reveal, doc, tellAgain, isShown: () => isOpen, words: (key) => words[key], workspace: () => workspace, lines: () => (made ? made.lines : []) };
 })();
