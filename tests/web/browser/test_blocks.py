@@ -427,7 +427,9 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     again.close()
     to_python = "[...document.querySelectorAll('.ms-blocks-switch button')].at(-1)"
     pressed = f"{to_python}.click(), [document.querySelector('#ms-blocks').hidden, msbotBlocks.isShown()]"
-    assert page.evaluate(pressed) == [True, False], "blocks take no key and write nothing, before the robot has answered"
+    assert page.evaluate(pressed) == [True, False], (
+        "blocks take no key and write nothing, before the robot has answered"
+    )
     expect(page.get_by_text("Text does not turn into blocks. The blocks are kept as they were")).to_be_visible()
     expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
     page.locator(".cm-content").click()
