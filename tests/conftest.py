@@ -3,7 +3,9 @@ event loop waits for a database, and the order of the whole suite."""
 
 import logging
 import os
+import shutil
 import signal
+import tempfile
 from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
@@ -35,11 +37,27 @@ settings.load_profile("thorough" if THOROUGH else "msbot")
 guard()
 
 
+SCRATCH = pytest.StashKey[str]()
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Workers share the work of importing, and take turns with browsers."""
     config.pluginmanager.register(import_order)
-    if config.pluginmanager.hasplugin("xdist") and not hasattr(config, "workerinput"):
+    if hasattr(config, "workerinput"):
+        return
+    if config.pluginmanager.hasplugin("xdist"):
         config.pluginmanager.register(taking_turns)
+    # One folder for what this run's processes leave behind; many are killed, and cannot clear up. It also keeps the
+    # robots that run on this machine out of the tests' sight. What tests write themselves (`tmp_path`) stays.
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())
+    config.stash[SCRATCH] = os.environ["TMPDIR"] = tempfile.mkdtemp(prefix="msbot-tests-")
+    tempfile.tempdir = None  # so that it is looked for anew
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Clear up; a process that was killed a moment ago may still be writing, and its file may stay."""
+    if scratch := config.stash.get(SCRATCH, ""):
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def pytest_xdist_auto_num_workers() -> int:

@@ -108,8 +108,9 @@ def new_page(
 
 
 def go(page: Page, address: str) -> None:
-    """Open a page and wait until it is connected: what is done before would be lost."""
+    """Open a page and wait until it is connected: what is done before would be lost. Its language is known at once."""
     page.goto(address)
+    assert page.evaluate("document.documentElement.lang")
     page.wait_for_function("window.did_handshake && window.socket.connected")
 
 

@@ -263,13 +263,15 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     session = request.scope["state"]["session"]
     page = Page(service, session, language_of(request), is_easy(request), client=ui.context.client)
     ui.context.client.on_delete(page.closed)
+    # Before anything else of the page: whoever has it read aloud hears the first word in its language, and scripts
+    # write their numbers in it.
+    ui.add_head_html(f'<script>document.documentElement.lang = "{page.language.code}"</script>')
     ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/page.js"></script>')
     if page.easy:
         show_easily()
     # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
     ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)))
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
-    ui.run_javascript(f'document.documentElement.lang = "{page.language.code}"')
     dark = ui.dark_mode(_dark_of(request))
     ui.colors(
         primary="#0b6e99",
