@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import logging
+from pathlib import Path
 
+import msbot.web
 from msbot.web.page_errors import MOST_PLACES, SAY_S, OncePerPlace
 
 
@@ -38,3 +41,33 @@ def test_what_is_remembered_is_bounded() -> None:
     kinds = [type(f"Error{number}", (Exception,), {}) for number in range(3 * MOST_PLACES)]
     assert all(once.filter(record(kind())) for kind in kinds)
     assert len(once._places) == MOST_PLACES
+
+
+def waits_for_the_browser(tree: ast.AST, *, prepared: bool = False) -> list[bool]:
+    """For each wait for what a browser answers: whether somebody is prepared for a browser that sleeps."""
+    found = []
+    if isinstance(tree, ast.Await):
+        call = tree.value
+        if isinstance(call, ast.Call) and ast.unparse(call.func) == "ui.run_javascript":
+            found.append(prepared)
+    for part, value in ast.iter_fields(tree):
+        ready = prepared or (
+            isinstance(tree, ast.Try) and part == "body" and "TimeoutError" in map(_caught, tree.handlers)
+        )
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST):
+                found += waits_for_the_browser(child, prepared=ready)
+    return found
+
+
+def _caught(handler: ast.ExceptHandler) -> str:
+    return "" if handler.type is None else ast.unparse(handler.type)
+
+
+def test_a_browser_that_sleeps_is_no_error_of_a_page() -> None:
+    """A tab in the background may be put to sleep; what is asked of it is then not answered: nobody's fault."""
+    found = {
+        path.name: waits_for_the_browser(ast.parse(path.read_text("utf-8")))
+        for path in Path(str(msbot.web.__path__[0])).rglob("*.py")
+    }
+    assert {name: waits for name, waits in found.items() if waits} == {"program_blocks.py": [True]}

@@ -296,6 +296,34 @@ def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page],
     expect(other.get_by_text("A copy of program1.py by ada. Read it before you run it.")).to_be_visible()
 
 
+def test_an_editor_looks_like_its_page(lesson: Site) -> None:
+    page = open_as_ada(lesson, "/program")
+    for path, light, dark in (
+        ("/program", "rgb(255, 255, 255)", "rgb(13, 17, 23)"),
+        ("/settings", "rgb(255, 255, 255)", "rgb(46, 50, 53)"),
+    ):
+        go(page, f"{lesson.base}{path}")
+        if path == "/settings":
+            page.get_by_role("tab", name="Blueprint").click()
+        for colour in (dark, light, dark):
+            page.emulate_media(color_scheme="dark" if colour == dark else "light")
+            expect(page.locator(".cm-editor")).to_have_css("background-color", colour)
+    go(page, f"{lesson.base}/program")
+    editor = page.locator(".cm-editor")
+    expect(editor).to_have_css("background-color", "rgb(13, 17, 23)")
+    page.wait_for_function(f"{TEXT} !== ''")
+    page.locator(".cm-content").click()
+    page.keyboard.press("Control+a")
+    written = ""
+    for letter, colour in (("a", "rgb(255, 255, 255)"), ("b", "rgb(13, 17, 23)"), ("c", "rgb(255, 255, 255)")):
+        page.emulate_media(color_scheme="dark" if letter == "b" else "light")
+        page.keyboard.type(letter * 150)
+        written += letter * 150
+        expect(editor).to_have_css("background-color", colour)
+    assert page.evaluate(TEXT) == written, "what was typed meanwhile stays"
+    page.close()
+
+
 def kept(page: Page) -> str:
     """The text of the program that is open, as it is kept."""
     name = page.url.rpartition("=")[2]

@@ -12,7 +12,7 @@ from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import file_button, heading
+from msbot.web.pages.page_elements import file_button, follow_look, heading
 from msbot.web.pages.values import values_panel
 from msbot.web.service import MAX_BLUEPRINT, Service
 
@@ -105,12 +105,7 @@ async def _blueprint(page: Page) -> None:
             "height:24rem;border:1px solid var(--line)"
         )
         changes = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
-
-        async def follow_look() -> None:
-            is_dark = await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=10.0)
-            editor.set_theme("basicDark" if is_dark else "basicLight")
-
-        page.later(follow_look())
+        follow_look(editor, "basic")
 
         async def compare() -> bool:
             try:

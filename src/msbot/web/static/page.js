@@ -155,6 +155,28 @@ const msbot = (() => {
   return { stop, opened, closed };
 })();
 
+// An editor has one theme or the other, with its page, from now on. It is set here, where the page's look is known: the
+// robot's way of setting it sends the editor's text along, over what was typed meanwhile. The robot is told, for the next
+// time that it sends the editor as a whole.
+const msbotLook = (() => {
+  const themes = new Map();
+  function follow() {
+    const isDark = document.body.classList.contains("body--dark");
+    for (const [id, [light, dark]] of themes) {
+      const editor = mounted_app.elements[id], theme = isDark ? dark : light;
+      if (!editor) themes.delete(id);
+      else if (editor.props.theme !== theme) emitEvent(`ms_look_${id}`, editor.props.theme = theme);
+    }
+  }
+  const observer = new MutationObserver(follow);
+  return (id, light, dark) => {
+    themes.set(id, [light, dark]);
+    mounted_app.$watch(() => mounted_app.elements[id]?.props.theme, follow);  // sent as a whole before the robot knew
+    follow();
+    observer.observe(document.body, { attributes: true, attributeFilter: ["class"] });
+  };
+})();
+
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, is it plugged in, what the plug's button does].
 function msbotCards(grid, cards) {
   const root = document.getElementById(grid);
