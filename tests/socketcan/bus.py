@@ -37,10 +37,16 @@ def add_vcan(name: str = "vcan0") -> None:
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    """Wait for something that comes from outside of the event loop's view."""
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - of the kernel and other processes no event tells
-            await asyncio.sleep(LOOK_S)
+    """Wait for something that comes from outside of the event loop's view; what never comes fails with the state of
+    all interfaces, because a controller that stands still looks like a master that says nothing."""
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():  # noqa: ASYNC110 - of the kernel and other processes no event tells
+                await asyncio.sleep(LOOK_S)
+    except TimeoutError as error:
+        seen = subprocess.run(["ip", "-details", "-statistics", "link"], capture_output=True, text=True, check=False)
+        interrupts = Path("/proc/interrupts").read_text()
+        raise AssertionError(f"not within {PATIENCE_S:.0f} s; the interfaces:\n{seen.stdout}{interrupts}") from error
 
 
 class Ear:

@@ -109,7 +109,7 @@ async def unplugged() -> None:
     await until(lambda: unload("i2c-stub"))
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)  # so that what it waits for in vain says so first (`until`)
 async def test_the_data_sheets_example_reaches_a_partner_over_can_and_the_chip_can_be_pulled_out(
     i2c: None, tmp_path: Path
 ) -> None:

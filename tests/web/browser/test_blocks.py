@@ -455,6 +455,44 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     page.wait_for_function("msbotBlocks.workspace().getBlockById('added') !== null")
 
 
+def test_blocks_that_come_late_write_over_nothing(desk: Pupil) -> None:
+    """Loading Blockly takes its time; what was typed, or has come from elsewhere, until then is not theirs."""
+    page = desk.page
+    desk.open_blocks()
+    page.wait_for_function(f"{TEXT}.includes('def ')")
+    doc, made = page.evaluate("msbotBlocks.doc()"), page.evaluate(TEXT)
+    page.get_by_role("button", name="Python", exact=True).click()
+    expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
+    late = f"""([doc, made, typed]) => {{
+        const shown = msbotBlocks.show('late.py', doc, made);
+        {TEXT.removesuffix(".state.doc.toString()")}.dispatch({{ changes: {{ from: made.length, insert: typed }} }});
+        return shown;
+    }}"""
+    assert page.evaluate(late, [doc, made, "# mine"]) == {"changed": True}
+    assert page.evaluate(TEXT) == made + "# mine"
+    assert not page.evaluate("msbotBlocks.isShown()")
+    # On the page: typed while they are on their way.
+    desk.expect_text(made + "# mine")
+    page.get_by_role("button", name="Blocks", exact=True).click()
+    page.evaluate(f"""() => {{
+        const show = msbotBlocks.show;
+        msbotBlocks.show = (...all) => {{
+            msbotBlocks.show = show;
+            const shown = show(...all), editor = {TEXT.removesuffix(".state.doc.toString()")};
+            editor.dispatch({{ changes: {{ from: editor.state.doc.length, insert: " and more" }} }});
+            return shown;
+        }};
+    }}""")
+    page.get_by_role("button", name="Back to the blocks").click()
+    expect(page.locator(".q-notification", has_text="The text has been changed since it was made of")).to_be_visible()
+    assert page.evaluate(TEXT) == made + "# mine and more"
+    expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
+    page.get_by_role("button", name="Blocks", exact=True).click()
+    page.get_by_role("button", name="Back to the blocks").click()
+    page.wait_for_function("msbotBlocks.isShown()")
+    desk.expect_text(made)
+
+
 STRANGE = {
     '{"msbot":2,"view":"blocks","workspace":{}}': "The blocks of this program are of a newer MsBOT",
     '{"msbot":1,"view":"blocks","workspace":{"blocks":{"blocks":[{"type":"no_such"}]}}}': "are broken",

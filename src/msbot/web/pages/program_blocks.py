@@ -162,11 +162,16 @@ class ProgramBlocks:
     async def _show_blocks(self) -> None:
         name, self._view = self._name, BLOCKS
         self._tell_robot()
-        error = await self._ask(f"msbotBlocks.show({json.dumps(name)}, {json.dumps(self.doc)})")
+        answer = await self._ask(
+            f"msbotBlocks.show({', '.join(map(json.dumps, (name, self.doc, self._editor.value)))})"
+        )
         if name != self._name or self._view is not BLOCKS:  # another one, or a teacher has written into it meanwhile
             return
-        if error is None or error:
-            self._refused(str(error or ""))
+        if isinstance(answer, dict):
+            self._refused(self._page.say("The text has been changed since it was made of blocks."))
+            return
+        if answer is None or answer:
+            self._refused(str(answer or ""))
             return
         self._set_writable()
         self._editor.set_line_wrapping(True)  # it is narrow beside the blocks

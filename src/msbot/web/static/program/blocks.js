@@ -141,8 +141,9 @@ const msbotBlocks = (() => {
 
   // Showing.
 
-  // Show the blocks of a program; "" begins anew. Gives what is wrong with them, or "".
-  async function show(file, doc) {
+  // Show the blocks of a program; "" begins anew. Their Python takes the place of `text`: of no other one, which was
+  // typed, or came from elsewhere, while Blockly was loaded. Gives what is wrong with them, or "", or { changed: true }.
+  async function show(file, doc, text) {
     const mine = ++turn;
     told = "";
     try {
@@ -152,6 +153,7 @@ const msbotBlocks = (() => {
       return words.noFiles;
     }
     if (mine !== turn) return "";
+    if (view().state.doc.toString() !== text.replace(/\r\n?/g, "\n")) return { changed: true };
     at("ms-blocks").hidden = false;
     document.documentElement.classList.add("ms-with-blocks");
     if (workspace === null) inject();
