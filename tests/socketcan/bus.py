@@ -36,6 +36,12 @@ def add_vcan(name: str = "vcan0") -> None:
     ip(f"set {name} mtu 72 up")
 
 
+def interfaces() -> str:
+    """What the kernel says of all interfaces, and how often their controllers have interrupted."""
+    seen = subprocess.run(["ip", "-details", "-statistics", "link"], capture_output=True, text=True, check=True).stdout
+    return f"the interfaces:\n{seen}\n{Path('/proc/interrupts').read_text()}"
+
+
 async def until(condition: Callable[[], bool]) -> None:
     """Wait for something that comes from outside of the event loop's view; what never comes fails with the state of
     all interfaces, because a controller that stands still looks like a master that says nothing."""
@@ -44,9 +50,7 @@ async def until(condition: Callable[[], bool]) -> None:
             while not condition():  # noqa: ASYNC110 - of the kernel and other processes no event tells
                 await asyncio.sleep(LOOK_S)
     except TimeoutError as error:
-        seen = subprocess.run(["ip", "-details", "-statistics", "link"], capture_output=True, text=True, check=False)
-        interrupts = Path("/proc/interrupts").read_text()
-        raise AssertionError(f"not within {PATIENCE_S:.0f} s; the interfaces:\n{seen.stdout}{interrupts}") from error
+        raise AssertionError(f"not within {PATIENCE_S:.0f} s; {interfaces()}") from error
 
 
 class Ear:
