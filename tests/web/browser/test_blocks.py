@@ -61,7 +61,8 @@ DRAWN = """() => [msbotBlocks.workspace().getFlyout().isVisible(),
   ...msbotBlocks.workspace().getFlyout().getWorkspace().getTopBlocks(true).map((one) => one.id)]"""
 """What the open category shows."""
 IDS = "() => msbotBlocks.workspace().getAllBlocks(true).filter((one) => !one.isShadow()).map((one) => one.id)"
-TEXT = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor.state.doc.toString()"
+EDITOR = "getElement(document.querySelector('.ms-prog-editor').id.slice(1)).editor"
+TEXT = f"{EDITOR}.state.doc.toString()"
 
 DOCUMENTS = Path(__file__).parent / "blocks"
 """Blocks as they are kept."""
@@ -465,12 +466,24 @@ def test_blocks_that_come_late_write_over_nothing(desk: Pupil) -> None:
     expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
     late = f"""([doc, made, typed]) => {{
         const shown = msbotBlocks.show('late.py', doc, made);
-        {TEXT.removesuffix(".state.doc.toString()")}.dispatch({{ changes: {{ from: made.length, insert: typed }} }});
+        {EDITOR}.dispatch({{ changes: {{ from: made.length, insert: typed }} }});
         return shown;
     }}"""
     assert page.evaluate(late, [doc, made, "# mine"]) == {"changed": True}
     assert page.evaluate(TEXT) == made + "# mine"
     assert not page.evaluate("msbotBlocks.isShown()")
+    # It comes when they are shown and have more to say: Blockly tells of what it has put in one picture later.
+    page.evaluate(
+        f"""async ([doc, made, typed]) => {{
+        await msbotBlocks.show('late.py', doc, made + typed);
+        await new Promise(requestAnimationFrame).then(() => new Promise((done) => setTimeout(done)));
+        {EDITOR}.dispatch({{ changes: {{ from: 0, to: made.length, insert: made + typed }} }});
+        document.body.click();
+        msbotBlocks.hide();
+    }}""",
+        [doc, made, "# mine"],
+    )
+    assert page.evaluate(TEXT) == made + "# mine"
     # On the page: typed while they are on their way.
     desk.expect_text(made + "# mine")
     page.get_by_role("button", name="Blocks", exact=True).click()
@@ -478,7 +491,7 @@ def test_blocks_that_come_late_write_over_nothing(desk: Pupil) -> None:
         const show = msbotBlocks.show;
         msbotBlocks.show = (...all) => {{
             msbotBlocks.show = show;
-            const shown = show(...all), editor = {TEXT.removesuffix(".state.doc.toString()")};
+            const shown = show(...all), editor = {EDITOR};
             editor.dispatch({{ changes: {{ from: editor.state.doc.length, insert: " and more" }} }});
             return shown;
         }};

@@ -324,6 +324,22 @@ def test_an_editor_looks_like_its_page(lesson: Site) -> None:
     page.close()
 
 
+def test_what_is_typed_stays_while_lines_are_marked(open_desk: Callable[..., Page]) -> None:
+    page = open_desk()
+    write(page, "one\ntwo\nthree\n")
+    page.keyboard.press("Control+End")
+    written = "one\ntwo\nthree\n"
+    for line, letter in enumerate("abc", start=1):
+        page.evaluate("(line) => emitEvent('ms_program_line', { lines: [line] })", line)
+        page.keyboard.type(letter * 100)
+        written += letter * 100
+        expect(page.locator(".cm-line.ms-wrong-line")).to_have_count(line)
+    assert page.evaluate(TEXT) == written
+    page.get_by_role("button", name="Keep", exact=True).click()
+    expect(page.get_by_text("is kept, version")).to_be_visible()
+    assert kept(page) == written, "and the robot has the same"
+
+
 def kept(page: Page) -> str:
     """The text of the program that is open, as it is kept."""
     name = page.url.rpartition("=")[2]

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments, UploadEventArguments
+from nicegui.events import UploadEventArguments
 
 from msbot.web.access.guard import CSRF_HEADER
 from msbot.web.html import Markup, render
 
 if TYPE_CHECKING:
-    from nicegui.elements.codemirror.constants import SUPPORTED_THEMES
-
     from msbot.web.pages.layout import Page
 
-_COLOURS: dict[str, tuple[SUPPORTED_THEMES, SUPPORTED_THEMES]] = {
-    "basic": ("basicLight", "basicDark"),
-    "github": ("githubLight", "githubDark"),
-}
-"""Of an editor's text, by day and by night."""
 END_WITH_MASTER = "What is simulated here ends with the master: simulate it again when it has started anew."
 
 
@@ -89,25 +82,6 @@ def heading(words: str) -> ui.html:
 def panel() -> ui.element:
     """A card that holds a part of a page."""
     return ui.element("div").classes("panel")
-
-
-def follow_look(editor: ui.codemirror, family: Literal["basic", "github"]) -> None:
-    """Have an editor light or dark with its page. The browser sees to it; asked, it may be asleep and never answer.
-
-    Args:
-        editor: with the text that it has at first.
-        family: of its colours.
-    """
-    light, dark = _COLOURS[family]
-
-    def heard(event: GenericEventArguments) -> None:
-        if event.args in (light, dark):
-            with editor.props.suspend_updates():  # an update would send the text, over what was typed meanwhile
-                editor.props["theme"] = event.args
-
-    editor.theme = light
-    ui.on(f"ms_look_{editor.id}", heard)
-    ui.run_javascript(f"msbotLook({editor.id}, '{light}', '{dark}')")
 
 
 def file_button(

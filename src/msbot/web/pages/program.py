@@ -21,8 +21,9 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import Markup, render
 from msbot.web.pages.arrivals import adopt
+from msbot.web.pages.editor import Editor
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import follow_look, show_dialog
+from msbot.web.pages.page_elements import show_dialog
 from msbot.web.pages.program_blocks import ProgramBlocks
 from msbot.web.pages.program_words import program_words
 from msbot.web.pages.share_program import ShareDialog
@@ -93,7 +94,7 @@ class _Desk:
             with ui.element("div").classes("ms-prog-left"):
                 self._blocks.lay_out_place()
                 with ui.element("div").classes("ms-prog-text"):
-                    self._editor = ui.codemirror("", language="Python").classes("ms-prog-editor")
+                    self._editor = Editor("", language="Python", family="github").classes("ms-prog-editor")
                     self._editor.props("disable")  # until there is a program in it, which would replace what was typed
                     self._blocks.lay_out_note()
                 ui.html(render("console", say=say), sanitize=False).classes("w-full ms-prog-console")
@@ -112,7 +113,6 @@ class _Desk:
         self._blocks.lay_out_editor(self._editor)
         held = (run, stop, self._blocks.switch, self._choice, *keeping)
         UnderTeacher(self._page, self._blocks, held, lambda: (self._name, self._source))
-        follow_look(self._editor, "github")
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)
         self._page.client.on_connect(self._connected)

@@ -9,8 +9,8 @@ from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
+from msbot.web.pages.editor import Editor
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import follow_look
 from msbot.web.service import Service
 
 
@@ -48,8 +48,7 @@ class _Desk:
                 self._hold = ui.button(say("Stop"), icon="stop", on_click=self._end).props("outline")
                 self._back = ui.button(say("Hand back"), icon="undo", on_click=self._hand_back).props("outline")
         self._state = ui.label("").classes("soft").props("role=status")
-        self._editor = ui.codemirror("", language="Python").classes("ms-prog-editor w-full")
-        follow_look(self._editor, "github")
+        self._editor = Editor("", language="Python", family="github").classes("ms-prog-editor w-full")
         self._editor.set_enabled(False)
         page.every_look(self._look)
 

@@ -11,8 +11,9 @@ from nicegui.events import UploadEventArguments
 from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.html import render
+from msbot.web.pages.editor import Editor
 from msbot.web.pages.layout import Page, page_frame
-from msbot.web.pages.page_elements import file_button, follow_look, heading
+from msbot.web.pages.page_elements import file_button, heading
 from msbot.web.pages.values import values_panel
 from msbot.web.service import MAX_BLUEPRINT, Service
 
@@ -101,11 +102,9 @@ async def _blueprint(page: Page) -> None:
     with ui.element("div").classes("panel"):
         heading("robot.toml")
         ui.label(say("Edit, look at what would change, then apply.")).classes("soft")
-        editor = ui.codemirror(text, language="TOML", line_wrapping=True).style(
-            "height:24rem;border:1px solid var(--line)"
-        )
+        editor = Editor(text, language="TOML", family="basic").style("height:24rem;border:1px solid var(--line)")
+        editor.line_wrapping = True
         changes = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
-        follow_look(editor, "basic")
 
         async def compare() -> bool:
             try:

@@ -155,27 +155,27 @@ const msbot = (() => {
   return { stop, opened, closed };
 })();
 
-// An editor has one theme or the other, with its page, from now on. It is set here, where the page's look is known: the
-// robot's way of setting it sends the editor's text along, over what was typed meanwhile. The robot is told, for the next
-// time that it sends the editor as a whole.
+// From now on the robot is told whether the page is dark, and whenever that changes: editors look like their page.
 const msbotLook = (() => {
-  const themes = new Map();
-  function follow() {
+  let told = null;
+  function tell() {  // the class is written again and again
     const isDark = document.body.classList.contains("body--dark");
-    for (const [id, [light, dark]] of themes) {
-      const editor = mounted_app.elements[id], theme = isDark ? dark : light;
-      if (!editor) themes.delete(id);
-      else if (editor.props.theme !== theme) emitEvent(`ms_look_${id}`, editor.props.theme = theme);
-    }
+    if (isDark !== told) emitEvent("ms_look", told = isDark);
   }
-  const observer = new MutationObserver(follow);
-  return (id, light, dark) => {
-    themes.set(id, [light, dark]);
-    mounted_app.$watch(() => mounted_app.elements[id]?.props.theme, follow);  // sent as a whole before the robot knew
-    follow();
+  const observer = new MutationObserver(tell);
+  return () => {
+    told = null;
+    tell();
     observer.observe(document.body, { attributes: true, attributeFilter: ["class"] });
   };
 })();
+
+// The text that an editor keeps when the robot changes anything else of it (`Editor`). Past Vue, which would draw the
+// page anew for each letter.
+function msbotTyped(id) {
+  const editor = getElement(id);
+  if (editor && editor.editor) Vue.toRaw(mounted_app.elements[id].props).value = editor.editor.state.doc.toString();
+}
 
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, is it plugged in, what the plug's button does].
 function msbotCards(grid, cards) {

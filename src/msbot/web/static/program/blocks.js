@@ -6,7 +6,7 @@ const msbotBlocks = (() => {
   const FORM = 1, MOST_BLOCKS = 1000, LONGEST = 256 * 1024, SETTLE_MS = 120, PHONE_PX = 700;
   const robot = { parts: [], types: {} };
   let words = {}, language = "en", editor = 0, name = "", parts = null, loading = null, workspace = null, made = null;
-  let isOpen = false, isLoading = false, timer = null, following = null, told = "", ran = null, wrong = [], wasOwn = null, turn = 0;
+  let isOpen = false, isLoading = false, timer = null, following = null, told = "", written = "", ran = null, wrong = [], wasOwn = null, turn = 0;
 
   const at = (id) => document.getElementById(id);
   const view = () => getElement(editor).editor;
@@ -153,7 +153,8 @@ const msbotBlocks = (() => {
       return words.noFiles;
     }
     if (mine !== turn) return "";
-    if (view().state.doc.toString() !== text.replace(/\r\n?/g, "\n")) return { changed: true };
+    written = view().state.doc.toString();
+    if (written !== text.replace(/\r\n?/g, "\n")) return { changed: true };
     at("ms-blocks").hidden = false;
     document.documentElement.classList.add("ms-with-blocks");
     if (workspace === null) inject();
@@ -223,11 +224,13 @@ const msbotBlocks = (() => {
     timer = setTimeout(settleNow, SETTLE_MS);
   }
 
-  // Blocks to text, and both to the server.
+  // Blocks to text, and both to the server; not over a text that has come from elsewhere, of which the blocks will hear.
   function settleNow(isFirst) {
     clearTimeout(timer);
     if (!isOpen || (timer === null && isFirst !== true)) return;
     timer = null;
+    const before = view().state.doc.toString();
+    if (before !== written) return;
     const isOwn = parts.partOf(workspace).own === true;
     if (isOwn !== wasOwn && !isHeld()) {
       wasOwn = isOwn;
@@ -241,8 +244,8 @@ const msbotBlocks = (() => {
       Blockly.Events.enable();
     }
     made = parts.pythonOf(Blockly, python, workspace, robot, parts.partOf);
-    const state = view().state, before = state.doc.toString();
     if (before !== made.text) view().dispatch({ changes: { from: 0, to: before.length, insert: made.text } });
+    written = view().state.doc.toString();
     outline();
     const doc = JSON.stringify({ msbot: FORM, view: "blocks", workspace: Blockly.serialization.workspaces.save(workspace) });
     if (doc !== told) emitEvent("ms_blocks", { name, doc });
