@@ -463,7 +463,8 @@ def test_blocks_that_come_late_write_over_nothing(desk: Pupil) -> None:
     page.wait_for_function(f"{TEXT}.includes('def ')")
     doc, made = page.evaluate("msbotBlocks.doc()"), page.evaluate(TEXT)
     page.get_by_role("button", name="Python", exact=True).click()
-    expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
+    # Until the switch has turned, it takes no other press; the text may be written in since before there were blocks.
+    expect(page.get_by_role("button", name="Python", exact=True)).to_have_attribute("aria-pressed", "true")
     late = f"""([doc, made, typed]) => {{
         const shown = msbotBlocks.show('late.py', doc, made);
         {EDITOR}.dispatch({{ changes: {{ from: made.length, insert: typed }} }});
