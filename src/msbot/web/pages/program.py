@@ -21,7 +21,6 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import Markup, render
 from msbot.web.pages.arrivals import adopt
-from msbot.web.pages.editor import Editor
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
 from msbot.web.pages.program_blocks import ProgramBlocks
@@ -75,6 +74,8 @@ class _Desk:
 
     async def lay_out(self, name: str, shared: str) -> None:
         """Make everything, and open what the address names: a program, a shared one, or the last."""
+        from msbot.web.pages.editor import Editor  # with CodeMirror, which the first page does not need
+
         say = self._page.say
         for script in ("board", "program"):
             ui.add_head_html(f'<script src="/web/program/{script}.js"></script>')

@@ -9,7 +9,6 @@ from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
-from msbot.web.pages.editor import Editor
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.service import Service
 
@@ -30,6 +29,8 @@ class _Desk:
     """One pupil's program."""
 
     def __init__(self, page: Page, pupil: str) -> None:
+        from msbot.web.pages.editor import Editor  # with CodeMirror, which the first page does not need
+
         self._page = page
         self._pupil = pupil
         self._name = ""

@@ -11,7 +11,6 @@ from nicegui.events import UploadEventArguments
 from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.html import render
-from msbot.web.pages.editor import Editor
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import file_button, heading
 from msbot.web.pages.values import values_panel
@@ -93,6 +92,8 @@ def _robot(page: Page) -> None:
 
 
 async def _blueprint(page: Page) -> None:
+    from msbot.web.pages.editor import Editor  # with CodeMirror, which the first page does not need
+
     service, say = page.service, page.say
     try:
         text = await service.blueprint()
