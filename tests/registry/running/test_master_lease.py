@@ -18,7 +18,7 @@ from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import PartState
 from msbot.registry import LeaseLost, MasterLease, Registry, open_registry
-from msbot.registry.running import master_lease
+from msbot.registry.running import master_lease, run_lock
 from tests.registry.events import changed
 
 PATIENCE_S = 90.0
@@ -212,3 +212,31 @@ def test_a_transaction_that_the_server_ended_for_standing_still_is_begun_again(
         return int(connection.execute(text("SELECT 7")).scalar_one())
 
     assert (storage.write(write), times) == (7, 2)
+
+
+def test_whoever_asks_whether_it_is_run_is_not_found_by_who_asks_next(
+    opened: Callable[[], Registry],
+    blueprint: Blueprint,
+    library: Library,
+    sweeper: Engine,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also while the server, on a busy computer, has not noticed yet that the session of who asked has ended."""
+    registry, unnoticed = opened(), list[run_lock._ServerLock]()
+    robot = registry.robots.apply_blueprint(blueprint, library)
+    locks = text("SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND objid = :robot")
+    lease = registry.runs.wait_for_lease(robot, nobody_waits)
+    release = run_lock._ServerLock.release
+
+    def keep(lock: run_lock._ServerLock) -> None:
+        unnoticed.append(lock)
+
+    with sweeper.connect() as connection:
+        monkeypatch.setattr(run_lock._ServerLock, "release", keep)
+        assert opened().runs.is_run(robot)
+        lease.release()
+        assert not opened().runs.is_run(robot)
+        assert len(unnoticed) == 2
+        assert connection.execute(locks, {"robot": robot.id}).scalar_one() == 0
+    for lock in unnoticed:
+        release(lock)

@@ -85,10 +85,17 @@ def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
     if address.path is not None and not lock_file(address.path, robot.id).exists():
         return False
     try:
-        RunLock(engine, address, robot, 0.0).release()
+        with told_as_registry_error(address.words):
+            lock = (
+                _lock_on_server(engine, robot, 0.0) if address.path is None else _lock_beside(address.path, robot, 0.0)
+            )
+            if isinstance(lock, _ServerLock):
+                lock.give_back()  # who asks next, or begins to run it, must not find this
+            elif lock is not None:
+                lock.release()
     except RegistryError:
         return True
-    return False
+    return lock is None
 
 
 class _FileLock:
@@ -128,7 +135,13 @@ class _ServerLock:
             return False
         return True
 
+    def give_back(self) -> None:
+        """Let others have the lock when this returns; only while the server answers, for which this waits."""
+        self._connection.execute(text("SELECT pg_advisory_unlock_all()"))
+        self.release()
+
     def release(self) -> None:
+        """End the session, whatever the server does; it gives the lock to others when it has noticed."""
         # A connection that merely went back to the pool would keep the lock and the time-out.
         if not self._connection.closed:
             self._connection.invalidate()
@@ -166,7 +179,7 @@ def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> _Se
             return None
         raise
     if is_leased(connection, robot.id):
-        lock.release()
+        lock.give_back()
         return None
     return lock
 
