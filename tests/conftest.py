@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, settings
 
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
-from tests import import_order, taking_turns
+from tests import import_order, taking_turns, time_of_a_test
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
 
@@ -41,8 +41,9 @@ SCRATCH = pytest.StashKey[str]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Workers share the work of importing, and take turns with browsers."""
+    """Workers share the work of importing, and take turns with browsers; no alarm ends the whole run."""
     config.pluginmanager.register(import_order)
+    config.pluginmanager.register(time_of_a_test)
     if hasattr(config, "workerinput"):
         return
     if config.pluginmanager.hasplugin("xdist"):
@@ -71,22 +72,6 @@ def pytest_collection() -> Generator[None, object, object]:
     """No garbage is looked for among ten thousand tests and all of MsBOT, neither now nor while they run."""
     with made_to_stay():
         return (yield)
-
-
-set_timer = getattr(signal, "setitimer", None)
-"""The system's own, also while a test has put something in its place; None: this system has no such alarm."""
-
-
-@pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """A test's time stands still while its failure is described: an alarm in there would end the whole run."""
-    if set_timer is None:
-        return (yield)
-    left, _ = set_timer(signal.ITIMER_REAL, 0)
-    try:
-        return (yield)
-    finally:
-        set_timer(signal.ITIMER_REAL, left)
 
 
 LOGGERS = ("", "msbot", "msbot.part")

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from tests import conftest
+from tests import time_of_a_test
 from tests.effort import THOROUGH
 
 
@@ -16,7 +16,7 @@ def test_a_test_s_time_stands_still_while_its_failure_is_described() -> None:
     before, _ = signal.getitimer(signal.ITIMER_REAL)
     assert before > 0, "this test has no time limit"
     report = object()
-    describing = conftest.pytest_runtest_makereport()
+    describing = time_of_a_test.pytest_runtest_makereport()
     next(describing)
     assert signal.getitimer(signal.ITIMER_REAL) == (0, 0)
     with pytest.raises(StopIteration) as end:

@@ -31,13 +31,20 @@ REPORT = "MSBOT_VM_REPORT"
 """Environment variable: where pytest inside a machine puts its reports."""
 PATIENCE_S = 1800
 """A machine that is not done after this time is switched off."""
-SILENCE_S = 320
-"""So is one that has reported nothing for this time; each test ends, or is ended, after less (300 s)."""
+SILENCE_S = 640
+"""So is one that has reported nothing for this time; each test ends, or is ended, after less (300 s; one after 600)."""
 STARTS = 3
 """A machine is started this many times while tests are without a report."""
 NOT_STARTED = 125
 """Exit status of the runner when the machine did not start or died."""
-PLUGINS = ("pytest_asyncio.plugin", "pytest_timeout", "no:cacheprovider", "no:legacypath", "no:doctest")
+PLUGINS = (
+    "pytest_asyncio.plugin",
+    "pytest_timeout",
+    "tests.time_of_a_test",
+    "no:cacheprovider",
+    "no:legacypath",
+    "no:doctest",
+)
 """Only what these tests need: modules load slowly there."""
 
 
