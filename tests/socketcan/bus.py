@@ -163,7 +163,7 @@ class End:
 
 @asynccontextmanager
 async def running(*links: Link) -> AsyncIterator[list[End]]:
-    """Run links until the block ends; each is up when it begins."""
+    """Run links until the block ends; each is up when it begins. What fails there is told with all that they told."""
     ends = [End(link) for link in links]
     tasks = [asyncio.create_task(link.run()) for link in links]
     try:
@@ -172,6 +172,10 @@ async def running(*links: Link) -> AsyncIterator[list[End]]:
             if task.done():
                 task.result()
         yield ends
+    except AssertionError as error:
+        for end in ends:
+            error.add_note(f"{end.link.info.name}: {len(end.packets)} packets, {end.link.counters}, {end.signals}")
+        raise
     finally:
         for task in tasks:
             task.cancel()
