@@ -72,8 +72,18 @@ class RunLock:
             lock.release()  # another thread has let others run the robot meanwhile
         return lock is not None or self._is_released
 
+    def give_back(self) -> None:
+        """Let others run the robot when this returns; waits for the server, which must have answered just now.
+
+        Raises:
+            SQLAlchemyError: it answers no more; its lock ends with the session.
+        """
+        lock, self._lock, self._is_released = self._lock, None, True
+        if lock is not None:
+            lock.give_back()
+
     def release(self) -> None:
-        """Let others run the robot."""
+        """Let others run the robot, as soon as the server notices; whatever it does, nobody waits for it."""
         self._is_released = True
         if self._lock is not None:
             self._lock.release()
@@ -85,24 +95,19 @@ def is_run(engine: Engine, address: Address, robot: RobotRecord) -> bool:
     if address.path is not None and not lock_file(address.path, robot.id).exists():
         return False
     try:
+        lock = RunLock(engine, address, robot, 0.0)
         with told_as_registry_error(address.words):
-            lock = (
-                _lock_on_server(engine, robot, 0.0) if address.path is None else _lock_beside(address.path, robot, 0.0)
-            )
-            if isinstance(lock, _ServerLock):
-                lock.give_back()  # who asks next, or begins to run it, must not find this
-            elif lock is not None:
-                lock.release()
+            lock.give_back()
     except RegistryError:
         return True
-    return lock is None
+    return False
 
 
 class _FileLock:
     """A lock on a file."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
-        self.release = connection.close
+        self.release = self.give_back = connection.close
         self._path = path
         self._file = _file_at(path)
 
@@ -136,12 +141,13 @@ class _ServerLock:
         return True
 
     def give_back(self) -> None:
-        """Let others have the lock when this returns; only while the server answers, for which this waits."""
-        self._connection.execute(text("SELECT pg_advisory_unlock_all()"))
-        self.release()
+        """See `RunLock`."""
+        try:
+            self._connection.execute(text("SELECT pg_advisory_unlock_all()"))
+        finally:
+            self.release()
 
     def release(self) -> None:
-        """End the session, whatever the server does; it gives the lock to others when it has noticed."""
         # A connection that merely went back to the pool would keep the lock and the time-out.
         if not self._connection.closed:
             self._connection.invalidate()
@@ -173,14 +179,14 @@ def _lock_on_server(engine: Engine, robot: RobotRecord, timeout_s: float) -> _Se
     try:
         connection.execute(text(f"SET lock_timeout = {max(1, round(timeout_s * 1000))}"))
         connection.execute(text("SELECT pg_advisory_lock(:kind, :robot)"), {"kind": LOCK_CLASS, "robot": robot.id})
+        if is_leased(connection, robot.id):
+            lock.give_back()
+            return None
     except OperationalError as error:
         lock.release()
         if getattr(error.orig, "sqlstate", "") == _LOCK_NOT_AVAILABLE:
             return None
         raise
-    if is_leased(connection, robot.id):
-        lock.give_back()
-        return None
     return lock
 
 
