@@ -117,6 +117,39 @@ async def test_a_head_without_end_is_refused_and_bodies_and_many_requests_are_no
         writer.close()
 
 
+async def until_dropped(server: Site, number: int) -> None:
+    while server.open.dropped < number:
+        await asyncio.sleep(0.01)
+
+
+async def test_whoever_sends_on_after_a_refusal_reads_it_and_is_closed_after_a_while(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with site() as server:
+        reader, writer = await server.connect()
+        writer.write(b"GET /" + b"a" * MOST_HEAD)
+        await until_dropped(server, 1)
+        for _ in range(10):
+            writer.write(b"a" * 1000)
+            await asyncio.sleep(0.01)  # one by one: the first one after a close would bring the reset
+        assert await reader.read() == connections.TOO_LONG
+        writer.close()
+        monkeypatch.setattr(connections, "LINGER_S", 0.05)
+        silent, writer = await server.connect()
+        writer.write(b"GET /" + b"a" * MOST_HEAD)
+        assert await silent.read() == connections.TOO_LONG
+        while len(server.open):
+            await asyncio.sleep(0.01)
+        writer.close()
+        monkeypatch.setattr(connections, "LINGER_S", 300.0)
+        _, writer = await server.connect()
+        with pytest.raises(ConnectionError):
+            for _ in range(100):
+                writer.write(b"a" * connections.MOST_LINGER)
+                await writer.drain()
+        assert server.open.dropped == 3
+
+
 async def test_many_idle_connections_keep_nobody_out() -> None:
     async with site(most=20) as server:
         idle = [await server.connect() for _ in range(60)]

@@ -32,6 +32,11 @@ MOST_PER_ADDRESS = 300
 MOST = 600
 """Connections in all; never more than half of the file descriptors that the process may have."""
 
+LINGER_S = 2.0
+"""How long what still comes on a refused connection is read and thrown away."""
+MOST_LINGER = 1024 * 1024
+"""Octets of it."""
+
 TOO_LONG = b"HTTP/1.1 431 Request Header Fields Too Large\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
 
 
@@ -102,6 +107,8 @@ class WatchedConnection(HttpToolsProtocol):
         self._is_websocket = False
         self._head = 0
         """Octets that have come of a request whose headers are not complete."""
+        self._refused: int | None = None
+        """Octets that have come since the request was refused; None: it was not."""
 
     def is_idle(self) -> bool:
         """Whether no request on it is being processed."""
@@ -112,8 +119,9 @@ class WatchedConnection(HttpToolsProtocol):
         return self.transport is None or self.transport.is_closing()
 
     def drop(self) -> None:
-        """Close it without a word."""
-        self._all.dropped += 1
+        """Close it without a word, or after the word of refusal that it has had."""
+        if self._refused is None:
+            self._all.dropped += 1
         self._all.end(self)
         self.transport.abort()
 
@@ -133,6 +141,11 @@ class WatchedConnection(HttpToolsProtocol):
 
     def data_received(self, data: bytes) -> None:
         """See `asyncio.Protocol`."""
+        if self._refused is not None:
+            self._refused += len(data)
+            if self._refused > MOST_LINGER:
+                self.drop()
+            return
         self._all.active(self)
         if self._is_reading_body:
             self._arm(BODY_S)
@@ -143,13 +156,22 @@ class WatchedConnection(HttpToolsProtocol):
             return
         # The parser takes ever longer with each piece of a header that never ends.
         if self._head + len(data) > MOST_HEAD and b"\r\n\r\n" not in data[: max(0, MOST_HEAD - self._head)]:
-            self._all.dropped += 1
-            self._all.end(self)
-            self.transport.write(TOO_LONG)
-            self.transport.close()
+            self._refuse(TOO_LONG)
             return
         self._head += len(data)
         super().data_received(data)
+
+    def _refuse(self, answer: bytes) -> None:
+        """Answer, and close when the peer does, or soon: if it were closed while something of the request was unread,
+        the system would reset it, and the peer's system would throw the answer away."""
+        self._all.dropped += 1
+        self._refused = 0
+        self._arm(LINGER_S)
+        self.transport.write(answer)
+        if not self.is_idle():  # what was asked before would be answered after it
+            self.transport.close()
+        elif self.transport.can_write_eof():  # TLS cannot
+            self.transport.write_eof()
 
     def on_headers_complete(self) -> None:
         """All headers have come; what httptools calls."""
