@@ -6,15 +6,20 @@ something waiting, the one that was served, or began to wait, longest ago.
 
 from __future__ import annotations
 
+from unittest.mock import patch
+
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from msbot.link.can.protocol import queue
 from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.queue import URGENT_FRAMES, FrameQueue
+from msbot.link.can.protocol.queue import FrameQueue
 from tests.effort import tries
 
 LIMIT = 4
+URGENT_FRAMES = 12
+"""Few, because the model looks through all of them at each step."""
 peers = st.integers(1, 4)
 
 
@@ -23,6 +28,8 @@ class QueueMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
+        self.few_urgent = patch.object(queue, "URGENT_FRAMES", URGENT_FRAMES)
+        self.few_urgent.start()
         self.queue = FrameQueue(LIMIT)
         self.waiting: list[tuple[int, Frame]] = []
         self.urgent: list[Frame] = []
@@ -30,6 +37,9 @@ class QueueMachine(RuleBasedStateMachine):
         self.steps = self.number = 0
         self.told: set[int] = set()
         """Peers that were refused, and must be named when they have room."""
+
+    def teardown(self) -> None:
+        self.few_urgent.stop()
 
     def of(self, peer: int) -> list[Frame]:
         return [frame for to, frame in self.waiting if to == peer]
