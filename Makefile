@@ -63,8 +63,8 @@ check: $(VENV)/.dev
 
 test: check tests
 
-# A file of tests stays on one worker, which makes its fixtures once; the files that take longest come first, and one
-# worker has no browser (tests/taking_turns.py).
+# A file of tests stays on one worker, which makes its fixtures once; the files that take longest come first, and two
+# workers have no browser (tests/taking_turns.py).
 tests: $(VENV)/.dev
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
 

@@ -63,8 +63,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Of `-n auto`: one worker more than there are processors, because one always waits, for a process or a page."""
-    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
+    """Of `-n auto`: two workers more than there are processors, because two wait, for processes or pages."""
+    return len(os.sched_getaffinity(0)) + 2 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 2
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -91,7 +91,7 @@ FIRST = (
     "web/browser", "web/api/test_routes.py", "lessons/test_shipped_lessons.py", "part/test_faults.py", "e2e", "hostile",
     "operations/test_running_operations.py", "firmware", "lab", "web/test_records.py", "registry/test_kill.py",
     "test_fuzz.py", "space/zenoh", "space/dds", "hardware/test_keeper.py", "part/test_beginner.py", "cli/board",
-    "homes/test_conformance.py", "test_platforms.py",
+    "homes/test_conformance.py", "test_platforms.py", "cli/change/test_robot_access.py", "school/test_mdns.py",
 )  # fmt: skip
 """What takes longest begins first, so that at the end no worker waits for another one."""
 

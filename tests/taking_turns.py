@@ -1,8 +1,9 @@
-"""Which worker runs which file of tests: a file stays whole, and one worker at least has no browser.
+"""Which worker runs which file of tests: a file stays whole, and at each moment there is something of every kind.
 
 A page that is open and a robot that runs cost a quarter of a processor, also while a test waits. With a browser on each
-of three workers, a third of a computer with two processors would go into that; so meanwhile one of them does what needs
-none. Who has a browser keeps it as long as there are such files.
+worker, half of a computer with two processors would go into that; so two workers do something else. Tests of whole
+processes, machines and networks wait for most of their time; beside them one worker has what only computes, so that the
+processors are never idle. Who has a browser keeps it as long as there are such files.
 """
 
 from __future__ import annotations
@@ -17,27 +18,40 @@ if TYPE_CHECKING:
     from xdist.workermanage import WorkerController
 
 BROWSERS = "tests/web/browser/"
+WAITING = (
+    "tests/e2e/", "tests/hostile/", "tests/lab/test_processes.py", "tests/space/", "tests/wide/", "tests/socketcan/",
+    "tests/school/test_mdns.py", "tests/hardware/test_keeper.py", "tests/registry/database/test_storage.py",
+    "tests/cli/change/test_robot_access.py", "tests/cli/bus/", "tests/web/api/test_routes.py",
+)  # fmt: skip
+"""Files that wait for more than half of their time."""
 
 
 class TakingTurns(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
-    """Hands out the files in their order, and passes over those with browsers while enough workers have one."""
+    """Hands out the files in their order, and passes over those of a kind of which enough workers have one."""
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        others = sum(other is not node and self._has_browser(other) for other in self.assigned_work)
-        may = others < max(1, self.numnodes - 1)
-        wanted = next((file for file in self.workqueue if may or not file.startswith(BROWSERS)), None)
+        others = [self._newest(other) for other in self.assigned_work if other is not node]
+        browsers = sum(file.startswith(BROWSERS) for file in others)
+        waiting = sum(file.startswith(WAITING) for file in others)
+        may_browse = browsers < max(1, self.numnodes - 2)
+        may_wait = browsers + waiting < max(1, self.numnodes - 1)
+
+        def may(file: str) -> bool:
+            return may_browse if file.startswith(BROWSERS) else may_wait or not file.startswith(WAITING)
+
+        wanted = next(filter(may, self.workqueue), None)
         if wanted is not None:
             self.workqueue.move_to_end(wanted, last=False)
         super()._assign_work_unit(node)
 
-    def _has_browser(self, node: WorkerController) -> bool:
-        """Whether its newest file, or one that it has not done yet, has browsers."""
+    def _newest(self, node: WorkerController) -> str:
+        """The file with a browser, or else one that waits, that it has not done yet; empty: neither."""
+        left = []
         for number, (file, done) in enumerate(reversed(self.assigned_work[node].items())):
             if number and all(done.values()):
-                return False  # and so are all before it
-            if file.startswith(BROWSERS):
-                return True
-        return False
+                break  # and so are all before it
+            left.append(file)
+        return min(left, key=lambda file: (not file.startswith(BROWSERS), not file.startswith(WAITING)), default="")
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> TakingTurns | None:

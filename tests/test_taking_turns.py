@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from tests.taking_turns import BROWSERS, TakingTurns
+from tests.taking_turns import BROWSERS, WAITING, TakingTurns
 
 
 class Worker:
@@ -28,8 +28,9 @@ class Worker:
         self.shutting_down = True
 
 
-def play(workers: int, files: list[str], tests_each: int = 3) -> list[tuple[int, ...]]:
-    """Run all, each worker one test at a time in turns; who has done which files with browsers at each moment."""
+def play(workers: int, files: list[str], tests_each: int = 3) -> list[str]:
+    """Run all, each worker one test at a time in turns; what each of them does at each moment: `b` something with a
+    browser, `w` something that waits, `c` something that computes, `-` nothing."""
     tests = [f"{file}::test_{number}" for file in files for number in range(tests_each)]
     options = SimpleNamespace(tx=[f"{workers}*popen"], loadscopereorder=False, px=[])
     config: Any = SimpleNamespace(option=options, getvalue=lambda name: getattr(options, name))
@@ -41,30 +42,43 @@ def play(workers: int, files: list[str], tests_each: int = 3) -> list[tuple[int,
         turns.add_node_collection(node, tests)
     turns.schedule()
     done: list[str] = []
-    with_browser = []
+    moments = []
     while any(node.todo for node in nodes):
-        running = [tests[node.todo[0]] if node.todo else "" for node in nodes]
-        with_browser.append(tuple(number for number, test in enumerate(running) if test.startswith(BROWSERS)))
+        moments.append("".join(kind(tests[node.todo[0]]) if node.todo else "-" for node in nodes))
         for node in nodes:
             if node.todo:
                 index = node.todo.pop(0)
                 done.append(tests[index])
                 turns.mark_test_complete(node, index)
     assert sorted(done) == sorted(tests), "each once"
-    return with_browser
+    return moments
 
 
-def test_one_of_three_workers_has_no_browser_as_long_as_there_is_other_work() -> None:
-    files = [f"{BROWSERS}test_{number}.py" for number in range(5)] + [f"tests/test_{number}.py" for number in range(20)]
-    moments = play(3, files)
-    assert set(moments) == {(0, 1), (0,), ()}, "who has a browser keeps it"
-    assert moments[-1] == ()
+def kind(test: str) -> str:
+    return "b" if test.startswith(BROWSERS) else "w" if test.startswith(WAITING) else "c"
+
+
+def named(folder: str, number: int) -> list[str]:
+    return [f"{folder}test_{one}.py" for one in range(number)]
+
+
+def test_two_of_four_workers_have_a_browser_one_waits_and_one_computes() -> None:
+    moments = play(4, named(BROWSERS, 6) + named(WAITING[0], 8) + named("tests/", 12))
+    assert moments[:7] == ["bbwc"] * 7
+    for moment in moments[:-9]:  # at the end each does what there is
+        assert moment.count("b") <= 2
+        assert moment.count("b") + moment.count("w") <= 3
+    assert "b" not in moments[-1]
+
+
+def test_of_three_workers_one_has_a_browser_and_keeps_it() -> None:
+    moments = play(3, named(BROWSERS, 4) + named(WAITING[0], 20) + named("tests/", 20))
+    assert {moment for moment in moments if "b" in moment} == {"bwc"}
 
 
 def test_at_the_end_all_help_and_one_worker_alone_does_all() -> None:
-    files = [f"{BROWSERS}test_{number}.py" for number in range(6)]
-    assert set(play(3, files)) == {(0, 1, 2)}
-    assert set(play(1, [*files, "tests/test_more.py"])) == {(0,), ()}
+    assert set(play(3, named(BROWSERS, 6))) == {"bbb"}
+    assert set(play(1, [*named(BROWSERS, 2), *named(WAITING[0], 2), "tests/test_more.py"])) == {"b", "w", "c"}
 
 
 def test_it_is_in_use() -> None:

@@ -24,7 +24,12 @@ from tests.homes.world import UID, PagePeer, World
 WEB = Path(__file__).parents[2] / "src/msbot/web/static"
 NEEDED = "MSBOT_NEED_BROWSER"
 """Set where no test in a browser may be skipped."""
-CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = (
+    shutil.which("chromium-headless-shell")
+    or shutil.which("chromium")
+    or shutil.which("chromium-browser")
+    or shutil.which("google-chrome")
+)
 _WORKER = """
 import { openHome } from "/web/program/home.js";
 let home = null, said = [];
