@@ -35,6 +35,8 @@ class Board:
             os.close(self._wire)
             os.close(self._ours)
             self._ours = None
+            self._heard.clear()
+            self._receiver = SerialReceiver(self.address)
 
     def write(self, octets: bytes) -> None:
         """Put octets on the wire."""

@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from msbot.config import Slot
-from msbot.pnp import LifeTiming
+from msbot.pnp import LifeTiming, PartState
 from tests.pnp.robot import Rig, sample_store
 
 START = 100.0
@@ -73,8 +73,9 @@ class Model:
     def called(self, now: float) -> None:
         there = [(key, part) for key, part in self.parts.items() if part.state != "lost"]
         if now >= self.next_watch:
+            is_in_time = now - self.next_watch <= self.timing.beat_s / 2
             self.next_watch = now + self.timing.beat_s / 2
-            for key, part in there:
+            for key, part in there if is_in_time else ():
                 self.look_at(now, key)
                 away = now - part.last
                 if part.kind == "spare":
@@ -154,6 +155,22 @@ def test_what_becomes_of_parts_is_what_the_rules_say_of_each_at_every_call(seed:
     assert heard == model.said
     assert asked == model.asked
     assert {key: rig.state(key).value for key in PARTS} == {key: part.state for key, part in model.parts.items()}
+
+
+def test_nobody_is_late_because_the_master_itself_was_held_up() -> None:
+    rig = Rig(start=START)
+    rig.claim(1, "ABCD", name="AA", layout="compact")
+    watch = rig.inventory.watch
+    rig.now = START + 2.5  # as after a computer that slept: the beats of that time have not been read yet
+    watch.handle_timer(rig.now)
+    rig.beat(1)
+    while rig.now < START + 4.0:
+        assert rig.state(1) is PartState.ACTIVE
+        rig.now = watch.timer()
+        watch.handle_timer(rig.now)
+    rig.now = watch.timer()
+    watch.handle_timer(rig.now)
+    assert rig.state(1) is PartState.LATE, "one that says nothing any more is"
 
 
 def test_a_part_whose_agent_says_nothing_of_it_is_asked_for_nothing() -> None:

@@ -59,12 +59,15 @@ class LifeWatch:
     def handle_timer(self, now: float) -> None:
         """Do what is due: mark late parts, count down life status.
 
-        When this process was held up, only one tick is made up for: the beats of that time are waiting in some queue,
-        and no part may be delisted for our own delay.
+        When this process was held up, nobody is looked for at once, and only one tick is made up for: the beats of that
+        time are waiting in some queue, and no part may be late, or delisted, for our own delay.
         """
         if now >= self._watch_at:
-            self._watch_at = now + self.timing.beat_s / 2
-            self._watch(now)
+            half = self.timing.beat_s / 2
+            was_held_up = now - self._watch_at > half
+            self._watch_at = now + half
+            if not was_held_up:
+                self._watch(now)
         if now >= self._tick_at:
             self._tick_at += self.timing.tick_s
             if self._tick_at <= now:

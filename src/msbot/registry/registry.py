@@ -121,5 +121,8 @@ class Registry:
     def close(self) -> None:
         """Store what is waiting and close the database."""
         self.runs.end()
-        self.storage.close()
-        self.runs.release()
+        # What `end` wrote has been stored: so the database has just answered.
+        if self.storage.close():
+            self.runs.give_back()
+        else:
+            self.runs.release()

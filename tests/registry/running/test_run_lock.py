@@ -221,6 +221,31 @@ def test_a_session_that_the_server_has_ended_gives_nobody_else_the_robot(
             third.runs.begin(robot)  # as soon as the server has seen that the session is gone
 
 
+def test_whoever_ends_leaves_no_lock_behind(
+    clean_server_database: str,
+    blueprint: Blueprint,
+    library: Library,
+    sweeper: Engine,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also while the server, on a busy computer, has not noticed yet that the session has ended."""
+    unnoticed: list[run_lock._ServerLock] = []
+    release = run_lock._ServerLock.release
+
+    def keep(lock: run_lock._ServerLock) -> None:
+        unnoticed.append(lock)
+
+    with open_registry(clean_server_database) as first:
+        robot = first.robots.apply_blueprint(blueprint, library)
+        first.runs.begin(robot)
+        monkeypatch.setattr(run_lock._ServerLock, "release", keep)
+    locks = text("SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND objid = :robot")
+    with sweeper.connect() as connection:
+        assert connection.execute(locks, {"robot": robot.id}).scalar_one() == 0
+    (lock,) = unnoticed
+    release(lock)
+
+
 def test_a_session_that_broke_on_the_way_does_not_keep_its_own_master_out(
     clean_server_database: str, blueprint: Blueprint, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:

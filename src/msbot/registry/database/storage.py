@@ -213,14 +213,14 @@ class Storage:
             raise RegistryError(self._no_answer())
         return answer.result()
 
-    def close(self) -> None:
-        """Store what is waiting and close the database."""
-        if self._writer is not None:
-            self._writer.close()
+    def close(self) -> bool:
+        """Store what is waiting and close the database. False: something could not be stored."""
+        is_stored = self._writer is None or self._writer.close()
         self._threads.shutdown()
         self.engine.dispose()
         if self._file is not None:
             self._file.close()
+        return is_stored
 
     def _no_answer(self) -> str:
         return self.health.trouble or f"the database {self.words} does not answer: try again in a moment"

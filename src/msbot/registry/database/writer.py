@@ -217,8 +217,8 @@ class Writer:
                     break
             return not self.pending
 
-    def close(self, timeout_s: float = 10.0) -> None:
-        """Store what can be stored, then end the thread; what cannot is lost and logged."""
+    def close(self, timeout_s: float = 10.0) -> bool:
+        """Store what can be stored, then end the thread; what cannot is lost and logged. False: something was lost."""
         until = monotonic() + timeout_s
         self.flush(timeout_s)
         with self._changed:
@@ -228,6 +228,7 @@ class Writer:
         if left := self.pending:
             _log.error("the database %s was closed before all changes were stored, %d are lost: it %s",
                        self._database, left, self.fault or "is too slow")  # fmt: skip
+        return not left
 
     # The thread
 

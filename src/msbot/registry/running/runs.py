@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 
 from sqlalchemy import Connection
+from sqlalchemy.exc import SQLAlchemyError
 
 from msbot.errors import RegistryError
 from msbot.registry.database import statements as store
@@ -118,8 +120,16 @@ class Runs:
             end = partial(store.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
             self._storage.writer.put(end)
 
+    def give_back(self) -> None:
+        """Let others run the robots when this returns; waits for the server, which must have answered just now."""
+        for lock in self._locks.values():
+            if isinstance(lock, run_lock.RunLock):
+                with suppress(SQLAlchemyError):  # it answers no more: then the lock ends with its session
+                    lock.give_back()
+        self.release()
+
     def release(self) -> None:
-        """Let others run the robots."""
+        """Let others run the robots, as soon as the server notices; nobody waits for it."""
         for lock in self._locks.values():
             lock.release()
         self._locks.clear()
