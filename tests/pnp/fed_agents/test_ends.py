@@ -239,6 +239,26 @@ def test_a_stop_is_told_although_the_go_before_it_was_lost() -> None:
     assert scene.orders[2:] == [(plug.NoticeKind.GO, 2)]
 
 
+def test_one_press_is_one_stop_also_when_the_agent_was_silent_before_it_knew() -> None:
+    scene = Scene(Random(1))
+    scene.live(1.0)
+    scene.agent.stop_said("STOP was pressed")
+    scene.to_agent.clear()
+    up, scene.to_master = scene.to_master, []
+    scene.drop = 1.0
+    for octets in up:
+        scene.master.receive(AGENT, decode_from_agent(octets), scene.now)
+    assert scene.stops == ["pi: STOP was pressed"]
+    scene.live(5.0)
+    assert scene.master.names() == [("pi", 0, True)]
+    scene.drop = 0.0
+    scene.live(2.0)
+    assert scene.master.names() == [("pi", 0, False)]
+    assert scene.stops == ["pi: STOP was pressed"]
+    act(scene, "press", 0)
+    assert scene.stops == ["pi: STOP was pressed"] * 2
+
+
 @given(st.lists(DONE, max_size=16), st.randoms(use_true_random=False), st.sampled_from([0.0, 0.3]))
 def test_whatever_happened_both_ends_agree_once_the_way_is_whole(
     story: list[tuple[str, float]], random: Random, twice: float
