@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import queue
 import signal
@@ -107,3 +108,16 @@ def run(
             raise
         said = [(file.seek(0), file.read().decode())[1] for file in (out, error)]
     return subprocess.CompletedProcess(process.args, status, *said)
+
+
+def wait_for_states(wanted: dict[str, str], *, cwd: Path, env: dict[str, str] | None = None) -> None:
+    """List a robot's parts until their states by slot are these; a part may be late for a moment on a busy computer."""
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        listing = run("parts", "--json", cwd=cwd, env=env)
+        assert listing.returncode == 0, listing.stderr
+        states = {row["slot"]: row["state"] for row in json.loads(listing.stdout)}
+        if states == wanted:
+            return
+        assert time.monotonic() < until, f"{states}, and not {wanted}"
+        time.sleep(0.2)

@@ -21,7 +21,7 @@ from msbot.link import Link, open_link
 from msbot.link.serial import SerialClientLink
 from msbot.part import ConnectionState, find_agents
 from tests.agent.replay import load
-from tests.e2e.processes import Process, run, running
+from tests.e2e.processes import PATIENCE_S, Process, run, running
 from tests.hearing_client import HearingClient
 from tests.link.net.test_udp import has_ipv6
 from tests.link.ports import Board
@@ -49,7 +49,7 @@ async def connected(link: Link, key: int = 0xAABBCCDD) -> AsyncIterator[HearingC
     client = HearingClient(link, key=key)
     task = asyncio.create_task(client.run())
     try:
-        await client.connect(20)
+        await client.connect(PATIENCE_S)
         yield client
     finally:
         task.cancel()
@@ -64,12 +64,12 @@ async def hear_oneself(client: HearingClient) -> None:
     topic = client.create_topic(participant, "light", "T")
     writer = client.create_writer(client.create_publisher(participant), topic)
     client.read(client.create_reader(client.create_subscriber(participant), topic))
-    await client.until_all_statuses(20)
+    await client.until_all_statuses(PATIENCE_S)
     for sample in (b"x", bytes(range(256)) * 12, b"\x7e\x7d" * 40):
         while not client.has_room():  # noqa: ASYNC110 - the test has time
             await asyncio.sleep(0)
         client.write(writer, sample)
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             assert await came.get() == sample
 
 
@@ -153,7 +153,7 @@ async def test_a_board_on_a_serial_port_that_is_plugged_in_later_and_pulled_out(
 
 async def say_until_heard(board: Board, packet: bytes) -> bytes:
     """What a board does: it repeats itself until the agent has opened the port."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             board.say(packet)
             try:
@@ -194,7 +194,7 @@ async def test_our_client_comes_back_after_the_agent_was_killed(
             states: asyncio.Queue[ConnectionState] = asyncio.Queue()
             client.on_state = lambda state, reason: states.put_nowait(state)
             await asyncio.to_thread(first.end, signal.SIGKILL)
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(PATIENCE_S):
                 assert await states.get() is ConnectionState.LOST
                 with running("agent", transport, "-p", str(port), cwd=tmp_path, env=place):
                     assert await states.get() is ConnectionState.CONNECTED
@@ -218,7 +218,7 @@ def test_it_needs_the_base_install_only(tmp_path: Path, place: dict[str, str]) -
     with running("agent", "udp4", "-p", "0", cwd=tmp_path, env=env) as agent:
         port = port_of(agent)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
-            client.settimeout(20)
+            client.settimeout(PATIENCE_S)
             client.sendto(PING, ("127.0.0.1", port))
             assert client.recv(100)[4] == 6
         assert run("clients", env=env).stdout.startswith("agent on udp:127.0.0.1:0")

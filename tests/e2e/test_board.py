@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.processes import run, running
+from tests.e2e.processes import run, running, wait_for_states
 from tests.e2e.test_processes import free_port
 from tests.homes import micro
 from tests.homes.runners import NODE
@@ -111,8 +111,7 @@ def test_a_board_joins_publishes_is_listed_and_leaves_by_ctrl_c(tmp_path: Path) 
             running("part", "BB", "--link", udp, cwd=tmp_path, env={"XDG_STATE_HOME": str(tmp_path / "state")})
         )
         lamp.wait_for("output", "on")
-        rows = {row["slot"]: row["state"] for row in json.loads(run("parts", "--json", cwd=tmp_path).stdout)}
-        assert rows["AA"] == "active"
+        wait_for_states({"AA": "active", "BB": "active"}, cwd=tmp_path)
         assert part.end(signal.SIGINT) == 0
         assert part.lines[-1] == "# ABCD-local has ended"
         master.wait_for("AA", "left")

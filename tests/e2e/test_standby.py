@@ -21,7 +21,7 @@ def test_the_master_that_waits_takes_over_when_the_other_is_killed_frozen_or_cut
         assert NEEDED not in os.environ, MISSING
         pytest.skip(MISSING)
     try:
-        with two_masters(tmp_path, programs) as robot:
+        with two_masters(tmp_path, programs, first=True) as robot:
             robot.start()
             assert robot.say("stop").startswith("STOP")
             for lose in (robot.freeze, robot.kill, robot.cut):

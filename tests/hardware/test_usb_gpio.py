@@ -39,7 +39,7 @@ def stream(module: Module) -> Iterator[SerialStream]:
 
 @pytest.fixture
 def gpio(module: Module, stream: SerialStream) -> NumatoGpio:
-    return NumatoGpio(stream, pins=module.board.pins)
+    return NumatoGpio(stream, pins=module.board.pins, timeout_s=30)  # the module is a thread: others may have its turn
 
 
 def test_every_pin_is_set_read_and_cleared_and_no_other_moves(module: Module, gpio: NumatoGpio) -> None:
@@ -110,6 +110,7 @@ def test_an_answer_in_pieces_is_read_to_its_end(module: Module, gpio: NumatoGpio
 def test_a_silent_module_is_told_after_a_time(module: Module, gpio: NumatoGpio) -> None:
     """4: there was no time-out."""
     module.silent = True
+    gpio._timeout_s = 1.0
     with pytest.raises(LinkDown, match="check that it is plugged in"):
         gpio.read(0)
 

@@ -27,7 +27,10 @@ TOKEN = "msbot_a_token_of_the_tests"
 
 
 class Robot:
-    """A master and its parts as processes, in folders of their own."""
+    """A master and its parts as processes, in folders of their own.
+
+    Its parts are delisted after minutes only: one that is frozen, or has no turn for seconds, is still there.
+    """
 
     def __init__(self, folder: Path, stack: ExitStack, db: str | None = None) -> None:
         self.folder, self.stack, self.db = folder, stack, db
@@ -37,6 +40,9 @@ class Robot:
         (folder / "run").mkdir(mode=0o700)
         self.env = {"XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(folder / "run")}
         assert run("init", cwd=folder).returncode == 0
+        sample = (folder / "robot.toml").read_text()
+        assert "# life = 3 " in sample
+        (folder / "robot.toml").write_text(sample.replace("# life = 3 ", "life = 100 "))
 
     def master(self, *, page: bool = False) -> Process:
         """Start a master; its page lets a teacher in who shows `TOKEN`."""

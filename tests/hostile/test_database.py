@@ -202,7 +202,8 @@ def crash(server: int) -> None:
 
 def stops(robot: Robot) -> None:
     """STOP reaches the master and every part, and is stored; by the page, too."""
-    assert robot.tell("stop")["stored"] is True, "the file has it"
+    robot.tell("stop")
+    until(lambda: robot.tell("status")["stored"] is True)  # the file has it
     robot.tell("go")
     status, answer = robot.call("POST", "/stop", {})
     assert status == 200, answer

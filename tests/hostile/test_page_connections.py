@@ -132,6 +132,7 @@ async def send_until_closed(writer: asyncio.StreamWriter) -> None:
 async def test_whoever_sends_on_after_a_refusal_reads_it_and_is_closed_after_a_while(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(connections, "LINGER_S", 300.0)  # it sends for longer, on a busy computer
     async with site() as server:
         reader, writer = await server.connect()
         writer.write(b"GET /" + b"a" * MOST_HEAD)

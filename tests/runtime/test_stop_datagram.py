@@ -5,8 +5,13 @@ from __future__ import annotations
 import json
 import os
 import socket
+import threading
+import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -27,6 +32,21 @@ def listening(monkeypatch: pytest.MonkeyPatch, group: str) -> socket.socket:
     return sock
 
 
+def over_after(monkeypatch: pytest.MonkeyPatch, name: str, is_last: Callable[[Any], bool]) -> None:
+    """The time of whoever asks is over as soon as that function gives such a result: no clock decides what it gets."""
+    function, ended = getattr(stop_datagram, name), threading.Event()
+
+    def watched(*args: object) -> object:
+        result = function(*args)
+        if is_last(result):
+            ended.set()
+        return result
+
+    monkeypatch.setattr(stop_datagram, name, watched)
+    clock = SimpleNamespace(monotonic=lambda: time.monotonic() + 2 * PATIENCE_S * ended.is_set())
+    monkeypatch.setattr(stop_datagram, "time", clock)
+
+
 def hears(sock: socket.socket) -> bool:
     try:
         return bool(sock.recv(4096))
@@ -38,7 +58,9 @@ def test_a_group_stops_its_own_and_nobody_else(monkeypatch: pytest.MonkeyPatch) 
     word = f"x{os.getpid()}"
     with listening(monkeypatch, f"{word}a") as mine, listening(monkeypatch, f"{word}b") as other:
         monkeypatch.setenv(GROUP_VARIABLE, f"{word}a")
-        assert ask_masters({"do": "status"}, 0.05) == ([], 1)
+        over_after(monkeypatch, "_send", lambda sent: sent is stop_datagram._Sent.YES)
+        monkeypatch.setattr(stop_datagram, "_receive", lambda *_: None)  # nobody answers, and it waits for nobody
+        assert ask_masters({"do": "status"}, PATIENCE_S) == ([], 1)
         assert (hears(mine), hears(other)) == (True, False)
 
 
@@ -94,7 +116,8 @@ def test_a_master_that_takes_nothing_is_counted_and_keeps_no_other_from_answerin
             good.sendto(b"nonsense", sender)
             good.sendto(json.dumps({"meant": True, "robot": "R"}).encode(), sender)
 
+        over_after(monkeypatch, "_receive", lambda answer: answer is not None and answer[1].get("meant") is True)
         with ThreadPoolExecutor(1) as aside:
             done = aside.submit(serve)
-            assert ask_masters({"do": "stop"}, 0.3) == ([{"meant": True, "robot": "R"}], 1)
+            assert ask_masters({"do": "stop"}, PATIENCE_S) == ([{"meant": True, "robot": "R"}], 1)
             done.result()
