@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as BrowserTimeout
 
 from tests.e2e.processes import Process, running
@@ -28,6 +28,19 @@ PATIENCE_MS = 120_000
 """How long a test waits for the page; the machine may be busy. Nothing in the product is this slow."""
 NEEDED = "MSBOT_NEED_BROWSER"
 """Set where no browser test may be skipped, as in CI."""
+NOTE_TOLD = """window.told = [];
+(() => {
+  const noted = new WeakMap();
+  new MutationObserver(() => {
+    for (const one of document.querySelectorAll(".q-notification")) {
+      if (noted.get(one) !== one.textContent) told.push(one.textContent);
+      noted.set(one, one.textContent);
+    }
+  }).observe(document, { childList: true, subtree: true, characterData: true });
+})()"""
+"""Notes what notifications say: most go by themselves after 5 s, in which a busy test may not come to look."""
+CLICK = "(one) => !document.documentElement.classList.contains('ms-dead') && (one.click(), true)"
+"""In one turn: a page that has become grey since one has looked takes no click."""
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -102,6 +115,7 @@ def new_page(
         reduced_motion="reduce",  # drawing animations in software costs more than all the rest of a page
     )
     context.set_default_timeout(PATIENCE_MS)
+    context.add_init_script(NOTE_TOLD)
     if waits:
         context.on("page", lambda page: page.add_locator_handler(page.locator("html.ms-dead"), lambda: None))
     return context.new_page()
@@ -112,6 +126,20 @@ def go(page: Page, address: str) -> None:
     page.goto(address)
     assert page.evaluate("document.documentElement.lang")
     page.wait_for_function("window.did_handshake && window.socket.connected")
+
+
+def told(page: Page, words: str) -> None:
+    """Wait until a notification has said that, since the page was loaded; each is found once."""
+    page.wait_for_function(
+        "words => { const at = told.findIndex((one) => one.includes(words));"
+        " return at >= 0 && told.splice(at, 1).length > 0; }",
+        arg=words,
+    )
+
+
+def click_by_script(button: Locator) -> None:
+    """Click without a pointer, as soon as the page takes it."""
+    button.page.wait_for_function(CLICK, arg=button.element_handle())
 
 
 def again_until(act: Callable[[], object], seen: Callable[[float], object]) -> None:

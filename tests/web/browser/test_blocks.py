@@ -17,7 +17,7 @@ from tests.e2e.processes import running
 from tests.effort import THOROUGH
 from tests.lessons.lesson_stage import blocks_of_the_handbook
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, call, go, new_page
+from tests.web.browser.conftest import CLICK, Site, again_until, call, go, new_page, told
 from tests.web.browser.keyboard import tab_to
 from tests.web.browser.test_demo_pages import FITS
 
@@ -155,11 +155,16 @@ class Pupil:
         expect(self.page.locator("#ms-prog-state")).to_have_attribute("data-state", "active", timeout=WORK_MS)
 
     def append(self, block: dict[str, Any], then: str) -> None:
-        """Put a block into the workspace, without the mouse, and do something before Blockly has told of it."""
-        self.page.evaluate(
-            "(one) => { Blockly.serialization.blocks.append({ x: 20, y: 250, ...one }, msbotBlocks.workspace());"
-            f"{then}; }}",
-            block,
+        """Put a block into the workspace, without the mouse, and do something before Blockly has told of it.
+
+        What is to be clicked then waits until the page takes it.
+        """
+        is_dead = "document.documentElement.classList.contains('ms-dead')" if then else "false"
+        self.page.wait_for_function(
+            f"(one) => {{ if ({is_dead}) return false;"
+            "Blockly.serialization.blocks.append({ x: 20, y: 250, ...one }, msbotBlocks.workspace());"
+            f"{then}; return true; }}",
+            arg=block,
         )
 
     def warning(self, block: str) -> str:
@@ -343,9 +348,12 @@ class Keys:
 
 
 def test_a_line_follower_is_built_with_the_keyboard_only(desk: Pupil) -> None:
-    desk.page.get_by_role("button", name="Blocks", exact=True).focus()
-    desk.page.keyboard.press("Enter")
-    desk.page.wait_for_function("msbotBlocks.isShown()")
+
+    def open_blocks() -> None:
+        desk.page.get_by_role("button", name="Blocks", exact=True).focus()
+        desk.page.keyboard.press("Enter")
+
+    again_until(open_blocks, lambda ms: desk.page.wait_for_function("msbotBlocks.isShown()", timeout=ms))
     keys = Keys(desk.page)
     keys.press("w")
     keys.go("ArrowDown", "End when a message arrives at, line")
@@ -412,13 +420,13 @@ def test_an_error_lights_up_its_block_with_its_sentence(desk: Pupil) -> None:
 def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: BrowserContext, track: Site) -> None:
     page = desk.page
     desk.open_blocks()
-    expect(page.get_by_text(re.compile(r"blocks\d+.py is a new program of blocks; 01_hello.py stays"))).to_be_visible()
+    told(page, ".py is a new program of blocks; 01_hello.py stays")
     said = desk.drag("Send", "text_print", desk.blocks("msbot_when")[0], "DO")
     page.wait_for_function(f"{TEXT}.includes('print(\"hello\")')")
     made = page.evaluate(TEXT)
     assert page.locator(".cm-content").get_attribute("contenteditable") == "false"
     page.get_by_role("button", name="Keep", exact=True).click()
-    expect(page.get_by_text("is kept, version")).to_be_visible()
+    told(page, "is kept, version")
     address = page.url
     again = child.new_page()
     go(again, address)
@@ -427,8 +435,9 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     assert said in Pupil(again).blocks("text_print")
     again.close()
     to_python = "[...document.querySelectorAll('.ms-blocks-switch button')].at(-1)"
-    pressed = f"{to_python}.click(), [document.querySelector('#ms-blocks').hidden, msbotBlocks.isShown()]"
-    assert page.evaluate(pressed) == [True, False], (
+    seen = "[document.querySelector('#ms-blocks').hidden, msbotBlocks.isShown()]"
+    pressed = f"() => ({CLICK})({to_python}) && {seen}"
+    assert page.wait_for_function(pressed).json_value() == [True, False], (
         "blocks take no key and write nothing, before the robot has answered"
     )
     expect(page.get_by_text("Text does not turn into blocks. The blocks are kept as they were")).to_be_visible()
@@ -488,12 +497,7 @@ def test_blocks_that_come_late_write_over_nothing(desk: Pupil) -> None:
     # On the page: typed while they are on their way.
     desk.expect_text(made + "# mine")
     page.get_by_role("button", name="Blocks", exact=True).click()
-    # A notification goes by itself after 10 s, which a page that is grey on a busy computer can take to be looked at.
     page.evaluate(f"""() => {{
-        window.told = "";
-        new MutationObserver(() => {{
-            for (const one of document.querySelectorAll(".q-notification")) told += one.textContent;
-        }}).observe(document.body, {{ childList: true, subtree: true }});
         const show = msbotBlocks.show;
         msbotBlocks.show = (...all) => {{
             msbotBlocks.show = show;
@@ -503,7 +507,7 @@ def test_blocks_that_come_late_write_over_nothing(desk: Pupil) -> None:
         }};
     }}""")
     page.get_by_role("button", name="Back to the blocks").click()
-    page.wait_for_function("told.includes('The text has been changed since it was made of blocks.')")
+    told(page, "The text has been changed since it was made of blocks.")
     assert page.evaluate(TEXT) == made + "# mine and more"
     expect(page.locator(".cm-content")).to_have_attribute("contenteditable", "true")
     page.get_by_role("button", name="Blocks", exact=True).click()
@@ -531,10 +535,10 @@ def test_blocks_that_cannot_be_shown_leave_their_python(desk: Pupil, track: Site
             continue
         # On the page: what cannot be read, and what cannot be put in.
         go(page, f"{track.base}/program?name={name}")
-        expect(page.locator(".q-notification").filter(has_text=sentence)).to_be_visible()
+        told(page, sentence)
         assert page.evaluate(TEXT) == "print(1)\n"
         page.get_by_role("button", name="Keep", exact=True).click()
-        expect(page.get_by_text(f"{name} is kept, version")).to_be_visible()
+        told(page, f"{name} is kept, version")
         assert desk.kept(name) == {"text": "print(1)\n", "blocks": kept}, "and the blocks are as they were"
 
 

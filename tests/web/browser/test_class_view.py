@@ -14,7 +14,7 @@ from msbot.school.access import AccessBook, FarAccess
 from tests.e2e.processes import run, running
 from tests.operations.stage import put_database
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import free_port, go, link_in, new_page
+from tests.web.browser.conftest import free_port, go, link_in, new_page, told
 
 
 def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_one_blueprint_goes_to_many_robots_and_back(browser: Browser, tmp_path: 
         expect(page.locator("a.slot, div.slot").filter(has_text="MSBOT_MASTER")).to_have_count(3)
         page.get_by_role("button", name="One blueprint for many").click()
         page.get_by_role("button", name="Show what would change").click()
-        expect(page.get_by_text("Choose a blueprint first")).to_be_visible()
+        told(page, "Choose a blueprint first")
         page.get_by_label("Blueprint of the robot").click()
         page.get_by_role("option", name="MSBOT_MASTER X2").click()
         expect(page.get_by_text("Blueprint: MSBOT_MASTER X2")).to_be_visible()

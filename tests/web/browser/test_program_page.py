@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from msbot.web.language import COOKIE
 from tests.e2e.processes import run, running
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go, new_page
+from tests.web.browser.conftest import Site, go, new_page, told
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PASSWORD = "correct horse"
@@ -221,6 +222,27 @@ def test_an_endless_loop_is_told_and_ended(open_desk: Callable[..., Page]) -> No
     expect_said(page, "The program did not answer and was ended.")
 
 
+def test_a_machine_that_loads_slowly_is_no_function_that_does_not_end(
+    open_desk: Callable[..., Page], lesson: Site
+) -> None:
+    page = open_desk()
+
+    held: list[str] = []
+
+    def late(route: Route) -> None:
+        held.append(route.request.url)
+        time.sleep(4)
+        route.continue_()
+
+    page.context.route("**/program/home.js", late)
+    write(page, "print('begins')\n")
+    press(page, "Run")
+    expect_said(page, "begins")
+    page.context.unroute("**/program/home.js")
+    assert held
+    assert "does not end" not in page.locator("#ms-console").inner_text()
+
+
 def test_memory_without_end_is_an_error_of_the_program(open_desk: Callable[..., Page]) -> None:
     page = open_desk()
     write(page, "kept = []\nwhile True:\n    kept.append(bytes(1000000))\n")
@@ -278,7 +300,7 @@ def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page],
     expect(page.locator(".ms-prog-choice")).to_contain_text("program1.py")
     write(page, "print('first')\n")
     press(page, "Keep")
-    expect(page.get_by_text("program1.py is kept, version 2.")).to_be_visible()
+    told(page, "program1.py is kept, version 2.")
     write(page, "print('second')\n")
     press(page, "Run")
     expect_said(page, "second")
@@ -293,7 +315,7 @@ def test_a_program_is_kept_by_version_and_shared(open_desk: Callable[..., Page],
     assert link is not None
     other = open_desk(link[link.index("?") :], width=390, height=844)
     expect(other.locator(".cm-content")).to_contain_text("print('first')")
-    expect(other.get_by_text("A copy of program1.py by ada. Read it before you run it.")).to_be_visible()
+    told(other, "A copy of program1.py by ada. Read it before you run it.")
 
 
 def test_an_editor_looks_like_its_page(lesson: Site) -> None:
@@ -336,7 +358,7 @@ def test_what_is_typed_stays_while_lines_are_marked(open_desk: Callable[..., Pag
         expect(page.locator(".cm-line.ms-wrong-line")).to_have_count(line)
     assert page.evaluate(TEXT) == written
     page.get_by_role("button", name="Keep", exact=True).click()
-    expect(page.get_by_text("is kept, version")).to_be_visible()
+    told(page, "is kept, version")
     assert kept(page) == written, "and the robot has the same"
 
 
@@ -349,9 +371,11 @@ def kept(page: Page) -> str:
 
 def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(open_desk: Callable[..., Page]) -> None:
     page = open_desk()
+    page.wait_for_url("**/program?name=*")
+    before = page.url
     press(page, "More")
     page.get_by_text("New program", exact=True).click()
-    page.wait_for_function(f"{TEXT} !== ''")
+    page.wait_for_function("before => location.href !== before", arg=before)
     write(page, "one = 1\n")
     # What is under way when a connection breaks never arrives.
     page.evaluate("socket.io.engine.write = () => {}")
@@ -361,7 +385,7 @@ def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(o
     page.keyboard.press("Control+Home")
     page.keyboard.insert_text("zero = 0\n")
     press(page, "Keep")
-    expect(page.get_by_text("is kept, version")).to_be_visible()
+    told(page, "is kept, version")
     assert kept(page) == "zero = 0\none = 1\ntwo = 2\n"
     # Without Keep: a page is made anew before the server keeps what was typed into the one before.
     page.locator(".cm-content").click()
@@ -375,9 +399,9 @@ def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(o
     page.evaluate("window.isOld = true, socket.disconnect()")
     page.keyboard.insert_text("three = 3\n")
     page.wait_for_function(f"!window.isOld && window.did_handshake && {TEXT}.endsWith('two = 2\\nthree = 3\\n')")
-    expect(page.get_by_text("What you typed while the robot was out of reach is here again.")).to_be_visible()
+    told(page, "What you typed while the robot was out of reach is here again.")
     press(page, "Keep")
-    expect(page.get_by_text("is kept, version")).to_be_visible()
+    told(page, "is kept, version")
     assert kept(page) == "ero = 0\none = 1\ntwo = 2\nthree = 3\n"
 
 

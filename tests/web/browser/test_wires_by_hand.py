@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from msbot.web.svg.plots import STATE_COLOURS
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go, new_page, undo_newest
+from tests.web.browser.conftest import Site, again_until, call, go, new_page, told, undo_newest
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page) -> None
     expect(name).to_be_focused()
     name.fill("obstacle")
     page.keyboard.press("Enter")
-    expect(page.get_by_role("alert").filter(has_text="There is a topic obstacle already")).to_be_visible()
+    told(page, "There is a topic obstacle already")
     name.fill("grab")
     page.keyboard.press("Enter")
     expect(port(page, "horn.on (Switch): hears grab")).to_be_visible()
@@ -45,7 +46,7 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page) -> None
     undo_newest(page)  # leaving one topic and hearing the other is one change
     expect(port(page, "horn.on (Switch): hears grab")).to_be_visible()
     port(page, "knob.level (Level)").drag_to(port(page, "horn.on (Switch)"))
-    expect(page.get_by_role("alert").filter(has_text="knob.level carries Level, horn.on carries")).to_be_visible()
+    told(page, "knob.level carries Level, horn.on carries")
     port(page, "bumper.near (Switch)").drag_to(port(page, "horn.on (Switch)"))
     expect(horn).to_be_visible()
     horn.focus()
@@ -53,6 +54,16 @@ def test_wires_are_drawn_by_keyboard_and_by_mouse_and_undone(page: Page) -> None
     expect(port(page, "horn.on (Switch): not wired")).to_be_visible()
     undo_newest(page)
     expect(port(page, "horn.on (Switch): hears obstacle")).to_be_visible()
+
+
+def test_a_part_that_goes_changes_the_colour_of_its_box_and_takes_nobody_the_focus(page: Page) -> None:
+    hand, box = port(page, "hand.holding (Switch)"), page.locator("[data-box=horn]").first
+    expect(box).to_have_attribute("stroke", STATE_COLOURS["active"])
+    hand.focus()
+    for is_plugged, state in ((False, "lost"), (True, "active")):
+        assert call(page, "PUT", "/api/sim/horn/plugged", {"value": is_plugged}) == 200
+        expect(box).to_have_attribute("stroke", STATE_COLOURS[state])
+    expect(hand).to_be_focused()
 
 
 def test_a_new_topic_is_dragged_named_and_taken_back_at_once(page: Page) -> None:
@@ -76,14 +87,18 @@ def test_a_new_topic_is_dragged_named_and_taken_back_at_once(page: Page) -> None
 
 
 def test_a_slot_is_made_by_keyboard_and_taken_back(page: Page) -> None:
-    page.get_by_role("button", name="New slot").focus()
-    page.keyboard.press("Enter")
     search, name = page.get_by_label("Search"), page.get_by_label("Name of the slot")
-    expect(search).to_be_focused()
+
+    def ask() -> None:
+        if not search.is_visible():
+            page.get_by_role("button", name="New slot").focus()
+            page.keyboard.press("Enter")
+
+    again_until(ask, lambda ms: expect(search).to_be_focused(timeout=ms))
     page.keyboard.type("nothing like it")
     expect(page.get_by_text("No part type fits these words")).to_be_visible()
     page.get_by_role("button", name="Make the slot").click()
-    expect(page.get_by_role("alert").filter(has_text="Choose a part type first.")).to_be_visible()
+    told(page, "Choose a part type first.")
     search.fill("SG90")
     expect(page.get_by_role("radio")).to_have_count(1)
     search.press("Enter")

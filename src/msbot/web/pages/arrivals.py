@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from fastapi import Request
 from nicegui import ui
@@ -156,9 +156,7 @@ def _deeds(page: Page, part: PartLine) -> None:
         ui.button(page.say("Adopt"), icon="add_circle", on_click=partial(adopt, page, name)).props("color=positive")
     if page.may(Right.ARRANGE):
         with ui.button(page.say("Adopt into slot …"), icon="add_link").props("outline") as into:
-            menu = ui.menu()
-        into.on_click(partial(_offer_slots, page, part, menu))  # as they are then, not when the part came
-        _offer_slots(page, part, menu)
+            into.on_click(_Offers(page, part).show)  # as they are then, not when the part came
         ui.button(page.say("Ignore"), on_click=lambda: page.act("ignore", part=name)).props("flat")
         if part.refusal == "blocked":
             ui.button(page.say("Unblock"), on_click=lambda: page.act("unblock", part=name)).props("flat")
@@ -206,23 +204,56 @@ def _offered(page: Page, offer: Offer) -> None:
     button.on_click(join)
 
 
-def _offer_slots(page: Page, part: PartLine, menu: ui.menu) -> None:
-    menu.clear()
-    free = page.service.views.free_slots(part.part_number)
-    part_type = page.service.views.library.find(part.part_number)
-    with menu:
+class _Offer(NamedTuple):
+    """A place for a part that waits."""
+
+    words: str
+    operation: str = ""
+    """Empty: it can only be read."""
+    arguments: tuple[tuple[str, Any], ...] = ()
+
+
+class _Offers:
+    """The menu with the places for a part. Its items stay the same ones as long as they would do the same.
+
+    A click takes its time to the server: on an item that had just been made anew it would be for nothing.
+    """
+
+    def __init__(self, page: Page, part: PartLine) -> None:
+        self._page, self._part = page, part
+        self._menu = ui.menu()
+        self._shown: list[_Offer] = []
+        self.show()
+
+    def show(self) -> None:
+        """Offer what is free now."""
+        wanted = list(self._wanted())
+        if wanted == self._shown:
+            return
+        self._shown = wanted
+        self._menu.clear()
+        with self._menu:
+            for offer in wanted:
+                if offer.operation:
+                    act = partial(self._page.act, offer.operation, **dict(offer.arguments))
+                    ui.menu_item(offer.words, act).props("role=menuitem")
+                else:
+                    ui.menu_item(offer.words).props("disable role=menuitem")
+
+    def _wanted(self) -> Iterator[_Offer]:
+        page, part = self._page, self._part
+        free = page.service.views.free_slots(part.part_number)
+        part_type = page.service.views.library.find(part.part_number)
         if part_type is not None and page.may(Right.DESIGN):
             taken = {card.name for card in page.service.robot().slots}
             new = free_name(slot_name(part_type.name), taken)
-            make = partial(page.act, "add_slot", slot=new, part=part_type.number)
-            ui.menu_item(page.say("Into a new slot, {name}", name=new), make).props("role=menuitem")
+            words = page.say("Into a new slot, {name}", name=new)
+            yield _Offer(words, "add_slot", (("slot", new), ("part", part_type.number)))
         if not free:
-            ui.menu_item(page.say("No slot is free: release or swap one.")).props("disable role=menuitem")
+            yield _Offer(page.say("No slot is free: release or swap one."))
         for card in free:
-            word = f"{card.name} · {card.part_number} · {page.say(card.state)}"
-            ui.menu_item(word, partial(page.act, "adopt", part=part.uid or part.client_key, slot=card.name)).props(
-                "role=menuitem"
-            )
+            words = f"{card.name} · {card.part_number} · {page.say(card.state)}"
+            yield _Offer(words, "adopt", (("part", part.uid or part.client_key), ("slot", card.name)))
 
 
 def _why(page: Page, part: PartLine) -> None:

@@ -40,6 +40,11 @@ _log = logging.getLogger(__name__)
 
 LOOK_S = 0.5
 """Period in which pages are refreshed."""
+BUILD_S = 30.0
+"""Longest time in which a page that waits while it is laid out must be there.
+
+NiceGUI's own 3 s were an error page on a slow computer.
+"""
 CHECK_S = 3.0
 """Longest time that a page stays open after its person was signed out elsewhere, or removed."""
 

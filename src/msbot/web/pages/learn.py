@@ -15,7 +15,7 @@ from msbot.operations.rights import Right
 from msbot.web.html import render
 from msbot.web.learning import text_html
 from msbot.web.pages.easy import read_easily
-from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.layout import BUILD_S, Page, page_frame
 from msbot.web.pages.page_elements import ask_first, heading, panel, set_html
 from msbot.web.service import Service
 
@@ -33,7 +33,7 @@ def register(service: Service) -> None:
             _Shelf(page)
             _Progress(page)
 
-    @ui.page("/learn/certificate/{lesson}")
+    @ui.page("/learn/certificate/{lesson}", response_timeout=BUILD_S)
     async def certificate(request: Request, lesson: str) -> None:
         with page_frame(service, request, "/learn", "Certificate") as page:
             try:

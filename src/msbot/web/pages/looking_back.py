@@ -52,6 +52,8 @@ class LookingBack:
         ui.html(render("look_back", say=page.say), sanitize=False).classes("w-full ms-moment-place")
         ui.on("ms_moment", self._asked)
         ui.run_javascript(f"msbotMoment.begin({json.dumps(self._setup())})")
+        if page.client is not None:
+            page.client.on_connect(self._tell_clock)
         page.later(self._arrive(_moment_of(at)))
 
     def on_change(self, listener: Callable[[float | None], object]) -> None:
@@ -125,6 +127,10 @@ class LookingBack:
             listener(at_s)
         page.refresh()
         self._tell()
+
+    def _tell_clock(self) -> None:
+        """The browser hears nothing before it is connected: a time that was stamped earlier is late by the loading."""
+        ui.run_javascript(f"msbotMoment.clock({time.time() * 1e3})")
 
     def _tell(self, trouble: str = "") -> None:
         if not self._page.is_gone:

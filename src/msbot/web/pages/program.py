@@ -21,7 +21,7 @@ from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import Markup, render
 from msbot.web.pages.arrivals import adopt
-from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.layout import BUILD_S, Page, page_frame
 from msbot.web.pages.page_elements import show_dialog
 from msbot.web.pages.program_blocks import ProgramBlocks
 from msbot.web.pages.program_words import program_words
@@ -46,7 +46,7 @@ _MOST_TYPED = 2 * (MAX_PROGRAM + MAX_BLOCKS)
 def register(service: Service) -> None:
     """Make the page known."""
 
-    @ui.page("/program")
+    @ui.page("/program", response_timeout=BUILD_S)
     async def program(request: Request, name: str = "", shared: str = "") -> None:
         with page_frame(service, request, "/program", "Program") as page:
             if not page.may(Right.JOIN):
@@ -145,7 +145,8 @@ class _Desk:
                 ui.notify(page.say(str(error)), type="negative", timeout=10_000)
             else:
                 await self._show(name, source)
-                ui.notify(page.say("A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner))
+                words = page.say("A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner)
+                ui.notify(words, timeout=10_000)
                 return
         wanted = name or self._first()
         if wanted not in (*self._mine, *examples()):

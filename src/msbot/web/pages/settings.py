@@ -11,7 +11,7 @@ from nicegui.events import UploadEventArguments
 from msbot.errors import MsbotError
 from msbot.operations.rights import Right
 from msbot.web.html import render
-from msbot.web.pages.layout import Page, page_frame
+from msbot.web.pages.layout import BUILD_S, Page, page_frame
 from msbot.web.pages.page_elements import file_button, heading
 from msbot.web.pages.values import values_panel
 from msbot.web.service import MAX_BLUEPRINT, Service
@@ -23,7 +23,7 @@ MOST_FORMS = 40
 def register(service: Service) -> None:
     """Make the page known."""
 
-    @ui.page("/settings")
+    @ui.page("/settings", response_timeout=BUILD_S)
     async def settings(request: Request) -> None:
         with page_frame(service, request, "/settings", "Settings") as page:
             with ui.tabs().props("align=left no-caps") as tabs:

@@ -17,7 +17,7 @@ from msbot.web.pages.slots_by_hand import ask_for_slot, ask_to_take_out
 from msbot.web.pages.topics_by_hand import join, say_misfit
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
-from msbot.web.svg.wiring_graph import rate_words, wiring_svg
+from msbot.web.svg.wiring_graph import box_colour, rate_words, wiring_svg
 
 
 def register(service: Service) -> None:
@@ -38,6 +38,7 @@ class _Drawing:
         self._page = page
         self._shown: object = None
         self._rates: dict[str, tuple[str, bool]] = {}
+        self._colours: dict[str, str] = {}
         self._may_change = page.may(Right.DESIGN)
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row spread"):
@@ -73,10 +74,11 @@ class _Drawing:
             one.set_visibility(may_change)
         topics, ports = sight.topics(), sight.ports()
         states = {card.name: card.state for card in sight.robot().slots}
-        wiring = (may_change, is_past, [(one.topic, one.publishers, one.subscribers) for one in topics], ports, states)
+        colours = {slot: box_colour(state) for slot, state in states.items()}
+        wiring = (may_change, is_past, [(one.topic, one.publishers, one.subscribers) for one in topics], ports)
         rates = {one.topic: (rate_words(one, self._page.language, is_past=is_past), one.rate_hz > 0) for one in topics}
         if wiring != self._shown:
-            self._shown, self._rates = wiring, rates
+            self._shown, self._rates, self._colours = wiring, rates, colours
             drawing = wiring_svg(topics, ports, states, self._page.language, may_change=may_change, is_past=is_past)
             self._element.set_content(drawing)
             return
@@ -84,6 +86,10 @@ class _Drawing:
         if changed:
             self._rates.update(changed)
             ui.run_javascript(f"msbotRates({json.dumps(changed)})")
+        other = {slot: colour for slot, colour in colours.items() if self._colours.get(slot) != colour}
+        if other:
+            self._colours = colours
+            ui.run_javascript(f"msbotBoxes({json.dumps(other)})")
 
     def _save(self) -> None:
         sight = self._page.sight

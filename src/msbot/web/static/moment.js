@@ -105,5 +105,12 @@ const msbotMoment = (() => {
     tell();
   }
 
-  return { begin: start, show, hide, reading };
+  // What time it is on the robot's computer: the setup that the slider began with was written before the page was loaded.
+  function clock(its) {
+    if (!part()) return setTimeout(() => clock(its), 30);
+    ahead = its - Date.now();
+    tell();
+  }
+
+  return { begin: start, show, hide, reading, clock };
 })();

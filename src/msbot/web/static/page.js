@@ -11,7 +11,7 @@ const msbot = (() => {
   const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, RELOAD_MS = 8000, TWICE_MS = 800;
   const KEPT_MS = 30000; // As long the server keeps a page for its websocket to come back.
   let heardAt = Date.now(), lookedAt = Date.now(), hasSocket = false, socketAt = Date.now(), isAsking = false;
-  let isDead = false, stopTimer = null, escapeAt = 0;
+  let isDead = false, stopTimer = null, escapeAt = -Infinity;
 
   const words = (name) => document.getElementById("ms-stop").dataset[name];
 
@@ -80,11 +80,11 @@ const msbot = (() => {
 
   function key(event) {
     if (event.key !== "Escape" || event.repeat) return;
-    const now = Date.now();
-    if (now - escapeAt <= TWICE_MS) {
-      escapeAt = 0;
+    // When it was pressed, not when a busy page comes to it: two that were quick enough are STOP, however late.
+    if (event.timeStamp - escapeAt <= TWICE_MS) {
+      escapeAt = -Infinity;
       stop();
-    } else escapeAt = now;
+    } else escapeAt = event.timeStamp;
   }
 
   // What is clicked while the robot does not answer would be done whenever it goes on again: a GO, too.

@@ -99,6 +99,13 @@ function msbotWires(root, tell) {
   });
 }
 
+// The edges of slots whose state is another one now: {slot: colour}.
+function msbotBoxes(colours) {
+  for (const box of document.querySelectorAll("[data-box]")) {
+    if (box.dataset.box in colours) box.setAttribute("stroke", colours[box.dataset.box]);
+  }
+}
+
 // How often each topic comes now, without drawing the wires anew: {topic: [words, is it busy]}.
 function msbotRates(rates) {
   for (const [topic, [words, busy]] of Object.entries(rates)) {

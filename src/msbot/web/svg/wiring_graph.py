@@ -70,6 +70,11 @@ def rate_words(topic: TopicLine, language: Language, *, is_past: bool = False) -
     return f"{topic.type_name} · {language.number(topic.rate_hz, '.1f')} Hz · {samples}"
 
 
+def box_colour(state: str) -> str:
+    """The edge of a slot in that state."""
+    return STATE_COLOURS.get(state, "#888")
+
+
 def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language) -> _Column:
     column = _Column([], {}, _GAP)
     by_slot: dict[str, list[WirePort]] = {}
@@ -89,7 +94,7 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, langua
         height = _HEAD + _PORT * len(own) + 8
         column.boxes.append({
             "x": x, "y": round(top), "height": height, "full": slot, "name": shortened(slot, 16),
-            "colour": STATE_COLOURS.get(states.get(slot, "empty"), "#888"), "ports": lines,
+            "colour": box_colour(states.get(slot, "empty")), "ports": lines,
             "take_out": language.say("Take slot {slot} out", slot=slot),
         })  # fmt: skip
         column.height += height + _GAP

@@ -2,7 +2,7 @@
 // needs the server while a program runs; texts from the program are shown as text, never as HTML.
 
 const msbotProgram = (() => {
-  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed", FRESH_MS = 10000;
+  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed", FRESH_MS = 60000;
   let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
   let begun = 0, tellOpened = null, held = "", person = "";
   const isOpened = new Promise((done) => { tellOpened = done; });
@@ -200,7 +200,6 @@ const msbotProgram = (() => {
     worker.onmessage = ({ data }) => { if (worker === one) heard(data); };
     worker.onerror = (event) => { if (worker === one) { line("error", event.message || say("noFiles"), 0); finish(); } };
     askedAt = null;
-    watch = setInterval(look, PING_MS);
     worker.postMessage({
       do: "hold", on: held !== "",
     });
@@ -212,6 +211,8 @@ const msbotProgram = (() => {
   }
 
   function heard(data) {
+    // What comes before, loading the VM, may take long, and is no function of the program.
+    if (data.ready) watch = setInterval(look, PING_MS);
     if (data.pong) {
       askedAt = null; // in a hidden tab pings are rare, answers are not
       isStuck = false;

@@ -119,6 +119,7 @@ onmessage = async ({ data }) => {
   } else if (data.do === "run") {
     address = data.address;
     home = await openHome(data.base, data.files, tell);
+    postMessage({ ready: true });
     if (data.device) ask({ do: "device", values: data.device });
     const started = ask({ do: "start", program: data.program, name: data.name, uid: data.uid, now: now(), live: true });
     if (started === null) return;
