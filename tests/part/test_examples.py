@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import open_blueprint, write_sample
-from tests.part.test_run import master_on_udp, until
+from tests.part.test_run import complaints, master_on_udp, until
 from tests.part.wire import publishes, subscribes
 
 ROOT = Path(__file__).parents[2]
@@ -71,13 +71,12 @@ async def test_every_example_joins_a_robot_and_ends_on_ctrl_c(tmp_path: Path) ->
             )
             for example in EXAMPLES
         ]
-        fetched = lambda: [kind for kind, _ in master.requests].count("configuration") == len(EXAMPLES)  # noqa: E731
-        await until(fetched)
+        await until(lambda: len(master.configured) == len(EXAMPLES))
         listener = processes[2].stdout
         assert listener is not None
         assert await asyncio.wait_for(listener.readline(), 20.0) == b"Publisher A(1) turn-on 3\n"
         for process in processes:
             process.send_signal(signal.SIGINT)
         ends = [await process.communicate() for process in processes]
-        assert [err for _, err in ends] == [b""] * len(EXAMPLES)
+        assert [complaints(err) for _, err in ends] == [[]] * len(EXAMPLES)
         assert [process.returncode for process in processes] == [0] * len(EXAMPLES)

@@ -16,6 +16,9 @@ from msbot.part.part import Part
 from msbot.part.run import run
 from tests.part.wire import SmallMaster, publishes
 
+OF_A_BUSY_COMPUTER = ("still looking", "does not answer part", "no master says which robot", "cannot beat meanwhile")
+"""What a part rightly says when it, or its master, stands still for seconds."""
+
 TWO = {"ABCD": [publishes("out", "T")], "EFGH": [publishes("out", "U")]}
 
 PROGRAM = """
@@ -54,6 +57,11 @@ async def until(condition: Callable[[], bool]) -> None:
             await asyncio.sleep(0.01)
 
 
+def complaints(err: bytes) -> list[str]:
+    """What a program has said on stderr, without what it says on a computer that is too busy."""
+    return [line for line in err.decode().splitlines() if not any(words in line for words in OF_A_BUSY_COMPUTER)]
+
+
 async def start(
     tmp_path: Path, link: str, *options: str, port: str = "out", numbers: str = "A"
 ) -> asyncio.subprocess.Process:
@@ -73,15 +81,13 @@ async def start(
 async def test_a_program_joins_over_udp_and_ends_politely_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
     async with master_on_udp(TWO) as (master, link):
         process = await start(tmp_path, link, "--quiet", numbers="AE")
-        await until(
-            lambda: len(master.parts) == 2 and [kind for kind, _ in master.requests].count("configuration") == 2
-        )
+        await until(lambda: len(master.configured) == 2)
         assert len(master.agent.clients()) == 3
         process.send_signal(number)
         out, err = await process.communicate()
         assert process.returncode == 0
         assert sorted(out.decode().split("\n")) == ["", "ABCD ended", "EFGH ended"]
-        assert err == b""
+        assert complaints(err) == []
         assert len(master.agent.clients()) == 1
         assert sorted(path.name for path in (tmp_path / "msbot/uid").iterdir()) == ["ABCD.ABCD", "EFGH.EFGH"]
 
@@ -92,7 +98,7 @@ async def test_a_wrong_port_is_one_sentence_and_status_2(tmp_path: Path) -> None
         _, err = await process.communicate()
         assert process.returncode == 2
         what = "there is no port 'outt' to publish on; bound in this robot: out (publish HelloWorld)"
-        assert err.decode() == f"program.py:9 in tick: {what}\n"
+        assert complaints(err) == [f"program.py:9 in tick: {what}"]
 
 
 async def test_the_story_of_the_part_is_told_unless_quiet(tmp_path: Path) -> None:
@@ -101,7 +107,7 @@ async def test_the_story_of_the_part_is_told_unless_quiet(tmp_path: Path) -> Non
         await until(lambda: ("configuration", "ABCD") in master.requests)
         process.send_signal(signal.SIGINT)
         _, err = await process.communicate()
-        told = [line.partition(" ")[2] for line in err.decode().splitlines()]
+        told = [line.partition(" ")[2] for line in complaints(err)]
         assert told[:2] == [
             "ABCD is recognising: agent found, waiting for the robot's profile",
             "ABCD is claiming: recognised robot MSBOT_MASTER",

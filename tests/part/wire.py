@@ -176,6 +176,8 @@ class SmallMaster:
         """(what was asked, part number or "") in order."""
         self.parts: dict[int, str] = {}
         """Lease -> part number."""
+        self.configured: set[int] = set()
+        """Client keys that have fetched their configuration: a part repeats what is not answered in time."""
         self.nonce: bytes | None = None
         """Answer claims with this challenge."""
         self.proofs: list[bytes] = []
@@ -270,6 +272,7 @@ class SmallMaster:
             case plug.ConfigurationRequest(lease=lease):
                 number = self.parts.get(lease, "")
                 self.requests.append(("configuration", number))
+                self.configured.add(key)
                 return plug.ConfigurationMessage(
                     version=self.version,
                     slot=f"slot of {number}",

@@ -14,9 +14,12 @@ from sqlalchemy import Engine, create_engine, make_url, text
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.tables import metadata
+from msbot.registry.registry import BUSY_TIMEOUT_S
 from tests.registry.postgres import MISSING, NEEDED, find_server, running_server
 
 BACKENDS = ("sqlite", "postgresql")
+SERVER_S = 30.0
+"""How long connecting to a server may take, be this machine ever so busy."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -80,7 +83,7 @@ def server_database(server: str) -> str:
     engine = create_engine(_url(server.format("postgres")), isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
         connection.execute(text("CREATE DATABASE pattern"))
-        open_registry(server.format("pattern")).close()
+        open_registry(server.format("pattern"), busy_timeout_s=SERVER_S).close()
         connection.execute(text("CREATE DATABASE robot TEMPLATE pattern"))
     engine.dispose()
     return server.format("robot")
@@ -116,8 +119,9 @@ def address(request: pytest.FixtureRequest, backend: str) -> str:
 
 
 @pytest.fixture
-def registry(address: str, epoch_ns: Callable[[], int]) -> Iterator[Registry]:
-    with open_registry(address, epoch_ns=epoch_ns) as registry:
+def registry(address: str, backend: str, epoch_ns: Callable[[], int]) -> Iterator[Registry]:
+    patience_s = SERVER_S if backend == "postgresql" else BUSY_TIMEOUT_S
+    with open_registry(address, epoch_ns=epoch_ns, busy_timeout_s=patience_s) as registry:
         yield registry
 
 

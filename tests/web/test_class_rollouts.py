@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -28,6 +27,7 @@ from msbot.web.class_rollouts import ClassRollOuts
 from msbot.web.records import no_records
 from tests.operations.stage import put_database
 from tests.web.access.test_accounts import PlainHasher, user
+from tests.web.refusing import refusing_port
 
 EXTRA = SAMPLE_ROBOT_TOML + '\n[[slot]]\nname = "extra"\npart = "RELAY-1"\n'
 NAME = "MSBOT_MASTER"
@@ -36,8 +36,9 @@ NAME = "MSBOT_MASTER"
 class Room:
     """A database with the robots X1 and X2, neither of which runs, and an access to X9, which is away."""
 
-    def __init__(self, folder: Path, read: Read | None = directly) -> None:
+    def __init__(self, folder: Path, away: str, read: Read | None = directly) -> None:
         self.folder = folder
+        self.away = away
         self.address = str(folder / "robot.db")
         self.library = load_library()
         put_database(folder / "robot.db")
@@ -46,8 +47,6 @@ class Room:
             for number in (1, 2):
                 text = SAMPLE_ROBOT_TOML.replace(serial, f'serial_number = "X{number}"')
                 registry.robots.apply_blueprint(parse_blueprint(text, self.library), self.library)
-        with socket.create_server(("127.0.0.1", 0)) as closed:
-            self.away = f"http://127.0.0.1:{closed.getsockname()[1]}"
         accesses = AccessBook(folder)
         accesses.keep(FarAccess(self.away, "msbot_x", NAME, "X9"))
         self.book = RollOutBook(folder)
@@ -103,9 +102,10 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[
 
     def run(scene: Callable[[Room], Awaitable[None]]) -> None:
         async def whole() -> None:
-            await scene(Room(tmp_path))
+            await scene(Room(tmp_path, f"http://127.0.0.1:{port}"))
 
-        asyncio.run(whole())
+        with refusing_port() as port:
+            asyncio.run(whole())
 
     return run
 
@@ -155,7 +155,7 @@ def test_the_blueprint_of_one_robot_is_given_to_the_others(play: Play) -> None:
 
 def test_another_process_opens_the_database(play: Play) -> None:
     async def scene(here: Room) -> None:
-        room = Room(here.folder, read=None)
+        room = Room(here.folder, here.away, read=None)
         pattern = await room.doing.pattern(room.teacher, "more.toml", EXTRA)
         try:
             await room.doing.begin(room.teacher, pattern, await room.doing.plan(room.teacher, pattern, room.ours))

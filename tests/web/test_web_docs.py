@@ -34,7 +34,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 
 def test_the_reference_lists_every_call_and_no_other(site: Site) -> None:
-    schema = httpx.get(f"{site.base}/openapi.json").json()
+    schema = httpx.get(f"{site.base}/openapi.json", timeout=30).json()
     there = {f"{method.upper()} {path}" for path, calls in schema["paths"].items() for method in calls}
     assert set(re.findall(r"^\| `([A-Z]+ /api/\S+)` \|", REFERENCE, re.MULTILINE)) == there
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from msbot.web.far_robots import FarRobots, FarStop
 from msbot.web.local_masters import StopForAll
 from msbot.web.pages.classroom import _natural, _state_of
 from msbot.web.whole_class import together, with_far
+from tests.web.refusing import refusing_port
 
 DATABASE = "postgresql://server/robots"
 PAGE = "http://10.0.0.2:8080"
@@ -77,9 +77,12 @@ def test_one_stop_counts_only_what_was_said_and_names_the_rest() -> None:
 
 
 def test_a_look_is_shared_and_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as closed:
-        address = f"http://127.0.0.1:{closed.getsockname()[1]}"
-    book, now = AccessBook(tmp_path), 0.0
+    with refusing_port() as port:
+        look_at_one_that_is_away(tmp_path, f"http://127.0.0.1:{port}")
+
+
+def look_at_one_that_is_away(folder: Path, address: str) -> None:
+    book, now = AccessBook(folder), 0.0
     book.keep(FarAccess(address, "t", "R", "1"))
 
     async def scene() -> None:

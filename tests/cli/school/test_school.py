@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import socket
+import re
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -20,6 +20,7 @@ from msbot.registry import open_registry
 from msbot.runtime.stop_datagram import GROUP_VARIABLE, IS_THERE
 from msbot.school.access import AccessBook, FarAccess
 from tests.e2e.processes import PATIENCE_S, run, running
+from tests.web.refusing import refusing_port
 
 pytestmark = pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")
 
@@ -30,18 +31,14 @@ def ask(*words: str) -> tuple[int, str, str]:
     return done.exit_code, done.stdout, str(done.exception or "")
 
 
-def free_port() -> int:
-    with socket.socket() as bound:
-        bound.bind(("127.0.0.1", 0))
-        port: int = bound.getsockname()[1]
-        return port
-
-
 class School:
     """X1 runs here, X2 as if on another computer, X3 is in robot.db and does not run; X4 has gone."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, away: str) -> None:
         self.folder = folder
+        self.page = ""
+        """The page of X2, once it runs."""
+        self.away = away
         serial = next(line for line in SAMPLE_ROBOT_TOML.splitlines() if line.startswith("serial_number"))
         library = load_library()
         for number, name in ((1, "robot1"), (2, "robot2"), (3, "robot")):
@@ -49,8 +46,6 @@ class School:
             (folder / f"{name}.toml").write_text(text)
             with open_registry(str(folder / f"{name}.db")) as registry:
                 registry.robots.apply_blueprint(parse_blueprint(text, library), library)
-        self.page = f"http://127.0.0.1:{free_port()}"
-        self.away = f"http://127.0.0.1:{free_port()}"
         self.token = self.new_token("lab", "teacher")
 
     def new_token(self, name: str, role: str) -> str:
@@ -77,17 +72,19 @@ def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[School]:
         for name, value in here.items():
             patch.setenv(name, str(value))
         patch.chdir(folder)
-        made = School(folder)
-        port = made.page.rpartition(":")[2]
+        made = School(folder, f"http://127.0.0.1:{stack.enter_context(refusing_port())}")
         elsewhere = {"XDG_RUNTIME_DIR": str(far), GROUP_VARIABLE: f"{os.getpid()}far"}
         masters = [
             stack.enter_context(running("master", "robot1.toml", "--no-page", "--link", "sim:school1", cwd=folder)),
             stack.enter_context(
-                running("master", "robot2.toml", "--port", port, "--link", "sim:school2", cwd=folder, env=elsewhere)
+                running("master", "robot2.toml", "--port", "0", "--link", "sim:school2", cwd=folder, env=elsewhere)
             ),
         ]
-        for master, words in zip(masters, ("is up on", "The page is at"), strict=True):
-            master.wait_for(words)
+        masters[0].wait_for("is up on")
+        line = masters[1].wait_for("The page is at")
+        found = re.search(r"https?://[^/\s]+", line)
+        assert found is not None, line
+        made.page = found[0]
         patch.setenv("MSBOT_TOKEN", made.token)
         status, said, error = ask("join", made.page)
         assert status == 0, error

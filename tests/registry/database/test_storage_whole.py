@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import product
@@ -151,13 +152,38 @@ def test_while_the_cable_is_out_nothing_is_read_or_stored_and_nothing_is_lost(ou
         assert (storage.read(count), storage.change(count), storage.health) == (1, 1, StorageHealth(None, 0, 0))
 
 
+LIMIT_S = 60.0
+"""Longer than a busy computer lets a thread stand still: what shall succeed is in time."""
+
+
+def time_flies(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """A call that puts the loop's clock forward: a limit is over when the test says so, however busy all is."""
+    loop, ahead_s = asyncio.get_running_loop(), 0.0
+    real = loop.time
+    monkeypatch.setattr(loop, "time", lambda: real() + ahead_s)
+
+    def fly(seconds: float) -> None:
+        nonlocal ahead_s
+        ahead_s += seconds
+
+    return fly
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    latest = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < latest
+        await asyncio.sleep(0.001)
+
+
 async def test_who_reads_too_long_is_let_go_and_many_of_them_keep_others_out_only_while_they_last(
     ours: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = 100.0
     monkeypatch.setattr(storage_module, "monotonic", lambda: now)
-    monkeypatch.setattr(storage_module, "LIMIT_S", 1 / 64)
-    release = threading.Event()
+    monkeypatch.setattr(storage_module, "LIMIT_S", LIMIT_S)
+    fly = time_flies(monkeypatch)
+    release, hanging = threading.Event(), list[int]()
     words = f"the database {ours} does not answer: try again in a moment"
 
     async def told(ask: Callable[..., Any], *arguments: object, **named: object) -> str:
@@ -168,42 +194,55 @@ async def test_who_reads_too_long_is_let_go_and_many_of_them_keep_others_out_onl
     def fail(*, why: str) -> None:
         raise RegistryError(why)
 
+    def hang(number: int) -> None:
+        hanging.append(number)
+        release.wait(LIMIT_S)
+
     with opened(ours) as storage:
         assert await storage.in_time(dict, [("one", 1)], other=2) == {"one": 1, "other": 2}
         assert await told(fail, why="no such slot") == "no such slot"
-        assert await asyncio.gather(*(told(release.wait, 30) for _ in range(4))) == [words] * 4
+        four = [asyncio.create_task(told(hang, number)) for number in range(4)]
+        await until(lambda: len(hanging) == 4)
+        fly(LIMIT_S)
+        assert await asyncio.gather(*four) == [words] * 4
         assert len(storage._asking) == 4
-        now += 1 / 64  # all four are busy for as long as anybody waits: one more may still try
-        assert await told(lambda: None) == words
+        now += LIMIT_S  # all four are busy for as long as anybody waits: one more may still try
+        fifth = asyncio.create_task(told(lambda: None))
+        await until(lambda: len(storage._asking) == 5)
+        fly(LIMIT_S)
+        assert await fifth == words
         assert len(storage._asking) == 4, "what nobody waits for any more, and nobody serves, does not count"
         now += 1 / 64  # longer: whoever comes now would wait in vain
         asked = storage._asked
         assert await told(lambda: None) == words
         assert storage._asked == asked, "it was not even put in the queue"
         release.set()
-        while storage._asking:  # noqa: ASYNC110 - a thread makes no sound
-            await asyncio.sleep(0)
+        await until(lambda: not storage._asking)
         assert await storage.in_time(lambda: "again") == "again"
 
 
 async def test_what_fails_after_its_reader_was_let_go_is_no_error_of_the_program(
     ours: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(storage_module, "LIMIT_S", 1 / 64)
-    release = threading.Event()
+    monkeypatch.setattr(storage_module, "LIMIT_S", LIMIT_S)
+    fly = time_flies(monkeypatch)
+    is_asked, release = threading.Event(), threading.Event()
     told: list[object] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: told.append(context))
 
     def fail() -> None:
-        assert release.wait(30)
+        is_asked.set()
+        assert release.wait(LIMIT_S)
         raise RegistryError("the disk is gone")
 
     with opened(ours) as storage:
+        asking = asyncio.create_task(storage.in_time(fail))
+        await until(is_asked.is_set)
+        fly(LIMIT_S)
         with pytest.raises(RegistryError, match="does not answer: try again in a moment"):
-            await storage.in_time(fail)
+            await asking
         release.set()
-        while storage._asking:  # noqa: ASYNC110 - a thread makes no sound
-            await asyncio.sleep(0)
+        await until(lambda: not storage._asking)
         assert await storage.in_time(lambda: "again") == "again"
     for _ in range(3):
         await asyncio.sleep(0)

@@ -10,6 +10,7 @@ from threading import Event
 import pytest
 from sqlalchemy import Connection, Engine, event, text
 
+from msbot.registry.database import writer as writer_module
 from msbot.registry.database.engine import make_engine, parse_address, use_write_ahead_log
 from msbot.registry.database.writer import Note, Writer
 
@@ -186,7 +187,8 @@ def test_when_too_many_wait_the_oldest_is_given_up_and_counted(engine: Engine, p
     assert _lines(path) == [0, 4, 5]
 
 
-def test_flush_gives_up_in_time(writer: Writer) -> None:
+def test_flush_gives_up_in_time(writer: Writer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "SILENT_S", 60.0)
     started, go_on = Event(), Event()
 
     def slow(connection: Connection) -> None:

@@ -9,19 +9,23 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic
+from typing import Any
 
 import pytest
-from sqlalchemy import Connection, Engine, text
+from sqlalchemy import URL, Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
 from msbot.config import Blueprint, Library
 from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import PartState
 from msbot.registry import LeaseLost, MasterLease, Registry, open_registry
+from msbot.registry.database import engine as engine_module
 from msbot.registry.running import master_lease, run_lock
 from tests.registry.events import changed
 
 PATIENCE_S = 90.0
+IDLE_MS = master_lease.IDLE_MS
+"""The real one."""
 
 
 @pytest.fixture(autouse=True)
@@ -32,11 +36,26 @@ def alarms(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return found
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is over by itself while this process, or the server, stands still: `expire` lets a lease be over."""
+    monkeypatch.setattr(master_lease, "TTL_S", 60.0)
+    monkeypatch.setattr(master_lease, "STILL_S", 60.0)
+    monkeypatch.setattr(master_lease, "IDLE_MS", 60_000)
+    slow_answers = "-c statement_timeout=60000 -c idle_in_transaction_session_timeout=60000"
+    monkeypatch.setattr(engine_module, "_QUICK_ANSWERS", slow_answers)
+
+    def create_patiently(url: URL, *, connect_args: dict[str, object], **options: Any) -> Engine:
+        return create_engine(url, connect_args={**connect_args, "connect_timeout": 60}, **options)
+
+    monkeypatch.setattr(engine_module, "create_engine", create_patiently)
+
+
 @pytest.fixture
 def opened(clean_server_database: str) -> Iterator[Callable[[], Registry]]:
     """Opens the same database as another master would."""
     with ExitStack() as stack:
-        yield lambda: stack.enter_context(open_registry(clean_server_database))
+        yield lambda: stack.enter_context(open_registry(clean_server_database, busy_timeout_s=30))
 
 
 def nobody_waits(words: str) -> None:
@@ -51,11 +70,18 @@ def expire(sweeper: Engine) -> None:
 
 def lasts(lease: MasterLease) -> bool:
     """Whether the lease is renewed, be this machine ever so busy."""
-    until = monotonic() + PATIENCE_S
-    ended = threading.Event()
-    while lease.left_s() == 0 and monotonic() < until:
-        ended.wait(0.05)
-    return lease.left_s() > 0
+    before, until = lease._valid_until, monotonic() + PATIENCE_S
+    while lease._valid_until == before and monotonic() < until:
+        lease.left_s()  # the master's loop turns
+        lease._ended.wait(0.05)
+    return lease._valid_until > before and lease.left_s() > 0
+
+
+def stand_still(lease: MasterLease) -> None:
+    """Nothing renews the lease any more, not even what is being renewed at the moment."""
+    lease.silent()
+    lease._thread.join(PATIENCE_S)
+    assert not lease._thread.is_alive()
 
 
 class Waiting:
@@ -102,7 +128,7 @@ def test_what_a_former_holder_wants_to_write_is_refused(
     robot = first.robots.apply_blueprint(blueprint, library)
     lease = first.runs.wait_for_lease(robot, nobody_waits)
     store = first.runs.begin(robot)
-    lease.silent()  # it stands still: nothing renews the lease
+    stand_still(lease)
     expire(sweeper)
     later = second.runs.wait_for_lease(robot, nobody_waits)
     second.runs.begin(robot).journal(changed(PartState.ACTIVE))
@@ -122,12 +148,9 @@ def test_what_a_former_holder_wants_to_write_is_refused(
 def test_a_renewed_lease_lasts(opened: Callable[[], Registry], blueprint: Blueprint, library: Library) -> None:
     registry = opened()
     lease = registry.runs.wait_for_lease(registry.robots.apply_blueprint(blueprint, library), nobody_waits)
-    ended = threading.Event()
     assert lease.left_s() <= master_lease.TTL_S - master_lease.HARD_S - master_lease.SOFT_S
-    until = lease._valid_until
-    while lease._valid_until == until:
-        assert not ended.wait(0.05)
     assert lasts(lease)
+    assert lasts(lease), "again and again"
 
 
 def test_a_master_whose_loop_stood_still_renews_again_when_it_goes_on(
@@ -141,8 +164,8 @@ def test_a_master_whose_loop_stood_still_renews_again_when_it_goes_on(
         assert not lease._ended.wait(0.05)
         assert monotonic() < until
     before = lease._valid_until
-    lease.left_s()  # the loop turns again
     while lease._valid_until == before:
+        lease.left_s()  # the loop turns again
         assert not lease._ended.wait(0.05)
         assert monotonic() < until
     assert lasts(lease)
@@ -158,6 +181,7 @@ def test_a_master_without_standby_is_refused_while_one_with_it_serves_and_the_ot
     assert second.runs.is_run(robot)
     with pytest.raises(RegistryError, match="is being run by another msbot master"):
         second.runs.begin(robot)
+    stand_still(lease)
     lease.release()
     assert not second.runs.is_run(robot)
     second.runs.begin(robot)
@@ -172,12 +196,17 @@ def test_a_master_without_standby_is_refused_while_one_with_it_serves_and_the_ot
 
 
 def test_a_frozen_holder_keeps_nobody_from_taking_over(
-    opened: Callable[[], Registry], blueprint: Blueprint, library: Library, sweeper: Engine
+    opened: Callable[[], Registry],
+    blueprint: Blueprint,
+    library: Library,
+    sweeper: Engine,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     first, second = opened(), opened()
     robot = first.robots.apply_blueprint(blueprint, library)
     lease = first.runs.wait_for_lease(robot, nobody_waits)
-    lease.silent()
+    stand_still(lease)
+    monkeypatch.setattr(master_lease, "IDLE_MS", IDLE_MS)
     with first.storage.engine.connect() as connection:
         transaction = connection.begin()
         lease.fence(connection)  # and here it is frozen, in the middle of a transaction
@@ -234,6 +263,7 @@ def test_whoever_asks_whether_it_is_run_is_not_found_by_who_asks_next(
     with sweeper.connect() as connection:
         monkeypatch.setattr(run_lock._ServerLock, "release", keep)
         assert opened().runs.is_run(robot)
+        stand_still(lease)
         lease.release()
         assert not opened().runs.is_run(robot)
         assert len(unnoticed) == 2

@@ -33,7 +33,7 @@ class Site:
         self.base, self.setup_token = found[1], found[2]
         self.stranger = httpx.Client(base_url=self.base, timeout=30)
         """Who has not signed in. One for all calls: making a client costs more than a call."""
-        with httpx.Client(base_url=self.base) as visitor:
+        with httpx.Client(base_url=self.base, timeout=30) as visitor:
             form = {"token": self.setup_token, "name": "ada", "password": PASSWORD, "again": PASSWORD}
             assert visitor.post("/setup", data=form).status_code == 303
         self.tokens = {"administrator": self._token("ada")}

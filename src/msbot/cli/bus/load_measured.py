@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import field
+from math import ceil
 from typing import Final
 
 from msbot.cli.bus.source import Listening, open_bus
@@ -16,7 +17,7 @@ from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.lazy_dataclass import dataclass
 
 WINDOW_S: Final = 1.0
-"""The load is measured over one second."""
+"""The load is measured over one second; over more where this process stood still."""
 MOST_ROWS: Final = 16
 """Most identifiers shown for a second; the rest is summed up."""
 
@@ -105,8 +106,8 @@ def show_load(
 
 
 async def _main(
-    address: str, bitrate: int, data_bitrate: int, seconds: float | None, tell: Callable[[float, Second, int], None],
-    *, complain: Callable[[str], None],
+    address: str, bitrate: int, data_bitrate: int, seconds: float | None,
+    tell: Callable[[float, float, Second, int], None], *, complain: Callable[[str], None],
 ) -> None:  # fmt: skip
     bus = open_bus(address, node="load", listen_only=True)
     bitrate = bus.info.bits_per_second or bitrate
@@ -121,37 +122,44 @@ async def _main(
         nonlocal second
         await listening.opened.wait()
         loop = asyncio.get_running_loop()
-        started_at = loop.time()
+        started_at = began_at = loop.time()
+        second = Second()
         number = 0
         while seconds is None or number < seconds:
-            number += 1
-            second = Second()
+            # A second that has passed while the loop stood still is not told: what came then was not read in time. It
+            # counts in the next one, which lasts from what was told last and has at least half a second still to come.
+            passed = (loop.time() - started_at) / WINDOW_S
+            number = max(number + 1, ceil(passed + 0.5))
             await asyncio.sleep(started_at + number * WINDOW_S - loop.time())
-            tell(number * WINDOW_S, second, bitrate)
+            now = loop.time()
+            heard, second = second, Second()
+            tell(now - started_at, now - began_at, heard, bitrate)
+            began_at = now
 
     await listening.run_with(report())
 
 
-def _as_text(at_s: float, second: Second, bitrate: int) -> str:
+def _as_text(at_s: float, length_s: float, second: Second, bitrate: int) -> str:
     total = second.total()
     frames = amount(total.frames, "frame")
-    head = f"{at_s:6.0f} s   load {total.busy_s / WINDOW_S:7.2%} of {bitrate / 1000:g} kbit/s   {frames}"
+    head = f"{at_s:6.0f} s   load {total.busy_s / length_s:7.2%} of {bitrate / 1000:g} kbit/s   {frames}"
     lines = [head + (f"   {amount(second.uncounted, 'report')} of errors" if second.uncounted else "")]
     lines += [
         f"  {digits:>8}  {traffic.who:18}  {traffic.frames:6} frames  {traffic.bits:8} bits  "
-        f"{traffic.busy_s / WINDOW_S:7.2%}"
+        f"{traffic.busy_s / length_s:7.2%}"
         for digits, traffic in second.rows()
     ]
     return "\n".join(lines)
 
 
-def _as_json(at_s: float, second: Second, bitrate: int) -> str:
+def _as_json(at_s: float, length_s: float, second: Second, bitrate: int) -> str:
     total = second.total()
     return json.dumps(
         {
-            "at_s": at_s,
+            "at_s": round(at_s, 3),
+            "length_s": round(length_s, 6),
             "bitrate": bitrate,
-            "load_percent": round(100 * total.busy_s / WINDOW_S, 4),
+            "load_percent": round(100 * total.busy_s / length_s, 4),
             "frames": total.frames,
             "bits": total.bits,
             "reports": second.uncounted,
@@ -160,7 +168,7 @@ def _as_json(at_s: float, second: Second, bitrate: int) -> str:
                     "who": traffic.who,
                     "frames": traffic.frames,
                     "bits": traffic.bits,
-                    "load_percent": round(100 * traffic.busy_s / WINDOW_S, 4),
+                    "load_percent": round(100 * traffic.busy_s / length_s, 4),
                 }
                 for digits, traffic in sorted(second.by_id.items())
             },

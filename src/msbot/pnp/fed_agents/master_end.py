@@ -269,17 +269,16 @@ class MasterEnd:
         if known is not None and known.boot == hello.boot and not known.is_silent:
             known.heard_at = now
         else:
-            # The same agent, heard again: a STOP that was taken from it is not another one because it does not know.
-            taken = [
-                one.stops_taken for one in self._agents.values() if (one.boot, one.name) == (hello.boot, hello.name)
-            ]
+            # The same one, heard again: a STOP that was taken from it is not another one because it does not know.
+            same = (one for one in self._agents.values() if (one.boot, one.name) == (hello.boot, hello.name))
+            taken = max((one.stops_taken for one in same), default=0)
             refusal = self._refusal(key, hello)
             if refusal:
                 self._around.send(key, AgentRefused(reason=refusal))
                 return
             if known is not None:
                 self._lose_parts(known, said("gone: the agent {name} was started again", name=known.name))
-            self._agents[key] = _Agent(key, hello.boot, hello.name, now, stops_taken=max(taken, default=0))
+            self._agents[key] = _Agent(key, hello.boot, hello.name, now, stops_taken=taken)
             self._inventory.is_no_part(key)
             self._around.say(f"the agent {hello.name} brings parts")
         profile = self._profile
