@@ -2,7 +2,7 @@
 // needs the server while a program runs; texts from the program are shown as text, never as HTML.
 
 const msbotProgram = (() => {
-  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed", FRESH_MS = 60000;
+  const SILENT_MS = 2500, PING_MS = 500, END_MS = 1500, MOST_LINES = 500, DEVICE_MS = 50, TYPED = "msbot_typed", FRESH_MS = 10000;
   let worker = null, files = null, editor = 0, name = "program.py", askedAt = null, isStuck = false, watch = null, ending = null;
   let begun = 0, tellOpened = null, held = "", person = "";
   const isOpened = new Promise((done) => { tellOpened = done; });
