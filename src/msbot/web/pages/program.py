@@ -94,7 +94,9 @@ class _Desk:
         with ui.element("div").classes("ms-prog ms-prog-guest" if self._is_guest else "ms-prog"):
             with ui.element("div").classes("ms-prog-left"):
                 self._blocks.lay_out_place()
-                with ui.element("div").classes("ms-prog-text"):
+                # Until the page has been told which program it is: what was typed before it was loaded anew comes then,
+                # and would take the place of what is typed earlier.
+                with ui.element("div").classes("ms-prog-text").props("inert"):
                     self._editor = Editor("", language="Python", family="github").classes("ms-prog-editor")
                     self._editor.props("disable")  # until there is a program in it, which would replace what was typed
                     self._blocks.lay_out_note()

@@ -380,6 +380,7 @@ const msbotProgram = (() => {
     const typed = JSON.parse(sessionStorage.getItem(TYPED));
     sessionStorage.removeItem(TYPED);
     if (typed !== null && (typed.isAway || Date.now() - typed.at < FRESH_MS)) emitEvent("ms_program_typed", typed);
+    document.querySelector(".ms-prog-text").removeAttribute("inert");
     const shown = at("ms-prog");
     if (shown) useDevice(false);
     if (worker === null && sessionStorage.getItem("msbot_runs")) {
