@@ -12,9 +12,9 @@ import pytest
 from msbot.lab.recorder.ring import begun_segments, segment_name, segments
 from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 from tests.e2e.processes import Process, run, running
-from tests.e2e.test_processes import free_port
 
 PATIENCE_S = 90.0
+ANY_PORT = ["--link", "udp:127.0.0.1:0"]
 
 
 @pytest.fixture
@@ -22,14 +22,18 @@ def robot(tmp_path: Path) -> Iterator[tuple[Process, dict[str, str], Path]]:
     """A master whose recorder is on, with one part, and the folder of its ring."""
     (tmp_path / "run").mkdir(mode=0o700)
     env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run"), "MSBOT_REC": "10min"}
-    link = f"udp:127.0.0.1:{free_port()}"
     assert run("init", cwd=tmp_path, env=env).returncode == 0
-    with running("master", "--no-page", "--link", link, cwd=tmp_path, env=env) as master:
-        master.wait_for("is up on")
+    with running("master", "--no-page", *ANY_PORT, cwd=tmp_path, env=env) as master:
+        link = link_of(master)
         with running("part", "AA", "--link", link, cwd=tmp_path, env=env):
             master.wait_for("-> active")
             status = json.loads(run("rec", "list", "--json", cwd=tmp_path, env=env).stdout)
             yield master, env, Path(status["folder"])
+
+
+def link_of(master: Process) -> str:
+    """Where parts of a new master find it."""
+    return master.wait_for("is up on").partition("is up on ")[2].partition(";")[0]
 
 
 def until(found: Callable[[], bool]) -> None:
@@ -149,8 +153,7 @@ def test_off_is_off(tmp_path: Path) -> None:
     env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run")}
     (tmp_path / "run").mkdir(mode=0o700)
     assert run("init", cwd=tmp_path, env=env).returncode == 0
-    link = f"udp:127.0.0.1:{free_port()}"
-    with running("master", "--no-page", "--rec", "off", "--link", link, cwd=tmp_path, env=env) as master:
+    with running("master", "--no-page", "--rec", "off", *ANY_PORT, cwd=tmp_path, env=env) as master:
         master.wait_for("is up on")
         assert children(master.pid) == []
         assert "nothing is recorded" in run("rec", "list", cwd=tmp_path, env=env).stdout
@@ -172,20 +175,17 @@ def children(pid: int) -> list[int]:
 def test_what_a_part_said_is_replayed_in_its_place(tmp_path: Path) -> None:
     (tmp_path / "run").mkdir(mode=0o700)
     env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run")}
-    link = f"udp:127.0.0.1:{free_port()}"
     assert run("init", cwd=tmp_path, env=env).returncode == 0
-    with running("master", "--no-page", "--rec", "first.mcap", "--link", link, cwd=tmp_path, env=env) as master:
-        master.wait_for("is up on")
-        with running("part", "AA", "--link", link, cwd=tmp_path, env=env):
+    with running("master", "--no-page", "--rec", "first.mcap", *ANY_PORT, cwd=tmp_path, env=env) as master:
+        with running("part", "AA", "--link", link_of(master), cwd=tmp_path, env=env):
             until(lambda: len(said_by_aa(tmp_path / "first.mcap")) >= 3)
             assert run("unbind", "HelloWorldTopic_1_to_2", "BB.in", cwd=tmp_path, env=env).returncode == 0
             again = ("bind", "HelloWorldTopic_1_to_2", "--type", "HelloWorld", "--to", "BB.in")
             assert run(*again, cwd=tmp_path, env=env).returncode == 0
             until(lambda: len(acts_in(tmp_path / "first.mcap")) == 2)
         master.end()
-    with running("master", "--no-page", "--rec", "again.mcap", "--link", link, cwd=tmp_path, env=env) as master:
-        master.wait_for("is up on")
-        played = run("play", "first.mcap", "--speed", "10", "--link", link, cwd=tmp_path, env=env)
+    with running("master", "--no-page", "--rec", "again.mcap", *ANY_PORT, cwd=tmp_path, env=env) as master:
+        played = run("play", "first.mcap", "--speed", "10", "--link", link_of(master), cwd=tmp_path, env=env)
         assert played.returncode == 0, played.stderr
         assert "AA (ABCD): " in played.stdout
         assert ", 10 times as fast\n" in played.stdout  # how fast that is, is tested in virtual time

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from msbot.errors import ConfigError
-from msbot.link import LinkInfo, open_link
+from msbot.link import LinkInfo, bound_name, open_link
 from msbot.link.link_schemes import parse_host_and_port
 from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink, WebSocketClientLink
 from msbot.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
@@ -107,6 +109,24 @@ def test_a_server_may_ask_for_any_free_port() -> None:
     assert parse_host_and_port("[::]:0", any_port=True) == ("::", 0)
     with pytest.raises(ConfigError, match="port 65536 is not from 0 to 65535"):
         open_link("udp:127.0.0.1:65536", serve=True)
+
+
+@pytest.mark.parametrize("kind", ["udp", "tcp"])
+async def test_a_port_that_was_got_is_told(kind: str) -> None:
+    link = open_link(f"{kind}:127.0.0.1:0", serve=True)
+    assert isinstance(link, UdpServerLink | TcpServerLink)
+    up = asyncio.Event()
+    link.attach(signal=lambda *_: up.set())
+    assert bound_name(link) == f"{kind}:127.0.0.1:0"
+    async with asyncio.timeout(20), asyncio.TaskGroup() as group:
+        serving = group.create_task(link.run())
+        await up.wait()
+        assert bound_name(link) == f"{kind}:127.0.0.1:{link.port}"
+        serving.cancel()
+
+
+def test_a_link_without_ports_has_one_name() -> None:
+    assert bound_name(open_link("sim:test", serve=True)) == "sim:test"
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from pathlib import Path
 from msbot.agent.server import Agent
 from msbot.agent.status_files import DESCRIBE, FORMAT, leave_word, put_back, status_folder
 from msbot.errors import ConfigError
+from msbot.link import bound_name
 from msbot.runtime.accept_connections import Acceptor
 from msbot.runtime.json_reading import read_json
 from msbot.runtime.tally import Tally
@@ -203,7 +204,7 @@ class StatusServer:
             "name": self._name,
             "details": dict(self._details()),
             "up_s": asyncio.get_running_loop().time() - self._since,
-            "links": [{"name": link.info.name, **dataclasses.asdict(link.counters)} for link in self._agent.links],
+            "links": [{"name": bound_name(link), **dataclasses.asdict(link.counters)} for link in self._agent.links],
             "topics": self._agent.topics(),
             "dropped": self._agent.dropped(),
         }

@@ -14,7 +14,7 @@ from msbot.link.contract import (
 )
 from msbot.link.disturbed import Disturbance, DisturbedLink, Treatment
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
-from msbot.link.link_schemes import open_link, parse_host_and_port
+from msbot.link.link_schemes import bound_name, open_link, parse_host_and_port
 from msbot.link.lossy import LossyLink
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "SignalHandler",
     "Tap",
     "Treatment",
+    "bound_name",
     "inproc_pair",
     "open_link",
     "parse_host_and_port",

@@ -70,6 +70,16 @@ def open_link(address: str, *, serve: bool = False, can: CanSettings | None = No
         raise ConfigError(f"link {address!r}: {error}; write it like `{scheme.example}`") from error
 
 
+def bound_name(link: Link) -> str:
+    """The link's name as a peer would write it: with the port that it has got if any free one was asked for.
+
+    Before the link is open, and for every link without ports, it is `link.info.name`.
+    """
+    if isinstance(link, UdpServerLink | TcpServerLink) and link.port:
+        return f"{link.info.name.rpartition(':')[0]}:{link.port}"
+    return link.info.name
+
+
 _SEVERAL = re.compile(r",(?=[a-z][a-z-]*:)")
 """Between two addresses; ports of one address are separated by commas, too."""
 

@@ -11,6 +11,7 @@ from msbot.agent import read_statuses
 from msbot.config import Library
 from msbot.doctor.patient import PAGE_PORT, Patient
 from msbot.lessons.lesson_desk import LessonDesk
+from msbot.link import bound_name
 from msbot.master import Master
 from msbot.metrics import Collecting, DatabaseFigures, MomentFigures, Noting, PageFigures
 from msbot.operations.bus_objects import known_object
@@ -152,7 +153,7 @@ class WebRoom:
         return Patient(
             database=None if database is None else database.address,
             robot=master.profile.name,
-            links=tuple(link.info.name for link in master.links),
+            links=tuple(map(bound_name, master.links)),
             space=self._space,
             page_port=urlsplit(self.server.own_address).port or PAGE_PORT,
             masters=tuple(read_statuses()),
@@ -229,7 +230,7 @@ def _describer(master: Master, operations: RunningOperations) -> Callable[[], Ro
             serial_number=profile.serial_number,
             released=profile.released,
             manufacturer=profile.manufacturer,
-            links=[link.info.name for link in master.links],
+            links=[bound_name(link) for link in master.links],
             beat_s=timing.beat_s,
             tick_s=timing.tick_s,
             life=timing.life,

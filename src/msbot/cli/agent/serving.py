@@ -23,7 +23,7 @@ from msbot.cli.run.logs import LogWishes
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.until_ended import run_until_signal
 from msbot.errors import ConfigError
-from msbot.link import Link, Peer, Signal, open_link
+from msbot.link import Link, Peer, Signal, bound_name, open_link
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
 from msbot.runtime.event_loop import run_to_end
@@ -296,11 +296,9 @@ async def _answer_questions(link: Link, up: asyncio.Event, discovery: Discovery)
 
 
 def _greet(link: Link, reason: str, *, wishes: Wishes, hint: str) -> None:
-    name = link.info.name
     if isinstance(link, UdpServerLink | TcpServerLink):
-        name = f"{name.rpartition(':')[0]}:{link.port}"  # if port 0 was asked for
         reason = ""
-    words = ", ".join(filter(None, (f"agent on {name}", reason, hint)))
+    words = ", ".join(filter(None, (f"agent on {bound_name(link)}", reason, hint)))
     click.echo(f"{words}; Ctrl-C ends it")
     if wishes.middleware in ("dds", "rtps") and wishes.space.kind == MEMORY:
         click.echo(f"-m {wishes.middleware}: samples stay in this process' memory; --space dds puts them into DDS")

@@ -40,7 +40,7 @@ from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
 from msbot.lessons.lesson_desk import LessonDesk
 from msbot.lessons.shelf import LessonShelf
-from msbot.link import Link, open_link
+from msbot.link import Link, bound_name, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
 from msbot.operations.dispatch import RunningOperations, perform
@@ -225,10 +225,10 @@ async def _main(  # noqa: PLR0917
         master.inventory.on_event(log_event if wishes.log.is_json else _say)
         for link in links:
             master.add_link(link)
-        links_words = ", ".join(link.info.name for link in links)
         space_words = "" if space.words is None else f"; {space.words}"
 
         def greet() -> None:
+            links_words = ", ".join(map(bound_name, links))
             click.echo(
                 f"{profile.name} {profile.version} is up on {links_words}; database {registry.database}{space_words}. "
                 "Ctrl-C ends it."
