@@ -16,7 +16,7 @@ from msbot.link.can.protocol import Frame
 from msbot.link.can.protocol.notation import parse_log_line
 from msbot.xrce import compress, decompress, is_whole
 
-PATIENCE_S = 240.0
+PATIENCE_S = 400.0
 """How long a test waits before it fails; nothing here is this slow, also in an emulated machine on a busy computer."""
 LOOK_S = 0.1 if os.environ.get("MSBOT_VM") == "qemu" else 0.005
 """How often a test looks whether something has come; where Python is emulated, looking takes time from who is looked

@@ -15,6 +15,7 @@ import pytest
 
 from tests.socketcan.bus import add_vcan
 from tests.socketcan.machine import PATIENCE_S, REPORT, MachineRun, why_not
+from tests.socketcan.machine_state import state_of_machine
 
 HERE = Path(__file__).parent
 INSIDE = "MSBOT_VM" in os.environ
@@ -125,6 +126,8 @@ class Recorder:
         self._path = path
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            report.sections.append(("The machine", state_of_machine()))
         data = self._config.hook.pytest_report_to_serializable(config=self._config, report=report)
         with open(self._path, "ab") as file:
             pickle.dump(data, file)

@@ -29,10 +29,12 @@ ROOT = Path(__file__).parent.parent.parent
 RUNNER = ROOT / "tools" / "run-in-vm.sh"
 REPORT = "MSBOT_VM_REPORT"
 """Environment variable: where pytest inside a machine puts its reports."""
-PATIENCE_S = 1800
+PATIENCE_S = 3600
 """A machine that is not done after this time is switched off."""
-SILENCE_S = 640
-"""So is one that has reported nothing for this time; each test ends, or is ended, after less (300 s; one after 600)."""
+TEST_S = 900
+"""A test that hangs is ended after this time; one that only waits has failed before, and says for what it waited."""
+SILENCE_S = 960
+"""A machine that has reported nothing for this time is switched off, too."""
 STARTS = 3
 """A machine is started this many times while tests are without a report."""
 NOT_STARTED = 125
@@ -122,7 +124,15 @@ def _run_machine(folder: Path) -> None:
     environment = {name: os.environ[name] for name in names} | {REPORT: str(folder / "reports")}
     environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     plugins = [word for name in PLUGINS for word in ("-p", name)]
-    pytest = [sys.executable, "-m", "pytest", *plugins, "--confcutdir=tests/socketcan", f"@{folder / 'tests'}"]
+    pytest = [
+        sys.executable,
+        "-m",
+        "pytest",
+        *plugins,
+        f"--timeout={TEST_S}",
+        "--confcutdir=tests/socketcan",
+        f"@{folder / 'tests'}",
+    ]
     command = [str(RUNNER), *MACHINES[folder.name], "-t", str(PATIENCE_S), "-w", str(folder), "--", *pytest]
     for start in range(1, STARTS + 1):
         with open(folder / "output", "wb") as output:

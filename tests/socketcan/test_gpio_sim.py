@@ -151,7 +151,6 @@ def held(number: str, gpio: int) -> bytes:
     return json.dumps(line | {"wiring": wiring}).encode() + b"\n"
 
 
-@pytest.mark.timeout(200)
 def test_pins_of_the_kernel_are_switched_and_read_and_none_stays_on_when_the_program_is_killed(
     pi: None, tmp_path: Path
 ) -> None:

@@ -109,7 +109,6 @@ async def unplugged() -> None:
     await until(lambda: unload("i2c-stub"))
 
 
-@pytest.mark.timeout(600)  # so that what it waits for in vain says so first (`until`)
 async def test_the_data_sheets_example_reaches_a_partner_over_can_and_the_chip_can_be_pulled_out(
     i2c: None, tmp_path: Path
 ) -> None:
@@ -144,7 +143,6 @@ async def test_the_data_sheets_example_reaches_a_partner_over_can_and_the_chip_c
     assert part.exitcode == 0
 
 
-@pytest.mark.timeout(300)
 def test_a_scan_and_every_chip_by_the_kernels_i2c(i2c: None, tmp_path: Path) -> None:
     from msbot.hardware import Machine, Mount, driver_class, make_wiring
 

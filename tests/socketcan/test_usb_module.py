@@ -17,10 +17,10 @@ from msbot.hardware import HardwareFault
 from msbot.hardware.serial_stream import SerialStream
 from msbot.part import NumatoGpio, PinDirection
 from tests.hardware.usb_module import Module
+from tests.socketcan.bus import PATIENCE_S
 from tests.socketcan.kernel_modules import load, unload
 
 pytestmark = pytest.mark.controllers
-PATIENCE_S = 60
 ACM = Path("/dev/ttyACM0")
 
 
@@ -67,10 +67,9 @@ def module() -> Iterator[UsbModule]:
         unload(name)
 
 
-@pytest.mark.timeout(200)
 def test_the_module_at_a_real_usb_serial_device_is_driven_pulled_out_and_plugged_in(module: UsbModule) -> None:
     stream = SerialStream(str(ACM), 115_200, "the USB module")
-    gpio = NumatoGpio(stream, timeout_s=20)
+    gpio = NumatoGpio(stream, timeout_s=PATIENCE_S)
     for pin in range(8):
         gpio.set_direction(pin, PinDirection.OUTPUT)
         gpio.set(pin)
@@ -86,5 +85,5 @@ def test_the_module_at_a_real_usb_serial_device_is_driven_pulled_out_and_plugged
         SerialStream(str(ACM), 115_200, "the USB module")
     module.plug_in()
     again = SerialStream(str(ACM), 115_200, "the USB module")
-    assert NumatoGpio(again, timeout_s=20).read_all() == 0
+    assert NumatoGpio(again, timeout_s=PATIENCE_S).read_all() == 0
     again.close()
