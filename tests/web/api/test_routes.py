@@ -187,6 +187,22 @@ def test_a_cookie_alone_changes_nothing(site: Site) -> None:
         assert visitor.post("/api/stop", json={}, headers=evil).status_code == 403
 
 
+def test_a_press_of_stop_that_is_said_again_is_no_second_stop(site: Site) -> None:
+    with site.browser("ada") as visitor:
+
+        def stop(press: str) -> bool:
+            """Whether STOP holds afterwards."""
+            assert visitor.post("/api/stop", json={}, headers={"x-stop-press": press}).status_code == 200
+            return bool(visitor.get("/api/robot").json()["stop"]["stopped"])
+
+        assert stop("first")
+        assert stop("first")
+        assert visitor.post("/api/go", json={}).status_code == 200
+        assert not stop("first"), "its answer was late; a teacher has said GO meanwhile"
+        assert stop("second")
+        assert visitor.post("/api/go", json={}).status_code == 200
+
+
 def test_markup_in_names_is_only_text(site: Site) -> None:
     name = "<img src=x onerror=alert(1)>"
     made = site.ask("POST", "/api/users", json={"name": name, "role": "viewer", "password": PASSWORD})

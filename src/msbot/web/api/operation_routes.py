@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import Awaitable, Callable
-from inspect import Parameter, Signature
+from inspect import Parameter, Signature, signature
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Header, Path
 from pydantic import Field, create_model
 
 from msbot.operations.operation import Argument, ArgumentKind, Operation
@@ -32,10 +33,43 @@ PREFIX = "/api"
 STOP_PATH = PREFIX + STOP.call.split()[1]
 
 
+MOST_PRESSES = 64
+"""Presses of STOP that are known again; a page says one again for as long as it is open and has no answer."""
+
+
 def make_stop_api(service: Service) -> APIRouter:
-    """The call of STOP alone: it is there before all others, and never waits until they are."""
+    """The call of STOP alone: it is there before all others, and never waits until they are.
+
+    A page whose answer is late says its STOP again, under the same name of the press. What was heard already is not
+    said once more: somebody may have said GO in between.
+    """
     router = APIRouter(prefix=PREFIX, responses=PROBLEMS)
-    _add(router, service, STOP)
+    path = STOP.call.split()[1]
+    say = _call_of(STOP, path, service)
+    heard: dict[tuple[str, str], asyncio.Task[Done]] = {}
+
+    async def call(press: str | None, **given: Any) -> Done:  # noqa: ANN401 - as in `_call_of`
+        if press is None:
+            return await say(**given)
+        named = (given["session"].name, press)
+        if named not in heard:
+            heard[named] = asyncio.ensure_future(say(**given))
+            heard[named].add_done_callback(
+                lambda done: done.cancelled() or done.exception()
+            )  # if nobody waits any more
+            while len(heard) > MOST_PRESSES:
+                del heard[next(iter(heard))]
+        try:
+            return await asyncio.shield(heard[named])
+        except Exception:
+            heard.pop(named, None)
+            raise
+
+    header = Annotated[str | None, Header(alias="X-Stop-Press", max_length=64, include_in_schema=False)]
+    parameters = [*signature(say).parameters.values(), _parameter("press", header, None)]
+    call.__signature__ = Signature(parameters, return_annotation=Done)  # type: ignore[attr-defined]
+    call.__doc__ = STOP.summary
+    router.add_api_route(path, call, methods=["POST"], name=STOP.name, response_model=Done)
     return router
 
 

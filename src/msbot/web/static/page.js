@@ -11,7 +11,7 @@ const msbot = (() => {
   const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, RELOAD_MS = 8000, TWICE_MS = 800;
   const KEPT_MS = 30000; // As long the server keeps a page for its websocket to come back.
   let heardAt = Date.now(), lookedAt = Date.now(), hasSocket = false, socketAt = Date.now(), isAsking = false;
-  let isDead = false, stopTimer = null, escapeAt = -Infinity;
+  let isDead = false, stopTimer = null, stopPress = "", escapeAt = -Infinity;
 
   const words = (name) => document.getElementById("ms-stop").dataset[name];
 
@@ -54,14 +54,20 @@ const msbot = (() => {
     say("ms-lost", isDead ? words("lost").replace("{seconds}", Math.round(age / 1000)) : "", "bad");
   }
 
-  async function stop() {
+  // Each press has a name: what is said again because its answer was late is no second STOP, also after a GO.
+  function stop() {
+    stopPress = `${Date.now()}-${Math.random()}`;
+    sayStop(stopPress);
+  }
+
+  async function sayStop(press) {
     clearTimeout(stopTimer);
     say("ms-stop-says", words("saying"), "warn");
     const began = performance.now();
     try {
       const answer = await fetch("/api/stop", {
         method: "POST", body: "{}", cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS),
-        headers: { "Content-Type": "application/json", "X-CSRF-Token": words("csrf") },
+        headers: { "Content-Type": "application/json", "X-CSRF-Token": words("csrf"), "X-Stop-Press": press },
       });
       const done = await answer.json();
       if (answer.ok) {
@@ -72,9 +78,10 @@ const msbot = (() => {
       }
       say("ms-stop-says", `${words("refused")} ${done.error}`, "bad");
     } catch {
+      if (press !== stopPress) return;
       // It goes on trying: whoever pressed STOP means it, until the robot has heard it.
       say("ms-stop-says", words("undelivered"), "bad");
-      stopTimer = setTimeout(stop, RETRY_MS);
+      stopTimer = setTimeout(() => sayStop(press), RETRY_MS);
     }
   }
 
