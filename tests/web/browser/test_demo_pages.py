@@ -6,11 +6,11 @@ import re
 from itertools import islice
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from msbot.lab.explain.quiz import questions
 from tests.web.browser.accessible import hurdles
-from tests.web.browser.conftest import Site, again_until, click_by_script, go, new_page, told, undo_newest
+from tests.web.browser.conftest import Site, again_until, call, click_by_script, go, new_page, told, undo_newest
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
@@ -154,6 +154,31 @@ def test_escape_twice_is_stop_and_a_teacher_lets_it_go_on(page: Page) -> None:
     )
     expect(banner).to_be_visible()
     page.get_by_role("button", name="Go on").click()
+    expect(banner).to_have_count(0)
+
+
+def test_a_stop_whose_answers_are_lost_is_said_again_and_is_over_with_go(page: Page) -> None:
+    banner = page.get_by_role("alert").filter(has_text="STOP by")
+    heard: list[str | None] = []
+
+    def lose(route: Route) -> None:
+        route.fetch()
+        heard.append(route.request.header_value("x-stop-press"))
+        route.abort()
+
+    page.route("**/api/stop", lose)
+    page.locator("#ms-stop").click()
+    expect(banner).to_be_visible()
+    page.get_by_role("button", name="Go on").click()
+    expect(banner).to_have_count(0)
+    before = len(heard)
+    while len(heard) < before + 2:
+        with page.expect_event("requestfailed", lambda request: request.url.endswith("/api/stop")):
+            pass
+    assert len(set(heard)) == 1
+    page.unroute("**/api/stop")
+    expect(page.locator("#ms-stop-says")).to_contain_text("STOP is said to all parts.")
+    assert call(page, "POST", "/api/go", {}) == 400, "no STOP holds"
     expect(banner).to_have_count(0)
 
 
