@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Awaitable, Callable
+from functools import partial
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any
 
@@ -36,6 +37,9 @@ STOP_PATH = PREFIX + STOP.call.split()[1]
 MOST_PRESSES = 64
 """Presses of STOP that are known again; a page says one again for as long as it is open and has no answer."""
 
+LONGEST_PRESS = 64
+"""Longest name of a press, in characters; a longer one is none."""
+
 
 def make_stop_api(service: Service) -> APIRouter:
     """The call of STOP alone: it is there before all others, and never waits until they are.
@@ -48,24 +52,23 @@ def make_stop_api(service: Service) -> APIRouter:
     say = _call_of(STOP, path, service)
     heard: dict[tuple[str, str], asyncio.Task[Done]] = {}
 
+    def ended(named: tuple[str, str], saying: asyncio.Task[Done]) -> None:
+        """What was not said may be tried again; it is told to who waits, if somebody still does."""
+        if saying.cancelled() or saying.exception() is not None:
+            heard.pop(named, None)
+
     async def call(press: str | None, **given: Any) -> Done:  # noqa: ANN401 - as in `_call_of`
-        if press is None:
+        if press is None or len(press) > LONGEST_PRESS:  # no name is a reason to refuse a STOP
             return await say(**given)
         named = (given["session"].name, press)
         if named not in heard:
             heard[named] = asyncio.ensure_future(say(**given))
-            heard[named].add_done_callback(
-                lambda done: done.cancelled() or done.exception()
-            )  # if nobody waits any more
+            heard[named].add_done_callback(partial(ended, named))
             while len(heard) > MOST_PRESSES:
                 del heard[next(iter(heard))]
-        try:
-            return await asyncio.shield(heard[named])
-        except Exception:
-            heard.pop(named, None)
-            raise
+        return await asyncio.shield(heard[named])
 
-    header = Annotated[str | None, Header(alias="X-Stop-Press", max_length=64, include_in_schema=False)]
+    header = Annotated[str | None, Header(alias="X-Stop-Press", include_in_schema=False)]
     parameters = [*signature(say).parameters.values(), _parameter("press", header, None)]
     call.__signature__ = Signature(parameters, return_annotation=Done)  # type: ignore[attr-defined]
     call.__doc__ = STOP.summary
