@@ -2,8 +2,9 @@
 
 A page that is open and a robot that runs cost a quarter of a processor, also while a test waits. With a browser on each
 worker, half of a computer with two processors would go into that; so two workers do something else. Tests of whole
-processes, machines and networks wait for most of their time; beside them one worker has what only computes, so that the
-processors are never idle. Who has a browser keeps it as long as there are such files.
+processes, machines and networks wait for most of their time; beside browsers and them one worker has what only computes,
+and two have when there are no browsers any more, so that the processors are never idle. Who has a browser keeps it as
+long as there are such files.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class TakingTurns(LoadFileScheduling):  # type: ignore[misc]  # xdist has no typ
         browsers = sum(file.startswith(BROWSERS) for file in others)
         waiting = sum(file.startswith(WAITING) for file in others)
         may_browse = browsers < max(1, self.numnodes - 2)
-        may_wait = browsers + waiting < max(1, self.numnodes - 1)
+        may_wait = waiting < max(1, self.numnodes - 2) and browsers + waiting < max(1, self.numnodes - 1)
 
         def may(file: str) -> bool:
             return may_browse if file.startswith(BROWSERS) else may_wait or not file.startswith(WAITING)

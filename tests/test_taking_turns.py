@@ -71,6 +71,11 @@ def test_two_of_four_workers_have_a_browser_one_waits_and_one_computes() -> None
     assert "b" not in moments[-1]
 
 
+def test_without_browsers_two_of_four_workers_wait_and_two_compute() -> None:
+    moments = play(4, named(WAITING[0], 8) + named("tests/", 12))
+    assert {moment.count("w") for moment in moments[:10]} == {2}
+
+
 def test_of_three_workers_one_has_a_browser_and_keeps_it() -> None:
     moments = play(3, named(BROWSERS, 4) + named(WAITING[0], 20) + named("tests/", 20))
     assert {moment for moment in moments if "b" in moment} == {"bwc"}
