@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import re
+import socket
 import sys
 import threading
 from collections.abc import Callable
@@ -38,6 +39,7 @@ from msbot.metrics.bus_meter import meter_of
 from msbot.metrics.exposition import exposition
 from msbot.metrics.figures import BusLoad, LinkFigures
 from msbot.space import MemorySpace
+from msbot.xrce.messages import CreateClient, Header, encode_message
 
 prometheus = pytest.importorskip("prometheus_client", reason="pip install 'msbot[metrics]'")
 
@@ -189,6 +191,32 @@ async def test_an_agent_is_read_without_looking_at_each_of_its_sessions() -> Non
     agent = Agent(MemorySpace(clock=asyncio.get_running_loop().time))
     figures = Collecting(agent)()
     assert figures == MomentFigures(agent=AgentFigures((), {}, ()), tasks=1)
+
+
+async def test_two_links_with_any_free_port_are_told_apart_and_each_has_its_sessions() -> None:
+    agent = Agent(MemorySpace(clock=asyncio.get_running_loop().time))
+    links = [UdpServerLink("127.0.0.1", 0) for _ in range(2)]
+    for link in links:
+        agent.add_link(link)
+    async with asyncio.timeout(30):
+        task = asyncio.create_task(agent.run())
+        while not all(link.port for link in links):  # noqa: ASYNC110 - the agent has the signal handlers
+            await asyncio.sleep(0)
+        one, two = (link.port for link in links)
+        login = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)], pad_end=False)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.setblocking(False)
+            client.connect(("127.0.0.1", two))
+            client.send(login)
+            await asyncio.get_running_loop().sock_recv(client, 1000)
+        figures = Collecting(agent)().agent
+        task.cancel()
+        await asyncio.wait([task])
+    assert figures is not None
+    assert {link.name: link.sessions for link in figures.links} == {
+        f"udp:127.0.0.1:{one}": 0,
+        f"udp:127.0.0.1:{two}": 1,
+    }
 
 
 async def fetch(address: str) -> bytes:

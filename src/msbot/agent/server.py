@@ -238,9 +238,9 @@ class Agent:
                 for object_id, topic in proxy.topics().items():
                     yield port.link.info.name, node, object_id, proxy.info.key, topic
 
-    def sessions_by_link(self) -> dict[str, int]:
+    def sessions_by_link(self) -> list[tuple[Link, int]]:
         """How many sessions came in over each link; cheaper than `clients`."""
-        return {port.link.info.name: len(port.members) for port in self._ports}
+        return [(port.link, len(port.members)) for port in self._ports]
 
     def topics(self) -> list[tuple[str, int, int]]:
         """`(name, published, delivered)` of every topic that clients used since the agent was made."""

@@ -56,7 +56,7 @@ class StatusServer:
         agent: Agent,
         *,
         what: str,
-        name: str,
+        name: str | Callable[[], str],
         folder: Path | None = None,
         details: Callable[[], Mapping[str, str]] = dict,
         control: Control | None = None,
@@ -66,14 +66,14 @@ class StatusServer:
         Args:
             agent: whose clients are shown.
             what: the kind of process, `agent` or `master`.
-            name: what distinguishes it from others: the robot, or the links.
+            name: what distinguishes it from others: the robot, or the links; as a function it is called each time.
             folder: where its file goes; the user's folder for such files if absent.
             details: returns further details of the process; called each time.
             control: answers requests; None: no requests are taken.
         """
         self._agent = agent
         self._what = what
-        self._name = name
+        self._name = name if callable(name) else lambda: name
         self._folder = folder or status_folder()
         self._details = details
         self._control = control
@@ -186,7 +186,7 @@ class StatusServer:
         if wanted.get("do") == DESCRIBE:
             return self._head()
         if self._control is None:
-            return {"error": f"this process ({self._what} {self._name}) takes no requests"}
+            return {"error": f"this process ({self._what} {self._name()}) takes no requests"}
         return await self._control(wanted)
 
     def _lines(self) -> Iterator[bytes]:
@@ -201,7 +201,7 @@ class StatusServer:
         return {
             "format": FORMAT,
             "what": self._what,
-            "name": self._name,
+            "name": self._name(),
             "details": dict(self._details()),
             "up_s": asyncio.get_running_loop().time() - self._since,
             "links": [{"name": bound_name(link), **dataclasses.asdict(link.counters)} for link in self._agent.links],

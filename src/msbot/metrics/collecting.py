@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot.agent import Acknowledgements, Agent
+from msbot.link import bound_name
 from msbot.master import Master
 from msbot.metrics.bus_meter import FrameMeter
 from msbot.metrics.figures import (
@@ -135,14 +136,13 @@ class Collecting:
 
 
 def _of_agent(agent: Agent) -> AgentFigures:
-    sessions = agent.sessions_by_link()
     links = []
-    for link in agent.links:
-        counters, name = link.counters, link.info.name
+    for link, sessions in agent.sessions_by_link():
+        counters = link.counters
         links.append(
             LinkFigures(
-                name=name,
-                sessions=sessions.get(name, 0),
+                name=bound_name(link),
+                sessions=sessions,
                 packets_in=counters.packets_in,
                 packets_out=counters.packets_out,
                 octets_in=counters.bytes_in,

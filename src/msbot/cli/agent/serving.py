@@ -266,7 +266,7 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
         say(f"agent {wishes.master.name} looks for the robot's master on {wishes.master.address}; Ctrl-C ends it")
     if wishes.verbose >= SAY_PACKETS:
         agent.tap = packet_tap(link, click.echo)
-    beside = [StatusServer(agent, what="agent", name=link.info.name).run(), *more]
+    beside = [StatusServer(agent, what="agent", name=partial(bound_name, link)).run(), *more]
     beside += metrics_beside(wishes.metrics_port, agent, click.echo)
     if discovery is not None:
         beside.append(_answer_questions(link, up, discovery))

@@ -20,7 +20,7 @@ from msbot.lab.recorder.can_frames import FRAME_DEFINITION, FRAME_OCTETS, FRAME_
 from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
 from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN, SLOTS
-from msbot.link import Link
+from msbot.link import Link, bound_name
 from msbot.link.can import CanBusInfo, CanEnd
 from msbot.link.can.protocol import Frame
 from msbot.master import Master
@@ -226,7 +226,7 @@ class Recorder:
         blueprint = self._master.blueprint if self._operations is None else self._operations.blueprint
         if blueprint is not self._blueprint:
             self._blueprint = blueprint
-            links = [link.info.name for link in self._master.links]
+            links = [bound_name(link) for link in self._master.links]
             self._state(BLUEPRINT, "blueprint", blueprint_words(blueprint, links))
         for info in infos:
             if info.slot is not None and info.state.is_registered:
