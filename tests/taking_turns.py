@@ -3,8 +3,8 @@
 A page that is open and a robot that runs cost a quarter of a processor, also while a test waits. With a browser on each
 worker, half of a computer with two processors would go into that; so two workers do something else. Tests of whole
 processes, machines and networks wait for most of their time; beside browsers and them one worker has what only
-computes, and two have when no browser is left, so that the processors are never idle. Who has a browser keeps it as long
-as there are such files.
+computes, and two have when no browser is left, so that the processors are never idle. Who has a browser keeps it as
+long as there are such files.
 """
 
 from __future__ import annotations

@@ -42,7 +42,8 @@ def test_stop_tells_who_confirmed_it_and_the_cards_show_what_the_parts_do(page: 
     expect(page.locator("#ms-stop-says")).to_have_text(re.compile(r"STOP is said to all parts\. \(\d+ ms\)"))
     expect(page.get_by_text("parts have confirmed that they are in their safe state")).to_be_visible()
     told, banner = (page.locator(which).bounding_box() for which in ("#ms-stop-says", ".ms-banner.bad >> visible=true"))
-    assert told and banner
+    assert told is not None
+    assert banner is not None
     assert told["y"] >= banner["y"] + banner["height"], "what was said covers neither who said it nor the way back"
     page.get_by_text("Confirmed by").click()
     expect(page.get_by_text(re.compile(r"^fan \d+ ms"))).to_be_visible()
