@@ -379,7 +379,9 @@ const msbotProgram = (() => {
     person = who;
     const typed = JSON.parse(sessionStorage.getItem(TYPED));
     sessionStorage.removeItem(TYPED);
-    if (typed !== null && (typed.isAway || Date.now() - typed.at < FRESH_MS)) emitEvent("ms_program_typed", typed);
+    // However long this page took to be loaded: what counts is when that began.
+    const isFresh = typed !== null && performance.timeOrigin - typed.at < FRESH_MS;
+    if (typed !== null && (typed.isAway || isFresh)) emitEvent("ms_program_typed", typed);
     document.querySelector(".ms-prog-text").removeAttribute("inert");
     const shown = at("ms-prog");
     if (shown) useDevice(false);
