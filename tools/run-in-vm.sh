@@ -286,10 +286,12 @@ run_qemu() {
             -device "virtio-9p-pci,fsdev=w$i,mount_tag=w$i"
     done
     unset IFS
+    # The clock is the HPET, whose rate is given: the TSC's is measured while the kernel starts, and on a busy computer that
+    # was wrong at times (a clock that goes three times too fast, so that everything is late).
     timeout -k 5 "$patience" qemu-system-x86_64 -accel tcg,thread=multi,tb-size=256 -M q35 -cpu max -smp 2 \
         -m "$memory" -nodefaults -no-user-config -display none -monitor none -no-reboot \
         -kernel "$CACHE/vm/vmlinux" -initrd "$CACHE/vm/initrd" \
-        -append "console=ttyS0 quiet loglevel=3 panic=-1 mitigations=off tsc=reliable vmguest=$C/guest" \
+        -append "console=ttyS0 quiet loglevel=3 panic=-1 mitigations=off tsc=reliable clocksource=hpet vmguest=$C/guest" \
         -serial file:"$C/console" -chardev file,id=out,path="$O/out" -chardev file,id=err,path="$O/err" \
         -device virtio-serial-pci,id=vs -device virtserialport,bus=vs.0,nr=1,chardev=out \
         -device virtserialport,bus=vs.0,nr=2,chardev=err \
