@@ -286,9 +286,10 @@ run_qemu() {
             -device "virtio-9p-pci,fsdev=w$i,mount_tag=w$i"
     done
     unset IFS
+    # One processor: emulating two, which may touch one memory at any moment, costs nearly twice as much for the same work.
     # The clock is the HPET, whose rate is given: the TSC's is measured while the kernel starts, and on a busy computer that
     # was wrong at times (a clock that goes three times too fast, so that everything is late).
-    timeout -k 5 "$patience" qemu-system-x86_64 -accel tcg,thread=multi,tb-size=256 -M q35 -cpu max -smp 2 \
+    timeout -k 5 "$patience" qemu-system-x86_64 -accel tcg,thread=multi,tb-size=256 -M q35 -cpu max -smp 1 \
         -m "$memory" -nodefaults -no-user-config -display none -monitor none -no-reboot \
         -kernel "$CACHE/vm/vmlinux" -initrd "$CACHE/vm/initrd" \
         -append "console=ttyS0 quiet loglevel=3 panic=-1 mitigations=off tsc=reliable clocksource=hpet vmguest=$C/guest" \
