@@ -25,6 +25,9 @@ HEAD_S = 10.0
 """How long a connection may take until its request has come with all its headers; TLS gets as long."""
 BODY_S = 20.0
 """How long a request's body may pause."""
+IDLE_S = 30
+"""How long a connection stays open for its next request. Longer than clients keep theirs (httpx 5 s): who closes first
+cannot lose a request, and one that is on its way to a server that is closing is lost."""
 MOST_HEAD = 64 * 1024
 """Octets of a request's address and headers; browsers send about one thousand."""
 MOST_PER_ADDRESS = 300
