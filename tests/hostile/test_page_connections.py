@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
+import httpx
 import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
@@ -94,6 +95,19 @@ async def test_who_says_nothing_or_dawdles_is_closed(monkeypatch: pytest.MonkeyP
             end.close()
         assert b"200 OK" in await server.ask()
         assert server.open.dropped == 3
+
+
+async def test_a_connection_waits_for_its_next_request_longer_than_clients_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert httpx.Limits().keepalive_expiry == 5.0 < connections.IDLE_S
+    monkeypatch.setattr(connections, "IDLE_S", 0.05)
+    async with site() as server:
+        reader, writer = await server.connect()
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert (await reader.read()).startswith(b"HTTP/1.1 200 OK"), "answered, and closed by and by"
+        writer.close()
+        assert server.open.dropped == 0
 
 
 async def test_a_head_without_end_is_refused_and_bodies_and_many_requests_are_not() -> None:

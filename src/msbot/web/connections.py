@@ -104,6 +104,7 @@ class WatchedConnection(HttpToolsProtocol):
         self, connections: Connections, config: Config, server_state: ServerState, app_state: dict[str, Any]
     ) -> None:
         super().__init__(config, server_state, app_state)
+        self.timeout_keep_alive = IDLE_S
         self._all = connections
         self._timer: asyncio.TimerHandle | None = None
         self._is_reading_body = False

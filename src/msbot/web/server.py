@@ -42,7 +42,7 @@ from msbot.web.api.late_routes import LateRoutes
 from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.call_pace import CallPace
-from msbot.web.connections import IDLE_S, Connections, PageAcceptor, WatchedConnection
+from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
 from msbot.web.late_websocket import LateWebSocket, websocket_protocol
 from msbot.web.open_pages import OpenPages
 from msbot.web.page_errors import say_errors_once
@@ -232,7 +232,6 @@ class WebServer:
             lifespan="on",
             timeout_graceful_shutdown=1,
             proxy_headers=False,
-            timeout_keep_alive=IDLE_S,
             ws=LateWebSocket,
             ws_max_size=MAX_MESSAGE,
             ws_max_queue=MOST_MESSAGES,
