@@ -53,8 +53,9 @@ async def test_large_samples_arrive_whole() -> None:
 async def test_a_peer_that_crashes_in_the_middle_of_a_sample_leaves_nothing_behind() -> None:
     with DdsSpace() as space:
         inbox = Inbox()
-        reader = space.reader(TOPIC, Qos(), inbox)
-        async with far_side(do="write", topic="t", type="T", size=1 << 20) as writer:
+        most = 64  # as many as may wait: of more, a reader that is too slow would rightly miss the oldest
+        reader = space.reader(TOPIC, Qos(depth=most), inbox)
+        async with far_side(do="write", topic="t", type="T", qos={"depth": most}, count=most, size=1 << 20) as writer:
             await until(lambda: len(inbox.samples) >= 3)
             writer.process.kill()
             await writer.process.wait()
