@@ -17,8 +17,10 @@ from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
 from msbot.runtime import accept_connections
+from msbot.runtime.accept_connections import ProtocolAcceptor
+from msbot.runtime.tally import Tally
 from msbot.web import connections
-from msbot.web.connections import MOST_HEAD, Connections, PageAcceptor, WatchedConnection
+from msbot.web.connections import MOST_HEAD, Connections, WatchedConnection
 
 
 async def answer(scope: Scope, receive: Receive, send: Send) -> None:
@@ -38,10 +40,10 @@ async def answer(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class Site:
-    def __init__(self, port: int, open_ones: Connections, acceptor: PageAcceptor) -> None:
+    def __init__(self, port: int, open_ones: Connections, failed: Tally) -> None:
         self.port = port
         self.open = open_ones
-        self.acceptor = acceptor
+        self.failed = failed
 
     async def connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         return await asyncio.open_connection("127.0.0.1", self.port)
@@ -63,10 +65,11 @@ async def site(most: int = 100, make_socket: type[socket.socket] = socket.socket
     with make_socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", 0))
         listening.listen()
-        acceptor = PageAcceptor(listening, lambda: WatchedConnection(open_ones, config, state, {}), None)
+        failed = Tally()
+        acceptor = ProtocolAcceptor(listening, lambda: WatchedConnection(open_ones, config, state, {}), failed)
         task = asyncio.create_task(acceptor.run())
         try:
-            yield Site(listening.getsockname()[1], open_ones, acceptor)
+            yield Site(listening.getsockname()[1], open_ones, failed)
         finally:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -208,7 +211,7 @@ async def test_without_descriptors_accepting_pauses_instead_of_spinning(
     monkeypatch.setattr(accept_connections, "PAUSE_S", 0.01)
     async with site(make_socket=Scarce) as server:
         assert b"200 OK" in await server.ask()
-        assert server.acceptor.failed == {accept_connections.EXHAUSTED: 3}
+        assert server.failed == {accept_connections.EXHAUSTED: 3}
     assert [record.message for record in caplog.records if record.name == accept_connections.__name__] == [
         "no more connections can be accepted for now: Too many open files"
     ]

@@ -1,15 +1,16 @@
-"""A server without descriptors rests, and goes on when there are some again."""
+"""A server without descriptors rests, and goes on when there are some again; one that ends leaves nobody waiting."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import socket
 
 import pytest
 
 from msbot.runtime import accept_connections
-from msbot.runtime.accept_connections import EXHAUSTED, Acceptor
+from msbot.runtime.accept_connections import EXHAUSTED, Acceptor, ProtocolAcceptor
 from msbot.runtime.tally import Tally
 
 
@@ -48,3 +49,35 @@ async def test_without_descriptors_it_pauses_instead_of_spinning(monkeypatch: py
         assert taken[0].getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY), "small answers do not wait for each other"
         assert listening.tries < 10, "one try for each pause"
     taken[0].close()
+
+
+class Kept(asyncio.Protocol):
+    """A protocol whose server closes it when it ends."""
+
+    def __init__(self, kept: list[asyncio.Transport]) -> None:
+        self.kept = kept
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.kept.append(transport)
+
+
+@pytest.mark.parametrize("turns", range(5))
+async def test_who_comes_while_it_ends_has_a_protocol_or_is_closed(turns: int) -> None:
+    """However far the event loop has come with the connection."""
+    kept: list[asyncio.Transport] = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        accepting = asyncio.create_task(ProtocolAcceptor(listening, lambda: Kept(kept), Tally()).run())
+        await asyncio.sleep(0)
+        late = socket.create_connection(listening.getsockname())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        accepting.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await accepting
+    for transport in kept:
+        transport.close()
+    late.setblocking(False)
+    with late, contextlib.suppress(ConnectionError):
+        async with asyncio.timeout(30):
+            assert await asyncio.get_running_loop().sock_recv(late, 1) == b""

@@ -20,11 +20,13 @@ from msbot.master import Master
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartState, SlotBinding
+from msbot.runtime.accept_connections import ProtocolAcceptor
+from msbot.runtime.tally import Tally
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
 from msbot.web.access.guard import AccessGuard
 from msbot.web.access.users import MemoryUsers
-from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
+from msbot.web.connections import Connections, WatchedConnection
 from msbot.web.part_socket import PartSocket
 from tests.web.access.test_accounts import PlainHasher, user
 
@@ -115,7 +117,7 @@ async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> Asy
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.setblocking(False)
         state, connections = ServerState(), Connections()
-        acceptor = PageAcceptor(listening, lambda: WatchedConnection(connections, config, state, {}), None)
+        acceptor = ProtocolAcceptor(listening, lambda: WatchedConnection(connections, config, state, {}), Tally())
         running = asyncio.create_task(master.run())
         async with asyncio.timeout(PATIENCE_S):
             await master.ready.wait()

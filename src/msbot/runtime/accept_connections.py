@@ -12,8 +12,13 @@ import errno
 import logging
 import socket
 from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
 
 from msbot.runtime.tally import Tally
+
+if TYPE_CHECKING:
+    import ssl
 
 _log = logging.getLogger(__name__)
 
@@ -78,6 +83,67 @@ class Acceptor:
             connection.setblocking(False)
             _send_at_once(connection)
             self._take(connection)
+
+
+class ProtocolAcceptor:
+    """Gives every connection made to a listening socket a protocol; TLS is negotiated for each on its own.
+
+    asyncio's own server forgets a connection that comes in while it is closed: nobody closes that one.
+
+    Args:
+        listening: the socket; the caller closes it, after `run`.
+        make: makes the protocol of a new connection.
+        dropped: where failures are counted.
+        tls: the certificate; None: none.
+        handshake_s: how long the negotiation may take.
+    """
+
+    def __init__(
+        self,
+        listening: socket.socket,
+        make: Callable[[], asyncio.Protocol],
+        dropped: Tally,
+        *,
+        tls: ssl.SSLContext | None = None,
+        handshake_s: float = 60.0,
+    ) -> None:
+        self._listening = listening
+        self._make = make
+        self._dropped = dropped
+        self._tls = tls
+        self._handshake_s = handshake_s if tls else None
+        self._beginning: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Accept until cancelled; a connection that has no protocol by then is closed."""
+        acceptor = Acceptor(self._listening, self._take, self._dropped)
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            acceptor.stop()
+            for task in self._beginning:
+                task.cancel()
+            await asyncio.gather(*self._beginning, return_exceptions=True)
+
+    def _take(self, connection: socket.socket) -> None:
+        task = asyncio.get_running_loop().create_task(self._begin(connection))
+        self._beginning.add(task)
+        task.add_done_callback(partial(self._begun, connection))
+
+    async def _begin(self, connection: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        # A peer that fails at TLS, or is gone again, is not worth reporting.
+        with contextlib.suppress(OSError):
+            await loop.connect_accepted_socket(
+                self._make, connection, ssl=self._tls, ssl_handshake_timeout=self._handshake_s
+            )
+            return
+        connection.close()
+
+    def _begun(self, connection: socket.socket, task: asyncio.Task[None]) -> None:
+        self._beginning.discard(task)
+        if task.cancelled():  # perhaps before its first step
+            connection.close()
 
 
 def _send_at_once(connection: socket.socket) -> None:

@@ -1,4 +1,4 @@
-"""The connections of the page: how many may be open, how long they may be slow, and how new ones are let in.
+"""The connections of the page: how many may be open, and how long they may be slow.
 
 A connection that says nothing is closed after a while; when there are too many, the one that has been idle longest
 makes room. So connections that are only held open neither use up the robot's file descriptors nor keep people out.
@@ -7,19 +7,12 @@ makes room. So connections that are only held open neither use up the robot's fi
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
-import socket
-import ssl
-from collections.abc import Callable
 from typing import Any
 
 from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.server import ServerState
-
-from msbot.runtime.accept_connections import Acceptor
-from msbot.runtime.tally import Tally
 
 HEAD_S = 10.0
 """How long a connection may take until its request has come with all its headers; TLS gets as long."""
@@ -204,55 +197,6 @@ class WatchedConnection(HttpToolsProtocol):
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-
-
-class PageAcceptor:
-    """Accepts connections to the page one by one; TLS is negotiated for each on its own.
-
-    Args:
-        listening: the socket.
-        make: makes the protocol of a new connection.
-        tls: the certificate; None: plain HTTP.
-    """
-
-    def __init__(
-        self, listening: socket.socket, make: Callable[[], asyncio.Protocol], tls: ssl.SSLContext | None
-    ) -> None:
-        self._listening = listening
-        self._make = make
-        self._tls = tls
-        self._handshakes: set[asyncio.Task[None]] = set()
-        self.failed = Tally()
-        """What could not be accepted, by reason."""
-
-    async def run(self) -> None:
-        """Accept until cancelled."""
-        acceptor = Acceptor(self._listening, self._take, self.failed)
-        try:
-            await asyncio.get_running_loop().create_future()
-        finally:
-            acceptor.stop()
-            for task in self._handshakes:
-                task.cancel()
-
-    def _take(self, connection: socket.socket) -> None:
-        task = asyncio.get_running_loop().create_task(self._begin(connection))
-        self._handshakes.add(task)
-        task.add_done_callback(self._handshakes.discard)
-
-    async def _begin(self, connection: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        try:
-            # A peer that fails at TLS, or is gone again, is not worth reporting.
-            with contextlib.suppress(OSError, ssl.SSLError):
-                await loop.connect_accepted_socket(
-                    self._make, connection, ssl=self._tls, ssl_handshake_timeout=HEAD_S if self._tls else None
-                )
-                return
-            connection.close()
-        except asyncio.CancelledError:
-            connection.close()
-            raise
 
 
 def _descriptors() -> int:

@@ -33,8 +33,10 @@ from starlette.types import Lifespan
 
 from msbot.errors import ConfigError
 from msbot.link.net import WebSocketServerLink
+from msbot.runtime.accept_connections import ProtocolAcceptor
 from msbot.runtime.given_file import LARGEST_PEM, read_given
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.tally import Tally
 from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
@@ -42,7 +44,7 @@ from msbot.web.api.late_routes import LateRoutes
 from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.call_pace import CallPace
-from msbot.web.connections import Connections, PageAcceptor, WatchedConnection
+from msbot.web.connections import HEAD_S, Connections, WatchedConnection
 from msbot.web.late_websocket import LateWebSocket, websocket_protocol
 from msbot.web.open_pages import OpenPages
 from msbot.web.page_errors import say_errors_once
@@ -98,7 +100,7 @@ class _Server(uvicorn.Server):
         self.ready = asyncio.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
-        await super().startup([])  # no socket for asyncio's own server: `PageAcceptor` looks after it
+        await super().startup([])  # no socket for asyncio's own server: `ProtocolAcceptor` looks after it
         core.sio.eio.ping_interval, core.sio.eio.ping_timeout = PING_S, PATIENCE_S  # NiceGUI has set its own by now
         self.ready.set()
 
@@ -174,7 +176,13 @@ class WebServer:
     async def run(self) -> None:
         """Serve until cancelled."""
         serving = asyncio.ensure_future(self._server.serve(sockets=[]))
-        acceptor = PageAcceptor(self._socket, lambda: self._server.connection(self.connections), self._tls)
+        acceptor = ProtocolAcceptor(
+            self._socket,
+            lambda: self._server.connection(self.connections),
+            Tally(),
+            tls=self._tls,
+            handshake_s=HEAD_S,
+        )
         accepting = asyncio.ensure_future(self._accept(acceptor))
         try:
             await asyncio.shield(serving)
@@ -188,7 +196,7 @@ class WebServer:
                     await asyncio.shield(ending)
             self._socket.close()
 
-    async def _accept(self, acceptor: PageAcceptor) -> None:
+    async def _accept(self, acceptor: ProtocolAcceptor) -> None:
         await self.ready.wait()
         await acceptor.run()
 

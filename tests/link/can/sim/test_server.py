@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
+import socket
 import time
 from pathlib import Path
 
@@ -30,7 +32,7 @@ from msbot.link.can.sim.model.messages import (
     encode,
 )
 from msbot.link.can.sim.names import existing_bus, find_bus
-from tests.link.sim_programs import Ear, RawProgram, served
+from tests.link.sim_programs import PATIENCE_S, Ear, RawProgram, served
 
 
 @pytest.fixture
@@ -54,6 +56,21 @@ async def test_programs_hear_each_other_with_the_times_of_the_bus(folder: Path) 
     assert not server.ready.is_set()
     assert await one.ended() == []
     assert await other.ended() == []
+
+
+@pytest.mark.parametrize("turns", range(4))
+async def test_who_comes_in_while_the_bus_ends_is_not_kept_waiting(folder: Path, turns: int) -> None:
+    """However far the event loop has come with the new connection."""
+    loop = asyncio.get_running_loop()
+    async with served(folder) as (server, _):
+        late = socket.create_connection(("127.0.0.1", existing_bus("classroom", folder).port))
+        late.setblocking(False)
+        for _ in range(turns):
+            await asyncio.sleep(0)
+    with late, contextlib.suppress(ConnectionError):
+        async with asyncio.timeout(PATIENCE_S):
+            assert await loop.sock_recv(late, 1) == b""
+    assert server.programs == 0
 
 
 async def test_the_bus_says_what_it_is(folder: Path) -> None:
@@ -258,10 +275,10 @@ async def test_who_does_not_read_is_told_its_latest_state_only(folder: Path) -> 
 
 
 async def test_a_computer_without_a_free_port_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def refuse(*_: object) -> None:
+    def refuse(*_: object) -> None:
         raise OSError(98, "Address already in use")
 
-    monkeypatch.setattr(asyncio.get_running_loop(), "create_server", refuse)
+    monkeypatch.setattr(socket, "create_server", refuse)
     words = "cannot serve the simulated bus 'classroom' on 127.0.0.1: Address already in use"
     with pytest.raises(LinkDown, match=words):
         async with asyncio.timeout(60):

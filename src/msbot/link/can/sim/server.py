@@ -41,6 +41,7 @@ from msbot.link.can.sim.model.messages import (
 )
 from msbot.link.can.sim.names import KEY_OCTETS, NamedBus, publish, withdraw
 from msbot.link.contract import LinkCounters
+from msbot.runtime.accept_connections import ProtocolAcceptor
 
 MAX_PROGRAMS: Final = 256
 """Connections at a time; more are refused."""
@@ -98,31 +99,30 @@ class SimBusServer:
             LinkDown: another process serves a bus of that name, or no port is available.
             ConfigError: the name or the user's folder cannot be used.
         """
-        loop = asyncio.get_running_loop()
         try:
-            server = await loop.create_server(lambda: SimBusConnection(self), "127.0.0.1", 0)
+            listening = socket.create_server(("127.0.0.1", 0))
         except OSError as error:
             raise LinkDown(f"cannot serve the simulated bus {self.name!r} on 127.0.0.1: {error.strerror}") from error
         bus = self.driver.bus
         word = NamedBus(
             self.name,
-            int(server.sockets[0].getsockname()[1]),
+            int(listening.getsockname()[1]),
             self.key.hex(),
             os.getpid(),
             bus.bitrate,
             bus.data_bitrate,
             bus.fd,
         )
-        try:
-            publish(word, self.folder)
-            self.ready.set()
-            await loop.create_future()
-        finally:
-            self.ready.clear()
-            withdraw(word, self.folder)
-            server.close()
-            for program in list(self._programs):
-                program.close()
+        with listening:
+            try:
+                publish(word, self.folder)
+                self.ready.set()
+                await ProtocolAcceptor(listening, lambda: SimBusConnection(self), self.counters.dropped).run()
+            finally:
+                self.ready.clear()
+                withdraw(word, self.folder)
+                for program in list(self._programs):
+                    program.close()
 
     # What programs call
 
