@@ -89,7 +89,7 @@ class Program:
             lambda: any(words in line for line in self.lines) or self._reading.done(), f"{words!r} in {self.lines}"
         )
         found = next((line for line in self.lines if words in line), None)
-        assert found is not None, f"it ended without {words!r}: {self.lines}"
+        assert found is not None, f"it ended ({self.process.returncode}) without {words!r}: {self.lines}"
         return found
 
     async def tell(self) -> None:

@@ -37,8 +37,8 @@ class Node:
         # As rmw_dds_common: all that is told is kept, by participant the last.
         keep_all = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal,
                        Policy.History.KeepAll)  # fmt: skip
-        topic = Topic(self.participant, "ros_discovery_info", ros_types.ParticipantEntitiesInfo)
-        self.info = DataReader(self.participant, topic, qos=keep_all)
+        self.topic = Topic(self.participant, "ros_discovery_info", ros_types.ParticipantEntitiesInfo)
+        self.info = DataReader(self.participant, self.topic, qos=keep_all)
         self.endpoints = [
             (kind, BuiltinDataReader(self.participant, topic))
             for kind, topic in (("writes", BuiltinTopicDcpsPublication), ("reads", BuiltinTopicDcpsSubscription))
@@ -46,6 +46,8 @@ class Node:
         self.told = {}
         self.seen = {}
         self.number = 0
+        # As a node does, and as Cyclone DDS 11.0.1 needs it: once it crashed on a type that had just been given up.
+        self.kept = []
 
     def look(self):
         for message in self.info.take(64):
@@ -89,6 +91,7 @@ class Node:
         replies = Topic(self.participant, f"rr{node}/{service}Reply", answer)
         reader = DataReader(self.participant, replies, qos=SERVICES)
         writer = DataWriter(self.participant, requests, qos=SERVICES)
+        self.kept += [requests, replies, reader, writer]
         while not (writer.get_matched_subscriptions() and reader.get_matched_publications()):
             time.sleep(0.005)
         self.number += 1
@@ -108,7 +111,9 @@ class Node:
     def hear(self, topic, type_name, count):
         qos = {"robot_description": LATCHED, "clock": BEST_EFFORT}.get(topic, SERVICES)
         cls = getattr(ros_types, type_name)
-        reader = DataReader(self.participant, Topic(self.participant, f"rt/{topic}", cls), qos=qos)
+        heard = Topic(self.participant, f"rt/{topic}", cls)
+        reader = DataReader(self.participant, heard, qos=qos)
+        self.kept += [heard, reader]
         say(f"hears {topic}")
         left = int(count)
         while left:
