@@ -94,7 +94,8 @@ PAGES = (
 )  # fmt: skip
 """Two browsers at a time: in this order there is mostly one that works hard beside one that waits."""
 FIRST = (
-    *(f"web/browser/test_{name}.py" for name in PAGES), "web/browser", "web/api/test_routes.py", "lessons/test_shipped_lessons.py", "part/test_faults.py", "e2e", "hostile",
+    *(f"web/browser/test_{name}.py" for name in PAGES), "web/browser", "web/api/test_routes.py",
+    "lessons/test_shipped_lessons.py", "part/test_faults.py", "e2e", "hostile",
     "operations/test_running_operations.py", "firmware", "lab", "web/test_records.py", "registry/test_kill.py",
     "test_fuzz.py", "space/zenoh", "space/dds", "hardware/test_keeper.py", "part/test_beginner.py", "cli/board",
     "homes/test_conformance.py", "test_platforms.py", "cli/change/test_robot_access.py", "school/test_mdns.py",
