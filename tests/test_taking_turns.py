@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from tests.conftest import FIRST
 from tests.taking_turns import BROWSERS, WAITING, TakingTurns
 
 
@@ -93,3 +94,11 @@ def test_it_is_in_use() -> None:
     )
     assert "scheduling tests via TakingTurns" in done.stdout
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_what_has_a_place_in_the_order_or_a_kind_is_there() -> None:
+    """A file that got another name would lose its place without a word."""
+    here = Path(__file__).parent
+    names = [here / name for name in FIRST] + [here.parent / name for name in (BROWSERS, *WAITING)]
+    assert [path for path in names if not path.exists()] == []
+    assert {path.name for path in (here.parent / BROWSERS).glob("test_*.py")} <= {path.name for path in names}
