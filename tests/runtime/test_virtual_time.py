@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import asyncio
 import math
+import selectors
+import signal
+import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -105,6 +108,70 @@ def test_a_call_from_another_thread_wakes_the_loop() -> None:
             return await news
 
     assert run_virtual(main()) == "hello"
+
+
+def _polls(loop: asyncio.AbstractEventLoop, monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
+    """How often, and how long, the system is asked for news of this loop's files."""
+    asked: list[float | None] = []
+    real = selectors.DefaultSelector.select
+
+    def select(
+        selector: selectors.DefaultSelector, timeout: float | None = None
+    ) -> list[tuple[selectors.SelectorKey, int]]:
+        if selector is loop._selector:  # type: ignore[attr-defined]  # no public way to see it
+            asked.append(timeout)
+        return real(selector, timeout)
+
+    monkeypatch.setattr(selectors.DefaultSelector, "select", select)
+    return asked
+
+
+def test_the_system_is_asked_only_for_sockets_and_beside_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threading, "active_count", lambda: 1)  # whatever other tests have left
+
+    async def main() -> tuple[int, int, int]:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(0)
+        asked = _polls(loop, monkeypatch)
+
+        async def turns() -> int:
+            asked.clear()
+            for _ in range(50):
+                await asyncio.sleep(0.1)
+            return len(asked)
+
+        alone = await turns()
+        here, there = socket.socketpair()
+        with here, there:
+            here.setblocking(False)
+            loop.add_reader(here, lambda: None)
+            with_a_socket = await turns()
+            loop.remove_reader(here)
+        monkeypatch.setattr(threading, "active_count", lambda: 2)
+        return alone, with_a_socket, await turns()
+
+    alone, with_a_socket, beside_a_thread = run_virtual(main())
+    assert alone == 0
+    assert with_a_socket >= 50
+    assert beside_a_thread >= 50
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="this system has no such signal")
+def test_a_signal_is_heeded_while_time_jumps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threading, "active_count", lambda: 1)
+
+    async def main() -> str:
+        loop = asyncio.get_running_loop()
+        heard = asyncio.Event()
+        loop.add_signal_handler(signal.SIGUSR1, heard.set)
+        signal.raise_signal(signal.SIGUSR1)
+        for _ in range(10):
+            await asyncio.sleep(1.0)
+            if heard.is_set():
+                return "heard"
+        return "deaf"
+
+    assert run_virtual(main()) == "heard"
 
 
 def test_a_loop_where_nothing_can_happen_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import math
 import selectors
+import threading
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Executor
 from typing import TypeVar, TypeVarTuple
@@ -29,7 +30,10 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def __init__(self, start: float = 0.0) -> None:
         self._now = start
         self._at_work = 0
-        super().__init__(_JumpingSelector(self._next_moment, self._is_stuck))
+        selector = _JumpingSelector(self._next_moment, self._is_stuck)
+        super().__init__(selector)
+        selector.own = len(selector.get_map())
+        self._selector: _JumpingSelector
         self._set_clock(start)
 
     def time(self) -> float:
@@ -45,6 +49,16 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 
     def _job_done(self, _: asyncio.Future[_T]) -> None:
         self._at_work -= 1
+
+    def _write_to_self(self) -> None:
+        """As in every loop: another thread, or a signal, has something for this one."""
+        self._selector.was_poked = True
+        super()._write_to_self()  # type: ignore[misc]  # no public way to hear of it
+
+    def add_signal_handler(self, sig: int, callback: Callable[[*_Ts], object], *args: *_Ts) -> None:
+        """As in every loop; Python itself then writes to the loop's pipe, so it is read at every turn."""
+        super().add_signal_handler(sig, callback, *args)
+        self._selector.own = 0
 
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002, ASYNC109  # as asyncio has it
         """As in every loop; virtual time stays still until the threads have ended, so a limit never passes."""
@@ -73,7 +87,16 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Polls instead of waiting, and lets time jump when there is nothing to poll."""
+    """Polls instead of waiting, and lets time jump when there is nothing to poll.
+
+    A loop without sockets, beside which no thread works, asks the system nothing: its own pipe is read only when it
+    was written to. Beside a thread it asks at every turn, which lets the thread go on.
+    """
+
+    own = 0
+    """How many files the loop has for itself."""
+    was_poked = True
+    """Whether somebody may have written to the loop's own pipe since it was read."""
 
     def __init__(self, jump: Callable[[], bool], is_stuck: Callable[[], bool]) -> None:
         super().__init__()
@@ -81,7 +104,10 @@ class _JumpingSelector(selectors.DefaultSelector):
         self._is_stuck = is_stuck
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        events = super().select(0)
+        events: list[tuple[selectors.SelectorKey, int]] = []
+        if self.was_poked or len(self.get_map()) > self.own or threading.active_count() > 1:
+            self.was_poked = False  # before it is read: who writes later is seen the next time
+            events = super().select(0)
         if events or timeout == 0 or self._jump():
             return events
         events = super().select(STUCK_AFTER_S)
