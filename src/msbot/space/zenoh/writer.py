@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -26,8 +27,10 @@ SETTLE_S = 0.25
 """How long a writer that keeps samples waits for the router to tell who reads: a reader that hears a later sample first
 does not accept the earlier ones any more."""
 IDLE_S = 1.0
-"""A reliable writer that has been idle for so long, or twice that, repeats its last sample once: if the connection was
+"""A reliable writer that has been idle for so long, or twice that, repeats its last sample: if the connection was
 congested, the last ones may have been dropped, and the library's heartbeat with them."""
+REPETITIONS = 4
+"""How often it does while it stays idle, each time after twice as long: the connection may still be congested."""
 REPEAT_S = 0.2
 """How long after a reader is back the last sample is repeated; its subscription may come after its token."""
 
@@ -41,6 +44,7 @@ class Outlet(Crossing):
         "_is_watched",
         "_known",
         "_last",
+        "_next_repetition",
         "_put",
         "_readers",
         "_sealer",
@@ -69,6 +73,7 @@ class Outlet(Crossing):
         self._has_written = False
         """Whether it has since somebody looked whether it is idle."""
         self._is_watched = False
+        self._next_repetition: asyncio.TimerHandle | None = None
         self._awaited: int | None = None
         """Number of the first sample that a reader was there for, while it could not be sent yet."""
         self._put: Callable[..., None] | None = None
@@ -101,8 +106,7 @@ class Outlet(Crossing):
             self._last = octets, number, related
             self._has_written = True
             if not self._is_watched:
-                self._is_watched = True
-                self._loop.call_later(IDLE_S, self._look_if_idle)
+                self._watch()
         self._send(octets, self._sealer.seal(number, related, is_repeated=is_late))
 
     def close(self) -> None:
@@ -147,13 +151,26 @@ class Outlet(Crossing):
         self._readers.add(other.guid)
         self.is_wanted = True
 
+    def _watch(self) -> None:
+        """Look from time to time whether it is idle, instead of starting a timer anew with each sample."""
+        if self._next_repetition is not None:
+            self._next_repetition.cancel()
+        self._is_watched = True
+        self._loop.call_later(IDLE_S, self._look_if_idle)
+
     def _look_if_idle(self) -> None:
         if self._has_written and self.is_open:
             self._has_written = False
             self._loop.call_later(IDLE_S, self._look_if_idle)
         else:
             self._is_watched = False
-            self._repeat()
+            self._repeat_while_idle(REPETITIONS - 1, 2 * IDLE_S)
+
+    def _repeat_while_idle(self, left: int, after_s: float) -> None:
+        self._repeat()
+        self._next_repetition = None
+        if left and self.is_open:
+            self._next_repetition = self._loop.call_later(after_s, self._repeat_while_idle, left - 1, 2 * after_s)
 
     def _repeat(self) -> None:
         """A reader that was cut off has to notice what it has missed, or it would only ask with the next sample."""
