@@ -8,7 +8,6 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Generator, Iterator
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from hypothesis import HealthCheck, settings
 
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.stop_datagram import GROUP_VARIABLE
-from tests import import_order, taking_turns, time_of_a_test
+from tests import few_reports, import_order, taking_turns, time_of_a_test
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
 
@@ -46,27 +45,16 @@ def pytest_configure(config: pytest.Config) -> None:
     """Workers share the work of importing, and take turns with browsers; no alarm ends the whole run."""
     config.pluginmanager.register(import_order)
     config.pluginmanager.register(time_of_a_test)
+    config.pluginmanager.register(few_reports)
     if hasattr(config, "workerinput"):
         return
     if config.pluginmanager.hasplugin("xdist"):
         config.pluginmanager.register(taking_turns)
-        in_long_turns()
     # One folder for what this run's processes leave behind; many are killed, and cannot clear up. It also keeps the
     # robots that run on this machine out of the tests' sight. What tests write themselves (`tmp_path`) stays.
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())
     config.stash[SCRATCH] = os.environ["TMPDIR"] = tempfile.mkdtemp(prefix="msbot-tests-")
     tempfile.tempdir = None  # so that it is looked for anew
-
-
-def in_long_turns() -> None:
-    """From now on this process, and all that it starts, is not interrupted by what wakes up, but has its whole turn.
-
-    Robots, browsers and tests wake each other thousands of times a second; if each had its processor at once, a
-    twenty-fifth of all processor time would go into filling caches anew.
-    """
-    if hasattr(os, "SCHED_BATCH"):
-        with suppress(PermissionError):  # forbidden to some containers
-            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -77,8 +65,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Of `-n auto`: two workers more than there are processors, because two wait, for processes or pages."""
-    return len(os.sched_getaffinity(0)) + 2 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 2
+    """Of `-n auto`."""
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return processors + taking_turns.MORE_WORKERS
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -118,8 +107,9 @@ FIRST = (
     *(f"web/browser/test_{name}.py" for name in PAGES), "web/browser", "web/api/test_routes.py",
     "lessons/test_shipped_lessons.py", "part/test_faults.py", "e2e", "hostile",
     "operations/test_running_operations.py", "firmware", "lab", "web/test_records.py", "registry/test_kill.py",
-    "test_fuzz.py", "space/zenoh", "space/dds", "hardware/test_keeper.py", "part/test_beginner.py", "cli/board",
+    "test_fuzz.py", "space/zenoh", "space/dds", "wide", "hardware/test_keeper.py", "part/test_beginner.py", "cli/board",
     "homes/test_conformance.py", "test_platforms.py", "cli/change/test_robot_access.py", "school/test_mdns.py",
+    "runtime/test_worker.py", "runtime/test_kept_worker.py",
 )  # fmt: skip
 """What takes longest begins first, so that at the end no worker waits for another one."""
 

@@ -1,10 +1,10 @@
 """Which worker runs which file of tests: a file stays whole, and at each moment there is something of every kind.
 
-A page that is open and a robot that runs cost a quarter of a processor, also while a test waits. With a browser on each
-worker, half of a computer with two processors would go into that; so two workers do something else. Tests of whole
-processes, machines and networks wait for most of their time; beside browsers and them one worker has what only
-computes, and two have when no browser is left, so that the processors are never idle. Who has a browser keeps it as
-long as there are such files.
+There are three workers more than processors, because tests in browsers and of whole processes, machines and networks
+wait for much of their time. A page that is open and a robot that runs cost a quarter of a processor, also while a test
+waits. With a browser on each worker, half of a computer with two processors would go into that; so there are as many
+browsers as processors. One worker always has what only computes, and two have when no browser is left, so that the
+processors are never idle. Who has a browser keeps it as long as there are such files.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ WAITING = (
     "tests/cli/change/test_robot_access.py", "tests/cli/bus/", "tests/web/api/test_routes.py",
 )  # fmt: skip
 """Files that wait for more than half of their time."""
+MORE_WORKERS = 3
+"""As many more than there are processors."""
 
 
 class TakingTurns(LoadFileScheduling):  # type: ignore[misc]  # xdist has no types
@@ -34,7 +36,7 @@ class TakingTurns(LoadFileScheduling):  # type: ignore[misc]  # xdist has no typ
         others = [self._newest(other) for other in self.assigned_work if other is not node]
         browsers = sum(file.startswith(BROWSERS) for file in others)
         waiting = sum(file.startswith(WAITING) for file in others)
-        may_browse = browsers < max(1, self.numnodes - 2)
+        may_browse = browsers < max(1, self.numnodes - MORE_WORKERS)
         may_wait = waiting < max(1, self.numnodes - 2) and browsers + waiting < max(1, self.numnodes - 1)
 
         def may(file: str) -> bool:

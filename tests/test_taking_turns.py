@@ -63,18 +63,18 @@ def named(folder: str, number: int) -> list[str]:
     return [f"{folder}test_{one}.py" for one in range(number)]
 
 
-def test_two_of_four_workers_have_a_browser_one_waits_and_one_computes() -> None:
-    moments = play(4, named(BROWSERS, 6) + named(WAITING[0], 8) + named("tests/", 12))
-    assert moments[:7] == ["bbwc"] * 7
-    for moment in moments[:-9]:  # at the end each does what there is
+def test_two_of_five_workers_have_a_browser_two_wait_and_one_computes() -> None:
+    moments = play(5, named(BROWSERS, 6) + named(WAITING[0], 12) + named("tests/", 16))
+    assert moments[:7] == ["bbwwc"] * 7
+    for moment in moments[:-12]:  # at the end each does what there is
         assert moment.count("b") <= 2
-        assert moment.count("b") + moment.count("w") <= 3
+        assert moment.count("b") + moment.count("w") <= 4
     assert "b" not in moments[-1]
 
 
-def test_without_browsers_two_of_four_workers_wait_and_two_compute() -> None:
-    moments = play(4, named(WAITING[0], 8) + named("tests/", 12))
-    assert {moment.count("w") for moment in moments[:10]} == {2}
+def test_without_browsers_three_of_five_workers_wait_and_two_compute() -> None:
+    moments = play(5, named(WAITING[0], 12) + named("tests/", 16))
+    assert {moment.count("w") for moment in moments[:10]} == {3}
 
 
 def test_of_three_workers_one_has_a_browser_and_keeps_it() -> None:
