@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -48,7 +49,9 @@ def test_a_pass_is_one_report_and_whatever_did_not_go_well_is_told(tmp_path: Pat
     words = ["-m", "pytest", "-n", "1", "-rA", "-p", "no:cacheprovider", "-p", "tests.few_reports"]
     here = ["-W", "ignore", "--rootdir", str(tmp_path), "-c", "/dev/null", str(tmp_path / "test_some.py")]
     root = Path(__file__).parents[1]
-    done = subprocess.run([sys.executable, *words, *here], cwd=root, capture_output=True, text=True, check=False)
+    env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}  # of this run
+    command = [sys.executable, *words, *here]
+    done = subprocess.run(command, cwd=root, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "1 failed, 2 passed, 1 skipped, 1 xfailed, 2 errors" in done.stdout
     for said in ("ERROR at setup of test_broken", "OSError: before", "ERROR at teardown of test_breaking",
