@@ -23,23 +23,23 @@ from fuzz.targets.parsers import PARSERS, samples_of
 from fuzz.virtual import play
 
 EXECUTIONS = {
-    "agent": 40,
-    "client": 150,
-    "part": 12,
-    "can": 200,
-    "socketcan": 150,
-    "simbus": 40,
-    "codec": 4000,
-    "compact": 2000,
-    "serial": 400,
-    "requests": 500,
-    "message": 4000,
-    "toml": 25,
-    "parsers": 700,
+    "agent": 20,
+    "client": 75,
+    "part": 6,
+    "can": 100,
+    "socketcan": 75,
+    "simbus": 20,
+    "codec": 2000,
+    "compact": 1000,
+    "serial": 200,
+    "requests": 250,
+    "message": 2000,
+    "toml": 12,
+    "parsers": 350,
     "page": 1,
-    "sockets": 12,
+    "sockets": 6,
 }
-"""About a second each."""
+"""About half a second each."""
 
 
 @pytest.mark.parametrize("name", TARGETS)
