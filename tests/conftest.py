@@ -74,7 +74,7 @@ def pytest_xdist_auto_num_workers() -> int:
 def pytest_collection() -> Generator[None, object, object]:
     """No garbage is looked for among ten thousand tests and all of MsBOT, neither now nor while they run.
 
-    Tests make a thousand objects in no time, and there is room for more until they are looked through: a twelfth of
+    Tests make a thousand objects in no time, and there is room for more until they are looked through: a twentieth of
     what only computes went into that.
     """
     with made_to_stay():
