@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 
+import pytest
+
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
 from msbot.link.can import CanMasterLink, CanPartLink
 from msbot.link.can.protocol import CanIds
@@ -23,6 +25,7 @@ SIZE = 8
 NAMES = [f"p{number}" for number in range(SIZE)]
 
 
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
 def test_a_flood_of_joins_neither_keeps_known_parts_out_nor_throws_them_out() -> None:
     async def scene() -> None:
         random, loop = Random(1), asyncio.get_running_loop()
@@ -93,6 +96,7 @@ def test_a_flood_of_joins_neither_keeps_known_parts_out_nor_throws_them_out() ->
     run_virtual(scene())
 
 
+@pytest.mark.promise("A bus has one master")
 def test_a_second_master_on_a_bus_ends_with_one_sentence_and_the_robot_goes_on(tmp_path: Path) -> None:
     env = {"XDG_RUNTIME_DIR": str(tmp_path), "XDG_STATE_HOME": str(tmp_path / "state")}
     folders = [tmp_path / "one", tmp_path / "two"]

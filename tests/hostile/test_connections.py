@@ -8,6 +8,8 @@ import socket
 from collections.abc import AsyncIterator
 from random import Random
 
+import pytest
+
 from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
 from msbot.link import Signal
 from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink
@@ -58,6 +60,7 @@ async def gets_in(client: Client) -> None:
         await asyncio.gather(task, return_exceptions=True)
 
 
+@pytest.mark.promise("Idle connections keep nobody out")
 async def test_silent_connections_do_not_lock_newcomers_out_of_tcp() -> None:
     link = TcpServerLink("127.0.0.1", 0, max_connections=100)
     async with serving(link):
@@ -68,6 +71,7 @@ async def test_silent_connections_do_not_lock_newcomers_out_of_tcp() -> None:
             await gets_in(Client(TcpClientLink("127.0.0.1", link.port), key=7, random=Random(1)))
 
 
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
 async def test_logins_without_end_from_one_socket_do_not_lock_newcomers_out_of_udp() -> None:
     link = UdpServerLink("127.0.0.1", 0)
     settings = AgentSettings(max_clients=300, max_unsettled=200, max_unsettled_of_address=200)

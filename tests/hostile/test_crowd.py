@@ -27,6 +27,7 @@ AT_A_TIME = 8
 NAMES = [f"p{number}" for number in range(SIZE)]
 
 
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
 def test_a_crowd_comes_in_a_few_at_a_time_also_after_the_master_was_killed() -> None:
     async def scene() -> None:
         random, loop = Random(1), asyncio.get_running_loop()
@@ -87,6 +88,7 @@ def test_a_crowd_comes_in_a_few_at_a_time_also_after_the_master_was_killed() -> 
     run_virtual(scene())
 
 
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
 def test_a_part_that_floods_gets_its_share_and_is_told_of_and_no_other_part_is_late() -> None:
     async def scene() -> None:
         random, loop = Random(1), asyncio.get_running_loop()
@@ -145,6 +147,7 @@ EVER_NEW = 1 << 40
     ("addresses", "patience_s"),
     [(1, 1), (200, 2), (EVER_NEW, FORGET_S + 2)],  # the places of who never asks again are free after FORGET_S
 )
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
 def test_a_flood_of_strangers_is_read_in_part_and_nobody_is_late_or_kept_out_when_it_is_over(
     addresses: int, patience_s: float, caplog: pytest.LogCaptureFixture
 ) -> None:

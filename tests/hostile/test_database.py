@@ -121,6 +121,7 @@ def server() -> Iterator[tuple[Path, Path]]:
         yield programs, Path(address.partition("host=")[2])
 
 
+@pytest.mark.promise("Nothing acknowledged is lost when the database is slow, locked, frozen or gone")
 def test_with_a_slow_a_frozen_and_a_crashed_database_server(server: tuple[Path, Path], tmp_path: Path) -> None:
     programs, cluster = server
     (tmp_path / "way").mkdir()
@@ -164,6 +165,7 @@ def test_with_a_slow_a_frozen_and_a_crashed_database_server(server: tuple[Path, 
             everything_is_there(robot, changes, {"AA", "BB", "CC"})
 
 
+@pytest.mark.promise("Nothing acknowledged is lost when the database is slow, locked, frozen or gone")
 def test_with_another_program_that_holds_the_lock_of_the_file(tmp_path: Path) -> None:
     with ExitStack() as stack:
         robot = Robot(tmp_path, stack)

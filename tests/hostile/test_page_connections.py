@@ -83,6 +83,7 @@ async def closed(reader: asyncio.StreamReader) -> bool:
     return True
 
 
+@pytest.mark.promise("Idle connections keep nobody out")
 async def test_who_says_nothing_or_dawdles_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "HEAD_S", 0.05)
     monkeypatch.setattr(connections, "BODY_S", 0.05)
@@ -172,6 +173,7 @@ async def test_whoever_sends_on_after_a_refusal_reads_it_and_is_closed_after_a_w
         assert server.open.dropped == 3
 
 
+@pytest.mark.promise("Idle connections keep nobody out")
 async def test_many_idle_connections_keep_nobody_out() -> None:
     async with site(most=20) as server:
         idle = [await server.connect() for _ in range(60)]
@@ -183,6 +185,7 @@ async def test_many_idle_connections_keep_nobody_out() -> None:
             writer.close()
 
 
+@pytest.mark.promise("Idle connections keep nobody out")
 async def test_one_address_makes_room_among_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "MOST_PER_ADDRESS", 5)
     async with site(most=50) as server:
@@ -205,6 +208,7 @@ class Scarce(socket.socket):
         return super().accept()
 
 
+@pytest.mark.promise("Idle connections keep nobody out")
 async def test_without_descriptors_accepting_pauses_instead_of_spinning(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -77,10 +77,12 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("request", b'stop {"\\u001b[31m": 1}', id="an argument that controls the terminal"),
     ],
 )
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_what_was_found_is_read_or_refused_in_printable_words(parser: str, octets: bytes) -> None:
     read(parser, octets)
 
 
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_a_damaged_log_of_another_program_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "a.blf"
     path.write_bytes(_blf_with_a_damaged_container())
@@ -126,6 +128,7 @@ def test_words_are_made_whole_without_touching_what_is() -> None:
     assert whole("a\udcffb\ud800") == "a?b?"
 
 
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_what_was_found_in_requests_is_answered() -> None:
     """An origin that is no address, a length of 5,000 digits, half a character in a ticket and in a body."""
     found = (
@@ -153,6 +156,7 @@ def test_what_was_found_in_requests_is_answered() -> None:
         pytest.param(b"\xff\xfe", id="octets"),
     ],
 )
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_what_was_found_in_websockets_of_the_page_goes_no_further(octets: bytes) -> None:
     greeting = GREETING.replace("{0}", "7").encode()
     steps = (Step("open", greeting, (1, 1)), Step("say", b"40"), Step("wait", b"", (0, 0, 0.1)), Step("say", octets))

@@ -48,6 +48,7 @@ async def still_there(site: PartSite) -> None:
     await site.until(lambda: site.link.counters.packets_in > before + 3)
 
 
+@pytest.mark.promise("Idle connections keep nobody out")
 async def test_fifty_sockets_of_one_person_leave_room_for_others() -> None:
     async with part_site() as site, contextlib.AsyncExitStack() as stack:
         token = await site.token("eve")
@@ -63,6 +64,7 @@ async def test_fifty_sockets_of_one_person_leave_room_for_others() -> None:
 
 
 @pytest.mark.parametrize("size", [1, 16, 512, 65_535])
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 async def test_garbage_disturbs_nobody(size: int) -> None:
     dice = Random(size)
     async with part_site() as site, site.part(0, await site.token("bob")):
@@ -105,6 +107,7 @@ async def test_a_connection_that_is_torn_off_in_mid_message_is_gone() -> None:
         await still_there(site)
 
 
+@pytest.mark.promise("A flood neither keeps parts out nor makes active ones late")
 async def test_who_floods_is_told_and_slows_down_nobody_but_itself() -> None:
     async with part_site() as site, site.part(0, await site.token("bob")):
         await site.until(lambda: site.active() == {"S0"})

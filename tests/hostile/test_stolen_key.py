@@ -11,6 +11,8 @@ from contextlib import ExitStack, asynccontextmanager
 from random import Random
 from socket import AF_INET, SOCK_DGRAM, socket
 
+import pytest
+
 from msbot.agent import ClientView
 from msbot.config import Blueprint, PartType, RobotProfile, Slot, Timing
 from msbot.link.net import UdpServerLink
@@ -103,6 +105,7 @@ def knock(attacker: socket, part: ClientView, dice: Random) -> int:
     return len(packets)
 
 
+@pytest.mark.promise("A stranger with a part's client key does not take its session")
 async def test_57_logins_with_its_key_move_nothing_and_after_kill_9_the_part_is_back_from_another_address() -> None:
     dice = Random(57)
     async with robot() as it:

@@ -46,6 +46,7 @@ def said_until(robot: Robot, is_so: Callable[[dict[str, object]], bool], *option
     return said
 
 
+@pytest.mark.promise("STOP holds after the master was killed or ended, until GO")
 def test_stop_survives_the_end_of_the_master_until_go(robot: Robot) -> None:
     master = robot.master()
     parts = robot.parts("AA", "BB")
@@ -68,6 +69,7 @@ def test_stop_survives_the_end_of_the_master_until_go(robot: Robot) -> None:
     assert robot.ask("stop", "--status") == {"stopped": False, "by": None, "since": None}
 
 
+@pytest.mark.promise("STOP holds after an older backup was restored, and without its file")
 def test_stop_holds_after_an_older_backup_and_without_the_file(robot: Robot) -> None:
     master = robot.master()
     assert run("db", "backup", "old.db", cwd=robot.folder, env=robot.env).returncode == 0
@@ -85,6 +87,7 @@ def test_stop_holds_after_an_older_backup_and_without_the_file(robot: Robot) -> 
     assert robot.tell("status")["stopped"], "another computer has the database, and no file"
 
 
+@pytest.mark.promise("A part that does not confirm STOP is named")
 def test_a_frozen_part_is_named(robot: Robot) -> None:
     robot.master()
     parts = robot.parts("AA", "BB")
@@ -169,6 +172,7 @@ def children(master: Process) -> set[int]:
     return {int(pid) for pid in found.split()}
 
 
+@pytest.mark.promise("STOP is obeyed while the master lacks descriptors, disk or its database")
 def test_stop_gets_through_when_everything_else_is_stuck(robot: Robot) -> None:
     master = robot.master(page=True)
     robot.parts("AA")

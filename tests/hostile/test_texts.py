@@ -60,6 +60,7 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS.keys())
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_a_hostile_blueprint_is_refused_quickly_and_in_few_words(text: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(text)
@@ -73,6 +74,7 @@ def test_a_hostile_blueprint_is_refused_quickly_and_in_few_words(text: str, tmp_
 
 
 @pytest.mark.parametrize("name", ["many keys of eight steps", "unknown keys", "quotes without end", "orders in a key"])
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_a_hostile_library_file_is_refused_quickly_and_in_few_words(name: str, tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/own.toml").write_text(TEXTS[name])
@@ -91,6 +93,7 @@ def test_a_hostile_library_file_is_refused_quickly_and_in_few_words(name: str, t
     "(1.0) can\x1b[2J0 123#11\n" * 10,
     "\n" * 3_000_000,
 ], ids=["one long line", "one long frame", "orders to the terminal", "orders in a channel", "empty lines"])  # fmt: skip
+@pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_a_hostile_log_is_read_line_by_line_and_its_orders_are_not_passed_on(text: str, tmp_path: Path) -> None:
     (tmp_path / "bus.log").write_text(text)
     done = run_limited("bus", "decode", str(tmp_path / "bus.log"))

@@ -54,6 +54,7 @@ def _run_and_kill(robot_toml: Path, path: Path, lines: int) -> int:
     return told[-1]
 
 
+@pytest.mark.promise("Nothing acknowledged is lost after kill -9")
 def test_nothing_committed_is_lost_when_the_process_is_killed(
     path: Path, blueprint: Blueprint, library: Library
 ) -> None:
@@ -75,6 +76,7 @@ def test_nothing_committed_is_lost_when_the_process_is_killed(
 
 
 @pytest.mark.parametrize("seed", range(tries(1, 4)))
+@pytest.mark.promise("Nothing acknowledged is lost after kill -9")
 def test_masters_are_killed_during_swaps_and_edits(tmp_path: Path, seed: int) -> None:
     """See `killing.py`."""
     kills = tries(24, 50)
