@@ -2,8 +2,8 @@
 
     python bench/agent.py [--quick] [--write] [--against CHECKOUT [--pairs N]]
 
-Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each. `--write` puts the table into
-docs/explain/performance.md. `--against` runs the agent of another checkout and this one in turn, a second each, and
+Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each. `--write` keeps the table in
+bench/results/agent.md. `--against` runs the agent of another checkout and this one in turn, a second each, and
 prints both: what a computer can do changes from day to day, what one version does beside another does not.
 """
 
@@ -26,12 +26,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.machine import describe_machine
+from bench.result import write_result
 
 SOURCE = Path(__file__).with_name("xrce_load.c")
-PAGE = Path(__file__).parent.parent / "docs/explain/performance.md"
 PING = bytes.fromhex("80000000 02010800 000afffd 02000000")
-BEGIN, END = "<!-- bench/agent.py begins -->", "<!-- bench/agent.py ends -->"
-PAIRS_BEGIN, PAIRS_END = "<!-- bench/agent.py --against begins -->", "<!-- bench/agent.py --against ends -->"
 CPU_KEY = "agent_cpu_us_per_msg"
 
 
@@ -78,7 +76,7 @@ def main() -> None:
     """Run all loads and print one table."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true", help="one run of 1 s instead of three of 3 s")
-    options.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    options.add_argument("--write", action="store_true", help="keep it in bench/results")
     options.add_argument("--against", type=Path, metavar="CHECKOUT", help="compare with the version in this folder")
     options.add_argument("--pairs", type=int, default=5, help="with --against: how often both run (default: 5)")
     chosen = options.parse_args()
@@ -87,12 +85,12 @@ def main() -> None:
         if not (chosen.against / "src/msbot").is_dir():
             sys.exit(f"{chosen.against} is no checkout of MsBOT: there is no src/msbot in it")
         lines = compare(generator, chosen.against, max(1, chosen.pairs))
-        marks = PAIRS_BEGIN, PAIRS_END
+        name, title, command = "agent_versions", "Two versions of the agent in turn", "--against CHECKOUT --write"
     else:
         lines = measure(generator, *((1, 1) if chosen.quick else (3, 3)))
-        marks = BEGIN, END
+        name, title, command = "agent", "The agent under load over UDP", "--write"
     if chosen.write:
-        write(lines, *marks)
+        write_result(name, title, lines, made_by=f"python bench/agent.py {command}")
 
 
 def measure(generator: Path, runs: int, seconds: int) -> list[str]:
@@ -264,14 +262,6 @@ def problems(results: list[Result]) -> str:
     """What went wrong in these runs, in words."""
     wrong = {name: int(sum(result.get(name, 0) for result in results)) for name in PROBLEMS}
     return ", ".join(f"{count} {name}" for name, count in wrong.items() if count) or "nothing"
-
-
-def write(lines: list[str], begin: str, end: str) -> None:
-    """Put the table between two marks of the page."""
-    text = PAGE.read_text()
-    before, rest = text.split(begin)
-    after = rest.split(end)[1]
-    PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(lines) + f"\n\n{end}{after}")
 
 
 if __name__ == "__main__":

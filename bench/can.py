@@ -1,7 +1,7 @@
 """What plug-and-play costs on a CAN bus, in virtual time: exact, the same on every machine.
 
 python bench/can.py            # prints all tables
-python bench/can.py --write    # and puts them into docs/explain/can.md
+python bench/can.py --write    # and keeps them in bench/results/can.md
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from bench.can_load import rest_table, room_table
 from bench.can_setup import set_up_table
 from bench.can_thesis import AT, one_message, thesis_table
 from bench.crowd import Outcome, start_anew, switch_on
+from bench.result import write_result
 from msbot.runtime.virtual_time import run_virtual
 
-PAGE = Path(__file__).parent.parent / "docs/explain/can.md"
 REST_S = 20.0
 """How long the load at rest is measured."""
 
@@ -103,27 +103,20 @@ def tables(folder: Path) -> Iterator[tuple[str, list[str]]]:
     yield "thesis", thesis_table(runs[AT, SIZES[-1]])
 
 
-def write(name: str, lines: list[str]) -> None:
-    """Put a table between its marks on the page."""
-    begin, end = f"<!-- bench/can.py: {name} -->", f"<!-- end of {name} -->"
-    text = PAGE.read_text()
-    before, found, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        sys.exit(f"{PAGE.name} has no place for {name!r}: put {begin} and {end} there")
-    PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(lines) + f"\n\n{end}{after}")
-
-
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description="What plug-and-play costs on a CAN bus, in virtual time.")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
+    parser.add_argument("--write", action="store_true", help="keep them in bench/results")
     arguments = parser.parse_args()
+    kept: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, lines in tables(Path(folder)):
-            print(f"\n{name}\n\n" + "\n".join(lines), flush=True)
-            if arguments.write:
-                write(name, lines)
+            section = [f"## {name[0].upper()}{name[1:]}", "", *lines, ""]
+            print("\n".join(section), flush=True)
+            kept += section
+    if arguments.write:
+        title = "Plug-and-play on a CAN bus, in virtual time"
+        write_result("can", title, kept, made_by="python bench/can.py --write")
     say("done")
 
 

@@ -7,7 +7,7 @@ in the master; the fifth is a pupil's program: in this process, over a WebSocket
 browser's home, or (`--tabs`) in a tab of a real headless Chromium. Each program gets distances ten times a second and
 answers each with two powers. Measured: processor time and memory of the master, the way of a message from program to
 program, a page, freeze, and STOP. The load of the machine is in the first line. `--write` puts the table into
-docs/explain/lessons.md. Linux.
+bench/results/classroom.md. Linux.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from random import Random
 import httpx
 
 from bench.machine import describe_machine
+from bench.result import write_result
 from msbot import Distance, Level, Part
 from msbot.config import GROUP_ROBOT_TOML, blueprint_toml, for_groups, load_library, parse_blueprint
 from msbot.link.net import WebSocketClientLink
@@ -37,8 +38,6 @@ PASSWORD = "thirty at once"
 LONGEST_S = 180.0
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PERIOD_S = 1.0
-DOCS = Path(__file__).parent.parent / "docs/explain/lessons.md"
-BEGIN, END = "<!-- bench/classroom.py begins -->", "<!-- bench/classroom.py ends -->"
 PROGRAM = """from msbot import Distance, Level, Part
 part = Part("PILOT")
 @part.on("distance", Distance)
@@ -300,9 +299,7 @@ def main() -> None:
     table = "\n".join(lines)
     print(table)
     if wishes.write:
-        text = DOCS.read_text("utf-8")
-        before, _, rest = text.partition(BEGIN)
-        DOCS.write_text(f"{before}{BEGIN}\n\n{table}\n\n{END}{rest.partition(END)[2]}", "utf-8")
+        write_result("classroom", "A class at one robot", lines, made_by="python bench/classroom.py --write")
 
 
 def _in_thread(work: Coroutine[None, None, dict[str, str]]) -> dict[str, str]:

@@ -4,7 +4,7 @@
 
 Runs in a network namespace of its own with nothing in it but the loopback interface (needs root, `unshare`, `ip`);
 needs libddsc, gcc for the load generator of `bench/agent.py`, and Debian's cyclonedds-tools for ddsperf. `--write` puts
-the tables into docs/explain/data_space.md.
+the tables into bench/results/data_space.md.
 """
 
 from __future__ import annotations
@@ -20,17 +20,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from bench.agent import LOADS, build_generator, run
 from bench.machine import describe_machine
+from bench.result import write_result
 from msbot.space import MemorySpace, Qos, Sample, Space, Topic, open_space, parse_space
 from msbot.space.dds import DdsSpace
 from msbot.space.dds.writer import DdsWriter
 
-PAGE = Path(__file__).parent.parent / "docs/explain/data_space.md"
-BEGIN, END = "<!-- bench/dds.py begins -->", "<!-- bench/dds.py ends -->"
 INSIDE = "MSBOT_BENCH_DDS_INSIDE"
 TOPIC, BACK = Topic("bench", "Bench"), Topic("bench_back", "Bench")
 PAYLOAD = bytes(64)
@@ -44,7 +42,7 @@ def main() -> None:
     """Go into a namespace and print all tables."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true", help="one run instead of three")
-    options.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
+    options.add_argument("--write", action="store_true", help="keep it in bench/results")
     options.add_argument("--echo", choices=("dds", "zenoh"), help=argparse.SUPPRESS)
     options.add_argument("--count", action="store_true", help=argparse.SUPPRESS)
     options.add_argument("--best-effort", action="store_true", help=argparse.SUPPRESS)
@@ -65,10 +63,8 @@ def main() -> None:
     lines += ["", *agents(runs)]
     print("\n".join(lines))
     if chosen.write:
-        text = PAGE.read_text()
-        before, rest = text.split(BEGIN)
-        after = rest.split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+        title = "Memory, DDS and Zenoh as data spaces"
+        write_result("data_space", title, lines, made_by="python bench/dds.py --write")
 
 
 def enter() -> None:

@@ -4,7 +4,8 @@
 
 Processor time is compared, not rates. The loads of the first table take turns of a second, so that a busy machine blurs
 but does not tilt them; the rate of all sessions together is the same in each of its rows, only their number changes.
-`--write` puts tables and curves into docs/explain/scale.md. Needs gcc (`xrce_load.c`); some 5 minutes; Linux.
+`--write` puts the tables into bench/results/growth.md and the curves into docs/explain/growth.svg. Needs gcc
+(`xrce_load.c`); some 5 minutes; Linux.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from bench.crowd import switch_on
 from bench.growth_curves import Curve, curves
 from bench.machine import describe_machine
 from bench.many_parts import PART_NUMBER, blueprint, cpu_s
+from bench.result import write_result
 from bench.scale import memory_mb, running
 from bench.scale import wait_for as wait_for_words
 from msbot import HelloWorld
@@ -38,9 +40,7 @@ from msbot.link import open_link
 from msbot.part import JoinState, Part
 from msbot.runtime.virtual_time import run_virtual
 
-PAGE = Path(__file__).parent.parent / "docs/explain/scale.md"
-PICTURE = PAGE.parent / "growth.svg"
-BEGIN, END = "<!-- bench/growth.py begins -->", "<!-- bench/growth.py ends -->"
+PICTURE = Path(__file__).parent.parent / "docs/explain/growth.svg"
 SESSIONS = (10, 30, 100, 300, 1000, 3000, 5000)
 TOGETHER = 500.0
 """Requests a second of all sessions together."""
@@ -65,7 +65,7 @@ def main() -> None:
     """Print the tables."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true", help="fewer loads, and three turns of each")
-    options.add_argument("--write", action="store_true", help=f"put tables and curves into {PAGE.name}")
+    options.add_argument("--write", action="store_true", help="keep tables in bench/results, curves in docs/explain")
     options.add_argument("--be-robots", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.be_robots:
@@ -86,9 +86,7 @@ def main() -> None:
         lines += made
     if chosen.write:
         PICTURE.write_text(curves(drawn))
-        before, rest = PAGE.read_text().split(BEGIN)
-        after = rest.split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+        write_result("growth", "What grows with what", lines, made_by="python bench/growth.py --write")
 
 
 # Sessions of one agent.

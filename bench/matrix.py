@@ -6,7 +6,7 @@ The rows are the complaints that users of other agents make most: the agent kill
 adapter pulled out, foreign traffic, equal ids, more than nine clients, messages larger than a packet. Real processes;
 a round is right if every part concerned is active and hears samples within 3 s, counted from the moment when that is
 possible: the master serves, the part's program runs, the adapter is there. `--write` puts the table into
-docs/explain/reliability.md. Exit status 1 unless all rounds are right. `--bus can:vcan0` uses a bus of the kernel, and
+bench/results/recovery.md. Exit status 1 unless all rounds are right. `--bus can:vcan0` uses a bus of the kernel, and
 `replug` then puts the interface down and up. Linux; where other
 masters run, in a network of its own (`unshare -n`, `ip link set lo up`): a STOP for all of a computer reaches it, too.
 """
@@ -17,7 +17,6 @@ import argparse
 import asyncio
 import math
 import os
-import re
 import signal
 import statistics
 import sys
@@ -31,11 +30,10 @@ from pathlib import Path
 from random import Random
 
 from bench.machine import describe_machine
+from bench.result import write_result
 from bench.soaking.adapter import SerialAdapter
 from bench.soaking.robot import Robot
 
-PAGE = Path(__file__).parent.parent / "docs/explain/reliability.md"
-BEGIN, END = "<!-- bench/matrix.py begins -->", "<!-- bench/matrix.py ends -->"
 LIMIT_S = 3.0
 PATIENCE_S = 60.0
 """What is not back by then is not coming back."""
@@ -392,14 +390,14 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=100, help="of each kind; a tenth of it with the crowd")
     parser.add_argument("--only", help=f"some of {', '.join(ROWS)}")
     parser.add_argument("--bus", help="a bus instead of a simulated one, for example can:vcan0")
-    parser.add_argument("--write", action="store_true", help="put the table into the page")
+    parser.add_argument("--write", action="store_true", help="keep it in bench/results")
     options = parser.parse_args()
     rows = asyncio.run(measure(options))
     words = table(rows)
     print(words)
     if options.write:
-        page = PAGE.read_text()
-        PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: f"{BEGIN}\n{words}\n{END}", page, flags=re.DOTALL))
+        title = "A robot comes back from every trouble"
+        write_result("recovery", title, words.splitlines(), made_by="python bench/matrix.py --write")
     sys.exit(0 if all(row.right == len(row.times) for row in rows) else 1)
 
 

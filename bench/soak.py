@@ -8,7 +8,7 @@ of them. Chance (`--seed`) kills, freezes, cuts and restarts them, locks, delete
 what people do. `bench/soaking/oracle.py`, `states.py`, `journal.py` and `flatness.py` say what is a violation; each is
 printed with seed, time and the last acts. Exit status 1 when there was one. `--calm-master` leaves the master alone, so
 that its memory can be seen over the whole time. `--table` prints what several runs have kept; `--write` puts that into
-docs/explain/reliability.md. Linux; where other
+bench/results/soak.md. Linux; where other
 masters run, in a network of its own (`unshare -n`, `ip link set lo up`): a STOP for all of a computer reaches it, too.
 """
 
@@ -19,7 +19,6 @@ import asyncio
 import json
 import math
 import os
-import re
 import signal
 import statistics
 import sys
@@ -29,12 +28,11 @@ from collections import Counter
 from pathlib import Path
 
 from bench.machine import describe_machine
+from bench.result import write_result
 from bench.soaking.acts import Acts
 from bench.soaking.flatness import growth
 from bench.soaking.scene import Scene
 
-PAGE = Path(__file__).parent.parent / "docs/explain/reliability.md"
-BEGIN, END = "<!-- bench/soak.py begins -->", "<!-- bench/soak.py ends -->"
 MASTER_ACTS = frozenset({"kill the master (kill -9)", "end the master", "replace the database"})
 MOST_AT_ONCE = 4
 CALM_S = 45.0
@@ -199,14 +197,14 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, metavar="FILE", help="keep the figures of this run as JSON")
     parser.add_argument("--folder", type=Path, help="keep everything there, logs and database; must not exist")
     parser.add_argument("--table", type=Path, nargs="+", metavar="FILE", help="run nothing, print what was kept")
-    parser.add_argument("--write", action="store_true", help="with --table: put it into the page")
+    parser.add_argument("--write", action="store_true", help="with --table: keep it in bench/results")
     options = parser.parse_args()
     if options.table:
         words = table([json.loads(file.read_text()) for file in options.table])
         print(words)
         if options.write:
-            page = PAGE.read_text()
-            PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: f"{BEGIN}\n{words}\n{END}", page, flags=re.DOTALL))
+            command = "python bench/soak.py --table FILE ... --write"
+            write_result("soak", "Hours of trouble at random", words.splitlines(), made_by=command)
         return
     if options.hours:
         options.minutes = 60 * options.hours

@@ -5,7 +5,7 @@
 Each row is a fresh process with its files in memory and its byte-code compiled, as it is after the first start: on a
 busy machine go by the least processor time. The page is there when a visitor who follows the printed link has got the
 home page with every slot of the robot in it; STOP works when the robot has answered on the socket that `msbot stop`
-uses. `--write` puts the table into docs/explain/performance.md. Linux.
+uses. `--write` puts the table into bench/results/startup.md. Linux.
 """
 
 from __future__ import annotations
@@ -28,12 +28,11 @@ from urllib.request import HTTPCookieProcessor, build_opener
 from bench.agent import free_port
 from bench.machine import describe_machine
 from bench.many_parts import cpu_s
+from bench.result import write_result
 from msbot.config import open_blueprint, write_sample
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.stop_datagram import ask_masters
 
-PAGE = Path(__file__).parent.parent / "docs/explain/performance.md"
-BEGIN, END = "<!-- bench/startup.py begins -->", "<!-- bench/startup.py ends -->"
 COMMAND = [sys.executable, "-m", "msbot"]
 CACHE = str(Path(tempfile.gettempdir()) / f"msbot-bench-byte-code-{os.getuid()}")
 """Where the byte-code of these starts is kept."""
@@ -144,7 +143,7 @@ def main() -> None:
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--runs", type=int, default=7)
-    options.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    options.add_argument("--write", action="store_true", help="keep it in bench/results")
     chosen = options.parse_args()
     lines = [
         f"{describe_machine()}; {chosen.runs} starts each, files in memory; load {os.getloadavg()[0]:.0f}.",
@@ -162,10 +161,7 @@ def main() -> None:
         )
     print("\n".join(lines))
     if chosen.write:
-        text = PAGE.read_text()
-        before, rest = text.split(BEGIN)
-        after = rest.split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+        write_result("startup", "How long starts take", lines, made_by="python bench/startup.py --write")
 
 
 if __name__ == "__main__":

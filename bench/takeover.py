@@ -6,24 +6,22 @@ Two masters with `--standby`, a PostgreSQL server and three parts, each on a com
 needs root, `ip`, and Debian's postgresql. In turn: `kill -9`; SIGSTOP, thawed when the other one serves; the cable to
 the database pulled, that to the parts not. A round is right if the other one serves within 5 s, and on the wire no
 datagram of the earlier master to a part comes after the first of the later one. `--write` puts the table into
-docs/explain/many_machines.md. Exit status 1 unless all rounds are right.
+bench/results/takeover.md. Exit status 1 unless all rounds are right.
 """
 
 from __future__ import annotations
 
 import argparse
-import re
 import statistics
 import sys
 import tempfile
 from pathlib import Path
 
 from bench.machine import describe_machine
+from bench.result import write_result
 from tests.e2e.two_masters import NotPermitted, Taken, two_masters
 from tests.registry.postgres import MISSING, find_server
 
-PAGE = Path(__file__).parent.parent / "docs/explain/many_machines.md"
-BEGIN, END = "<!-- bench/takeover.py begins -->", "<!-- bench/takeover.py ends -->"
 LIMIT_S = 5.0
 FAULTS = {"kill": "`kill -9`", "freeze": "frozen (SIGSTOP), then thawed", "cut": "cut off from the database"}
 
@@ -71,7 +69,7 @@ def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=30, help="of each kind")
-    parser.add_argument("--write", action="store_true", help="put the table into the page")
+    parser.add_argument("--write", action="store_true", help="keep it in bench/results")
     options = parser.parse_args()
     try:
         taken = measure(options.rounds)
@@ -80,8 +78,8 @@ def main() -> None:
     words = table(taken)
     print(words)
     if options.write:
-        page = PAGE.read_text()
-        PAGE.write_text(re.sub(f"{BEGIN}.*{END}", f"{BEGIN}\n{words}\n{END}", page, flags=re.DOTALL))
+        title = "A standby master takes over"
+        write_result("takeover", title, words.splitlines(), made_by="python bench/takeover.py --write")
     sys.exit(0 if all(is_right(one) for found in taken.values() for one in found) else 1)
 
 

@@ -5,7 +5,7 @@
 A real `msbot master`; beside it `msbot relay` or `msbot agent --master`; real parts in a process of their own, in a
 ring in which each says so many messages a second to the next one, all over UDP on the loopback. The time on the way is
 that from `publish` to the function of the next part; processor time is that of the process, for each message that
-arrived. `--write` puts the table into docs/explain/many_machines.md.
+arrived. `--write` puts the table into bench/results/ways.md.
 """
 
 from __future__ import annotations
@@ -26,13 +26,12 @@ from random import randbytes
 
 from bench.machine import describe_machine
 from bench.many_parts import PART_NUMBER, blueprint, cpu_s
+from bench.result import write_result
 from bench.scale import running, wait_for
 from msbot import HelloWorld
 from msbot.link import open_link
 from msbot.part import Part
 
-PAGE = Path(__file__).parent.parent / "docs/explain/many_machines.md"
-BEGIN, END = "<!-- bench/ways.py begins -->", "<!-- bench/ways.py ends -->"
 MASTER, BETWEEN = "udp:127.0.0.1:9100", "udp:127.0.0.1:9101"
 WAYS = {
     "the master itself": (),
@@ -124,7 +123,7 @@ def main() -> None:
     options.add_argument("--parts", type=int, default=10)
     options.add_argument("--rate", type=float, default=20.0)
     options.add_argument("--seconds", type=float, default=10.0)
-    options.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    options.add_argument("--write", action="store_true", help="keep it in bench/results")
     options.add_argument("--be", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.be:
@@ -143,8 +142,7 @@ def main() -> None:
         lines.append(f"| {name.replace('the master itself', 'nothing')} | {' | '.join(cells)} |")
         print(lines[-1], flush=True)
     if chosen.write:
-        before, rest = PAGE.read_text().split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{rest.split(END)[1]}")
+        write_result("ways", "Ways between part and master", lines, made_by="python bench/ways.py --write")
 
 
 if __name__ == "__main__":
