@@ -45,6 +45,7 @@ from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.call_pace import CallPace
 from msbot.web.connections import HEAD_S, Connections, WatchedConnection
+from msbot.web.content_policy import mark_page_scripts
 from msbot.web.late_websocket import LateWebSocket, websocket_protocol
 from msbot.web.open_pages import OpenPages
 from msbot.web.page_errors import say_errors_once
@@ -219,6 +220,7 @@ class WebServer:
         app.mount("/web", StaticFiles(directory=STATIC), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)
         register_pages(service)
+        mark_page_scripts()
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
                     reconnect_timeout=KEPT_S, favicon=STATIC / "icon.svg")  # fmt: skip
         app.router.lifespan_context = _undisturbed(app.router.lifespan_context)

@@ -28,8 +28,21 @@ def test_odd_names_are_written_as_they_must_be(category: Category) -> None:
     assert title.text == '<A&B>: say "hi" & go'
 
 
-def test_a_picture_of_ones_own_is_taken() -> None:
-    assert picture_svg(PartType("A", "a", picture="<svg/>")) == "<svg/>"
+NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
+OWN = [
+    ("<svg/>", f"<svg {NAMESPACE} />"),
+    (f"<svg {NAMESPACE}><g><text>a &lt; b</text></g></svg>", f"<svg {NAMESPACE}><g><text>a &lt; b</text></g></svg>"),
+    ("<s:svg xmlns:s='http://www.w3.org/2000/svg'><s:g/></s:svg>", f"<svg {NAMESPACE}><g /></svg>"),
+    ("<svg><!--><img src='x' onerror='alert(1)'/>--></svg>", f"<svg {NAMESPACE} />"),
+    ("<?x ><img src='x' onerror='alert(1)'/>?><svg><g/><?y ><b>?></svg>", f"<svg {NAMESPACE}><g /></svg>"),
+    ("<svg><path fill='url(#a)' d='M0 0'/></svg>", f'<svg {NAMESPACE}><path fill="url(#a)" d="M0 0" /></svg>'),
+]
+
+
+@pytest.mark.parametrize(("text", "shown"), OWN)
+def test_a_picture_of_ones_own_is_written_anew_from_its_shapes_and_words(text: str, shown: str) -> None:
+    assert picture_fault(text) is None
+    assert picture_svg(PartType("A", "a", picture=text)) == shown
 
 
 FAULTS = [
@@ -41,6 +54,10 @@ FAULTS = [
     ("<svg><rect style='background:url(x)'/></svg>", 'must not have style="..."'),
     ("<!DOCTYPE svg [<!ENTITY a 'b'>]><svg/>", "must not declare anything"),
     ("<svg xmlns:x='http://www.w3.org/1999/xlink'><path x:href='x'/></svg>", 'must not have href="..."'),
+    ("<svg xmlns:x='y'><path x:d='x'/></svg>", 'must not have d="..."'),
+    ("<svg><rect fill='url(http://evil.example/a#b)'/></svg>", 'must not have fill="url(http://evil.example/a#b)"'),
+    ("<svg><rect fill='URL ( //evil.example/a)'/></svg>", 'must not have fill="URL ( //evil.example/a)"'),
+    ("<svg><rect fill='u\\72l(//evil.example/a)'/></svg>", "must not have fill="),
 ]
 
 

@@ -347,3 +347,16 @@ async def test_a_visitor_who_goes_before_the_answer_is_no_error(leaves: bool) ->
     else:
         with pytest.raises(RuntimeError, match="No response"):
             await guard(scope, receive, send)
+
+
+async def test_scripts_run_by_a_word_of_that_answer_and_never_inline() -> None:
+    rig = Rig()
+    words = set()
+    for answer in (await rig.ask("/"), await rig.ask("/", session=rig.session()), await rig.ask("/login")):
+        policy = dict(part.strip().split(" ", 1) for part in answer.headers["content-security-policy"].split(";"))
+        scripts = policy["script-src"].split()
+        assert "'unsafe-inline'" not in scripts
+        words.add(next(word for word in scripts if word.startswith("'nonce-")))
+        assert policy["connect-src"] == "'self'"
+        assert policy["object-src"] == "'none'"
+    assert len(words) == 3

@@ -41,6 +41,9 @@ NOTE_TOLD = """window.told = [];
 """Notes what notifications say: most go by themselves after 5 s, in which a busy test may not come to look."""
 CLICK = "(one) => !document.documentElement.classList.contains('ms-dead') && (one.click(), true)"
 """In one turn: a page that has become grey since one has looked takes no click."""
+POLICY = "Content Security Policy"
+violations: list[str] = []
+"""What the browser refused because of our pages' policy, in its own words."""
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -75,6 +78,14 @@ def browser(started_browser: Browser) -> Iterator[Browser]:
     yield started_browser
     for context in started_browser.contexts:
         context.close()
+
+
+@pytest.fixture(autouse=True)
+def _keeps_its_own_policy() -> Iterator[None]:
+    """Ordinary use of a page runs, shows and asks for nothing that the page's own policy forbids."""
+    violations.clear()
+    yield
+    assert violations == []
 
 
 def free_port() -> int:
@@ -116,6 +127,7 @@ def new_page(
     )
     context.set_default_timeout(PATIENCE_MS)
     context.add_init_script(NOTE_TOLD)
+    context.on("console", lambda message: POLICY in message.text and violations.append(message.text))
     if waits:
         context.on("page", lambda page: page.add_locator_handler(page.locator("html.ms-dead"), lambda: None))
     return context.new_page()

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Dialog, expect
 
 from tests.e2e.processes import running
-from tests.web.browser.conftest import free_port, link_in, new_page, told
+from tests.web.browser.conftest import free_port, link_in, new_page, told, violations
 from tests.web.browser.test_demo_pages import FITS, PAGES
 
 PASSWORD = "correct horse"
@@ -24,8 +24,14 @@ def evil(word: str) -> str:
     return f"<img class=evil src=x onerror=alert(1)>{word}"
 
 
+PICTURE = (
+    "<!--><img class=evil src=x onerror=alert(1)>--><?x ><img class=evil src=x onerror=alert(2)>?><svg>"
+    "<text>&lt;img class=evil&gt;</text></svg>"
+)
+"""Well-formed XML, a picture of shapes and words; to a reader of HTML its remark ends at once, and elements follow."""
 LIBRARY = f"""
 number = "EVIL"
+picture = {PICTURE!r}
 name = {evil("type")!r}
 description = {evil("about")!r}
 manufacturer = {evil("maker")!r}
@@ -131,6 +137,8 @@ def test_names_are_shown_as_text_on_every_page(browser: Browser, site: Site) -> 
         page.goto(site.base + path)
         expect(page.get_by_role("heading", level=1)).to_have_text(title)
         expect(page.locator("#ms-stop")).to_be_visible()
+        if path.startswith("/library"):
+            expect(page.locator("img.ms-part-picture").first).to_be_visible()
         for width in (390, 1280):
             page.set_viewport_size({"width": width, "height": 844})
             page.wait_for_function(FITS)
@@ -162,4 +170,37 @@ def test_the_forms_before_signing_in_show_names_as_text(browser: Browser, site: 
     page.goto(f"{site.base}/login?next={quote('/' + evil('x'))}")
     expect(page.get_by_role("heading", level=1)).to_have_text(evil("robot"))
     expect(page.locator(".evil")).to_have_count(0)
+    page.context.close()
+
+
+PLANTS = {
+    "an attribute": "document.body.append(Object.assign(document.createElement('div'), {innerHTML:"
+    ' \'<img src=x onerror="ran.push(1)"><a href="javascript:ran.push(1)" id=link>x</a>\'})), link.click()',
+    "an element": "document.body.append(Object.assign(document.createElement('script'), {textContent: 'ran.push(1)'}))",
+    "another site": "document.body.append(Object.assign(document.createElement('script'),"
+    " {src: 'http://localhost:1/x.js', onerror: () => null}))",
+}
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+def test_html_that_reaches_a_page_runs_no_script(browser: Browser, site: Site, plant: str) -> None:
+    page = new_page(browser)
+    page.goto(f"{site.base}/login")
+    page.evaluate(
+        f"window.ran = []; new Promise((done) => {{ addEventListener('securitypolicyviolation', done); {plant} }})"
+    )
+    assert page.evaluate("ran") == []
+    violations.clear()
+    page.context.close()
+
+
+def test_a_page_sends_nothing_to_another_site(browser: Browser, site: Site) -> None:
+    page = new_page(browser)
+    page.goto(f"{site.base}/login")
+    for address in ("ws://localhost:1/", "wss://127.0.0.2/"):
+        refused = (
+            "new Promise((done) => { addEventListener('securitypolicyviolation', (event) => done(event.blockedURI));"
+        )
+        assert page.evaluate(f"{refused} try {{ new WebSocket('{address}') }} catch {{}} }})").startswith(address[:-1])
+    violations.clear()
     page.context.close()

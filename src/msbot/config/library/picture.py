@@ -37,6 +37,9 @@ _ELEMENTS = frozenset(
 """The elements allowed in a picture."""
 _NOT_IN_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 """Characters that no XML text may hold, not even escaped (XML 1.0, 2.2): one would break the whole picture."""
+_ELSEWHERE = re.compile(r"url\s*\((?!\s*[\"']?\s*#)|\\", re.IGNORECASE)
+"""A value that names something outside the picture, or hides that behind a backslash of CSS."""
+_SVG = "http://www.w3.org/2000/svg"
 _BOARDS = {
     Category.SENSOR: "#1f5fa8",
     Category.INPUT: "#2d6a4f",
@@ -66,8 +69,18 @@ _SIGNS = {
 
 
 def picture_svg(part_type: PartType) -> str:
-    """The picture of a part type as an SVG text: its own, or one that is drawn."""
-    return part_type.picture or "\n".join(_drawing(part_type))
+    """The picture of a part type as an SVG document: its own, or one that is drawn.
+
+    Its own is written anew from what `picture_fault` has looked at: what XML passes over, remarks and processing
+    instructions, something else could take for elements (HTML does).
+    """
+    if not part_type.picture:
+        return "\n".join(_drawing(part_type))
+    root = ElementTree.fromstring(part_type.picture)
+    for element in root.iter():
+        element.tag = _plain(element.tag)
+    root.set("xmlns", _SVG)
+    return ElementTree.tostring(root, "unicode")
 
 
 def picture_fault(text: str) -> str | None:
@@ -87,9 +100,13 @@ def picture_fault(text: str) -> str | None:
     for element in root.iter():
         if _plain(element.tag) not in _ELEMENTS:
             return f"must not have <{_plain(element.tag)}>: a picture is made of shapes and words"
-        for name in map(_plain, element.attrib):
-            if name.startswith("on") or name in ("href", "style"):
-                return f'must not have {name}="...": a picture is made of shapes and words'
+        for name, value in element.attrib.items():
+            plain = _plain(name)
+            is_foreign = name != plain and not name.startswith("{http://www.w3.org/XML/1998/namespace}")
+            if is_foreign or plain.startswith("on") or plain in ("href", "style"):
+                return f'must not have {plain}="...": a picture is made of shapes and words'
+            if _ELSEWHERE.search(value):
+                return f'must not have {plain}="{value[:40]}": it may name a part of the picture only, as in url(#name)'
     return None
 
 

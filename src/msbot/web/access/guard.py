@@ -27,6 +27,7 @@ from msbot.runtime.tally import Tally
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
 from msbot.web.access.sessions import Session
+from msbot.web.content_policy import NONCE, new_nonce, page_policy
 
 CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
@@ -68,14 +69,8 @@ HEADERS = (
     (b"x-frame-options", b"DENY"),
     (b"referrer-policy", b"same-origin"),  # not no-referrer: forms would then come with the origin "null"
     (b"cross-origin-opener-policy", b"same-origin"),
-    (
-        b"content-security-policy",
-        # NiceGUI compiles its templates in the browser, hence the two unsafe- words; nothing comes from elsewhere.
-        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
-        b"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; "
-        b"frame-ancestors 'none'; base-uri 'self'; form-action 'self'",
-    ),
 )
+POLICY = b"content-security-policy"
 
 STRICT_TRANSPORT = (b"strict-transport-security", b"max-age=86400")
 """A day: the host may serve another robot without TLS next week."""
@@ -130,7 +125,7 @@ class AccessGuard:
         if refusal is not None:
             await self._refuse(scope, receive, send, *refusal)
             return
-        scope.setdefault("state", {}).update(session=session, api=self._api)
+        scope.setdefault("state", {}).update({"session": session, "api": self._api, NONCE: new_nonce()})
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
         else:
@@ -138,7 +133,7 @@ class AccessGuard:
 
     async def _pass(self, scope: Scope, receive: Receive, send: Send, path: str, session: Session | None) -> None:
         """Have a request answered; a body that turns out larger than allowed is refused instead."""
-        most, headers = _most_of(path, session), self._with_headers(send, path)
+        most, headers = _most_of(path, session), self._with_headers(send, path, scope["state"][NONCE])
         is_answered = False
 
         async def answer(message: MutableMapping[str, object]) -> None:
@@ -218,11 +213,11 @@ class AccessGuard:
         extra = [(b"www-authenticate", b"Bearer")] if status == 401 else []
         await self._answer(send, status, body, [(b"content-type", b"application/json"), *extra])
 
-    def _with_headers(self, send: Send, path: str) -> Send:
+    def _with_headers(self, send: Send, path: str, nonce: str) -> Send:
         async def with_headers(message: MutableMapping[str, object]) -> None:
             if message["type"] == "http.response.start":
                 headers = list(message.get("headers", ()))  # type: ignore[call-overload]
-                headers.extend(self._headers)
+                headers.extend((*self._headers, (POLICY, page_policy(nonce))))
                 if path.startswith("/api/") or ("/_nicegui/" not in path and "/web/" not in path):
                     headers = [pair for pair in headers if pair[0].lower() != b"cache-control"]
                     headers.append((b"cache-control", b"no-store"))
@@ -233,7 +228,8 @@ class AccessGuard:
 
     async def _answer(self, send: Send, status: int, body: bytes, headers: list[tuple[bytes, bytes]]) -> None:
         length = (b"content-length", str(len(body)).encode())
-        head = [*headers, *self._headers, length, (b"cache-control", b"no-store")]
+        policy = (POLICY, page_policy(new_nonce()))
+        head = [*headers, policy, *self._headers, length, (b"cache-control", b"no-store")]
         await send({"type": "http.response.start", "status": status, "headers": head})
         await send({"type": "http.response.body", "body": body})
 

@@ -17,11 +17,6 @@ def is_easy(request: HTTPConnection) -> bool:
     return request.cookies.get(COOKIE, "") == "yes"
 
 
-def show_easily() -> None:
-    """Give the page its larger letters, before anything of it is seen."""
-    ui.add_head_html('<script>document.documentElement.classList.add("ms-easy")</script>')
-
-
 def read_easily(*, easy: bool) -> None:
     """Keep what the person wants, and show the page anew."""
     word = "yes" if easy else ""

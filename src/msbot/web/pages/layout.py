@@ -29,7 +29,7 @@ from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
 from msbot.web.pages.banner import show_banner
 from msbot.web.pages.class_strip import hand_button, show_class_strip
-from msbot.web.pages.easy import is_easy, read_easily, show_easily
+from msbot.web.pages.easy import is_easy, read_easily
 from msbot.web.pages.help import help_button, offer_tour
 from msbot.web.pages.looking_back import PATHS, LookingBack
 from msbot.web.pages.menu import show_menu
@@ -268,12 +268,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     session = request.scope["state"]["session"]
     page = Page(service, session, language_of(request), is_easy(request), client=ui.context.client)
     ui.context.client.on_delete(page.closed)
-    # Before anything else of the page: whoever has it read aloud hears the first word in its language, and scripts
-    # write their numbers in it.
-    ui.add_head_html(f'<script>document.documentElement.lang = "{page.language.code}"</script>')
-    ui.add_head_html('<link rel="stylesheet" href="/web/msbot.css"><script src="/web/page.js"></script>')
-    if page.easy:
-        show_easily()
+    ui.add_head_html(str(render("head", language=page.language.code, easy=page.easy)))
     # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
     ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)))
     ui.page_title(f"{page.say(title)} · {service.robot_name}")

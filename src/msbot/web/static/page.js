@@ -1,6 +1,14 @@
 // What every page does in the browser by itself: watch whether the robot is there, STOP, and drawers that Back closes.
 // It works without the websocket, so that STOP is said, and a dead master is seen, when that is gone.
 
+// Before anything of the page is seen: whoever has it read aloud hears the first word in its language, scripts write
+// their numbers in it, and easy texts have larger letters.
+{
+  const { language, easy } = document.querySelector("meta[name=ms-page]").dataset;
+  document.documentElement.lang = language;
+  document.documentElement.classList.toggle("ms-easy", easy !== undefined);
+}
+
 // When the server does not let this page in any more (it was started anew, the person was signed out elsewhere),
 // go and sign in again, and come back to the same view.
 function msbotSignIn() {

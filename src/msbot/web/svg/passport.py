@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import base64
 import io
 
 from msbot.config import PartType
 from msbot.config.library.picture import picture_svg
-from msbot.web.html import Markup
+from msbot.web.html import Markup, render
 
 
 def picture_of(part_type: PartType) -> Markup:
-    """The picture of a part type as SVG; what is drawn in it was checked when the library was read."""
-    return Markup(picture_svg(part_type))
+    """The picture of a part type, which a stranger may have sent.
+
+    As an image, not as a piece of the page: nothing in it is HTML, runs, or fetches anything, whatever it holds.
+    """
+    data = base64.b64encode(picture_svg(part_type).encode()).decode()
+    return render("part_picture", source=f"data:image/svg+xml;base64,{data}", words=part_type.name)
 
 
 def qr_svg(text: str, *, scale: int = 4) -> Markup:

@@ -409,6 +409,9 @@ const msbotProgram = (() => {
     found.editor.contentDOM.setAttribute("aria-label", title);
   }
 
+  addEventListener("click", (event) => {
+    if (event.target.closest("#ms-board-put")) putOnBoard();
+  });
   addEventListener("pagehide", () => {
     if (worker !== null) worker.postMessage({ do: "stop" });
     const found = editor && getElement(editor);
@@ -419,5 +422,5 @@ const msbotProgram = (() => {
       name, who: person, text: text(), blocks: msbotBlocks.doc(), isAway: !window.socket.connected, at: Date.now(),
     }));
   });
-  return { run, stop, hold, opened, tellAll, label, showBoard, putOnBoard, isRunning: () => worker !== null };
+  return { run, stop, hold, opened, tellAll, label, showBoard, isRunning: () => worker !== null };
 })();
