@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Locator, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as BrowserTimeout
 
 from tests.e2e.processes import Process, running
@@ -127,10 +127,15 @@ def new_page(
     )
     context.set_default_timeout(PATIENCE_MS)
     context.add_init_script(NOTE_TOLD)
-    context.on("console", lambda message: POLICY in message.text and violations.append(message.text))
+    context.on("console", _note_violation)
     if waits:
         context.on("page", lambda page: page.add_locator_handler(page.locator("html.ms-dead"), lambda: None))
     return context.new_page()
+
+
+def _note_violation(message: ConsoleMessage) -> None:
+    if POLICY in message.text:
+        violations.append(message.text)
 
 
 def go(page: Page, address: str) -> None:
