@@ -19,6 +19,7 @@ from msbot.runtime.stop_datagram import GROUP_VARIABLE
 from tests import few_reports, import_order, taking_turns, time_of_a_test
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
+from tests.stock.tap import Tap, tapped
 
 # The robots that tests start record nothing, unless a test wants it: the recordings belong to the user's own robots.
 os.environ["MSBOT_REC"] = "off"
@@ -127,3 +128,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next((number for number, path in enumerate(ranks) if file.is_relative_to(path)), len(ranks))
 
     items.sort(key=lambda item: rank(item.path))
+
+
+@pytest.fixture(scope="session")
+def _stock_tap() -> Iterator[Tap]:
+    """One for the whole run of a worker."""
+    with tapped() as tap:
+        yield tap
+
+
+@pytest.fixture(autouse=True)
+def _what_stock_clients_hear(_stock_tap: Tap) -> Iterator[None]:
+    """What the agents of a test send to stock clients is what these can read."""
+    _stock_tap.take()
+    yield
+    found = _stock_tap.take()
+    assert not found, "\n".join(["not for stock clients:", *found[:10]])

@@ -11,8 +11,8 @@ import pytest
 from msbot.agent import Agent
 from msbot.runtime.virtual_time import run_virtual
 from msbot.space import MemorySpace
-from msbot.xrce import References, Status
-from msbot.xrce.messages import STREAM_RELIABLE, Format, ObjectVariant
+from msbot.xrce import ClientSessionSettings, References, Status
+from msbot.xrce.messages import STREAM_RELIABLE, Format, LoginProperty, ObjectVariant
 from msbot.xrce.objects import replier_variant
 from tests.agent.wiring import WiredClient, serving
 from tests.conformance.agent_rig import (
@@ -223,29 +223,47 @@ def test_the_topics_of_a_service_may_be_named() -> None:
 # Large samples.
 
 
+OURS = ClientSessionSettings(login_properties=((LoginProperty.NUMBER, "1"),))
+
+
 @pytest.mark.parametrize("size", [65_531, 65_532, 100_000, 250_000])
-def test_samples_beyond_64_kib_travel_both_ways(size: int) -> None:
+@pytest.mark.parametrize("is_stock", [False, True])
+def test_samples_beyond_64_kib_go_from_everybody_to_clients_of_ours_and_not_to_stock_ones(
+    size: int, is_stock: bool, caplog: pytest.LogCaptureFixture
+) -> None:
     sample = bytes(number * 7 & 0xFF for number in range(size))
 
-    async def scenario(one: WiredClient, other: WiredClient) -> None:
-        writer, reader = await one.add_writer("picture"), await other.add_reader("picture")
-        one.session.write(writer, sample, STREAM_RELIABLE)
-        for _ in range(size // 500):
-            one.transmit()
-            await asyncio.sleep(0)
-        assert other.received(reader) == [sample]
-        await one.write(writer, b"and a small one")
-        assert other.received(reader) == [b"and a small one"]
+    async def main() -> None:
+        agent = Agent(MemorySpace())
+        async with serving(agent) as link:
+            one, other = WiredClient(link, key=1), WiredClient(link, key=2, settings=None if is_stock else OURS)
+            await one.connect()
+            await other.connect()
+            writer, reader = await one.add_writer("picture"), await other.add_reader("picture")
+            for _ in range(2):
+                one.session.write(writer, sample, STREAM_RELIABLE)
+                for _ in range(size // 500):
+                    one.transmit()
+                    await asyncio.sleep(0)
+            is_for_it = size <= 65_531 or not is_stock
+            assert other.received(reader) == [sample] * 2 * is_for_it
+            await one.write(writer, b"and a small one")
+            assert other.received(reader) == [b"and a small one"]
+            dropped = agent.clients()[1].dropped
+            assert dropped == ({} if is_for_it else {"sample too large for a stock client": 2})
+            assert caplog.text.count("count in 16 bits") == (not is_for_it), "said once"
 
-    play(scenario)
+    run_virtual(main())
 
 
-def test_a_sample_of_100_kb_in_the_pieces_of_a_c_client(agent: AgentRig) -> None:
-    # Continuous fragments: WRITE_DATA of length 0, 500 octets a piece; DATA leaves the same way.
+@pytest.mark.parametrize("size", [65_531, 65_532, 100_000])
+def test_a_sample_in_the_pieces_of_a_c_client(agent: AgentRig, size: int) -> None:
+    # Continuous fragments: WRITE_DATA of length 0, 500 octets a piece; DATA leaves the same way, as far as C clients
+    # can count.
     agent.log_in()
     agent.set_up()
     agent.say(reliable(6, read()))
-    sample = bytes(number * 11 & 0xFF for number in range(100_000))
+    sample = bytes(number * 11 & 0xFF for number in range(size))
     body = octets("07 01 00 00 00 40 00 15") + sample
     number, joined, expected = 7, b"", 6
     for start in range(0, len(body), 500):
@@ -260,7 +278,7 @@ def test_a_sample_of_100_kb_in_the_pieces_of_a_c_client(agent: AgentRig) -> None
                 joined += answer[8:]
                 expected += 1
         answers = agent.say(acknack(expected))
-    assert joined == octets("09 01 00 00 00 21 00 16") + sample
+    assert joined == (octets("09 01 ff ff 00 21 00 16") + sample if size == 65_531 else b"")
 
 
 def test_a_sample_larger_than_the_agent_joins_is_lost_and_counted() -> None:

@@ -8,12 +8,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
+from msbot.agent.client_views import view_of
 from msbot.agent.fair_share import Limit
 from msbot.agent.gate import ClientInfo, SampleGuard
 from msbot.agent.object_tree import ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
 from msbot.agent.sample_filters import NoEchoShape
-from msbot.agent.statistics import PUSHED_OUT, ClientView, ObjectView, SessionWear, StreamView, TopicTraffic
+from msbot.agent.statistics import PUSHED_OUT, ClientView, SessionWear, TopicTraffic
+from msbot.agent.stock_limits import LARGEST_TO_STOCK, drop_too_large
 from msbot.agent.surroundings import Surroundings
 from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.errors import RemoteProtocolError
@@ -258,41 +260,7 @@ class Proxy:
 
     def view(self, now: float) -> ClientView:
         """A view of the client, for people."""
-        dropped = Tally(self.dropped, limit=256)
-        dropped.count_all(self.session.dropped)
-        entities = list(self._tree.items())
-        sides = [entity.endpoint for _, entity in entities if entity.endpoint is not None]
-        return ClientView(
-            key=self.info.key,
-            session_id=self.session.session_id,
-            link=self.info.link,
-            address=self.info.address,
-            mtu=self.session.mtu,
-            age_s=now - self._opened_at,
-            silent_s=now - self.last_heard,
-            objects=tuple(
-                ObjectView(
-                    number, ObjectKind(kind_of(number)).name.lower(), one.topic_name, one.is_attached, one.troubles
-                )
-                for number, one in entities
-            ),
-            packets_in=self.session.counters.packets_in,
-            packets_out=self.session.counters.packets_out,
-            bytes_in=self.bytes_in,
-            bytes_out=self.bytes_out,
-            published=sum(endpoint.outgoing.published for endpoint in sides if endpoint.outgoing is not None),
-            delivered=sum(endpoint.incoming.delivered for endpoint in sides if endpoint.incoming is not None),
-            waiting=len(self.outbox),
-            streams=tuple(
-                StreamView(state.stream_id, state.outgoing, state.last, state.unacked, state.waiting)
-                for state in self.session.stream_states()
-            ),
-            resent=self.session.counters.resent,
-            repeated=self.session.counters.repeated,
-            gone=self.gone,
-            dropped=dropped,
-            refused=Tally(self.refused),
-        )
+        return view_of(self, self._tree, self._opened_at, now)
 
     # What the endpoints call (`EndpointHost`).
 
@@ -322,6 +290,9 @@ class Proxy:
             return False
         if self._guard is not None and kind_of(object_id) == _DATAREADER:
             payload = self._guard.seal(object_id, payload)
+        if len(payload) > LARGEST_TO_STOCK and self.session.is_stock:
+            drop_too_large(self.info, object_id, len(payload), self.dropped)
+            return True
         if not self.session.send_data(request_id, object_id, payload, stream_id):
             return False
         if not self.is_marked:

@@ -11,14 +11,14 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 
 from msbot.agent.agent_settings import AgentSettings
 from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.fair_share import FairShare
 from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
-from msbot.agent.handshake import Handshake, dead_after_s, wants_echo
+from msbot.agent.handshake import Handshake, dead_after_s, login_number, wants_echo
 from msbot.agent.join_queue import JoinQueue
 from msbot.agent.latency import Latency
 from msbot.agent.object_creation import Creator
@@ -95,10 +95,7 @@ class Agent:
             transit=self.latency.transit, references=references, topics=TopicTable(settings.max_topics),
             budget=ObjectBudget(settings.max_objects_in_all), creator=Creator(settings),
         )  # fmt: skip
-        self._session_settings = {
-            (is_bus, is_fast): session_settings(settings, is_bus=is_bus, is_fast=is_fast)
-            for is_bus in (False, True) for is_fast in (False, True)
-        }  # fmt: skip
+        self._session_settings = cache(partial(session_settings, settings))
         self._held = Memory(settings.max_held_in_all)
         self._unacked = Memory(settings.max_unacked_in_all)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -328,7 +325,9 @@ class Agent:
     # Sessions begin, pause and end.
 
     def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
-        settings = self._session_settings[port.link.info.shared_bus, port.batch is None]
+        settings = self._session_settings(
+            is_bus=port.link.info.shared_bus, is_fast=port.batch is None, is_stock=not login_number(request)
+        )
         open_session = partial(
             AgentSession, request.client_key, request.session_id, min(request.mtu, port.link.info.mtu),
             settings=settings, epoch_ns=self._epoch_ns, memory=self._held, unacked=self._unacked,

@@ -6,8 +6,15 @@ from msbot.agent.agent_settings import AgentSettings
 from msbot.xrce import AgentSessionSettings
 
 
-def session_settings(settings: AgentSettings, *, is_bus: bool, is_fast: bool) -> AgentSessionSettings:
-    """The settings of sessions on a bus, or on other links; `is_fast`: whether all messages leave at once."""
+def session_settings(settings: AgentSettings, *, is_bus: bool, is_fast: bool, is_stock: bool) -> AgentSessionSettings:
+    """The settings of sessions on a bus, or on other links.
+
+    Args:
+        settings: the agent's.
+        is_bus: whether every peer delays every other.
+        is_fast: whether all messages leave at once.
+        is_stock: whether the client may be a stock one, as it has not said at its login that it is one of ours.
+    """
     return AgentSessionSettings(
         window=settings.window,
         heartbeat_s=settings.heartbeat_s,
@@ -16,4 +23,5 @@ def session_settings(settings: AgentSettings, *, is_bus: bool, is_fast: bool) ->
         max_message=settings.max_message,
         queue_limit=settings.max_burst,
         packs=settings.packs and is_fast,
+        peer_is_stock=is_stock,
     )

@@ -8,15 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.messages.envelope import Envelope
+from msbot.xrce.messages.envelope import Envelope, data_submessage
 from msbot.xrce.messages.message import Fragment, iter_submessages
 from msbot.xrce.messages.submessage import frame
 from msbot.xrce.sessions.counters import SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.sending_and_resending import PACKED_MAX, SLOT_HEAD
+from msbot.xrce.streams.sending_and_resending import SLOT_HEAD
 from msbot.xrce.streams.session_output import SessionOutput
+from msbot.xrce.streams.sharing_messages import PACKED_MAX
+from tests.stock.reading import complaints
 
-STATUS = 5
+STATUS, DATA = 5, 9
 STREAMS = (0x01, 0x80)
 
 
@@ -61,6 +63,27 @@ def test_what_waits_together_shares_a_message(stream_id: int) -> None:
     (packet,) = sender.pull(0.0)
     assert numbers(packet) == [4]
     assert packet[2:4] == b"\1\0", "the numbers count messages"
+
+
+REQUESTER, REPLIER, READER = 0x0017, 0x0018, 0x0016
+
+
+@pytest.mark.parametrize("stream_id", STREAMS)
+def test_for_a_stock_client_a_reply_ends_its_message_and_a_status_is_alone(stream_id: int) -> None:
+    settings = SessionSettings(packs=True, peer_is_stock=True)
+    sender = SessionOutput(Envelope(0x81, 1, 512, pads=False), SessionCounters(), settings)
+    begin = (READER, REPLIER, REQUESTER, REQUESTER, READER, None, READER)
+    objects = (*begin, None, None, READER, READER, REQUESTER, READER)
+    bodies = [
+        body(number) if object_id is None else data_submessage(DATA, number, object_id, b"payload")
+        for number, object_id in enumerate(objects)
+    ]
+    send(sender, stream_id, *bodies[:7])
+    send(sender, stream_id, *bodies[7:])
+    shared = [[0, 1, 2], [3], [4], [5], [6], [7], [8], [9, 10, 11], [12]]
+    packets = sender.pull(0.0)
+    assert [numbers(packet) for packet in packets] == shared
+    assert [complaints(packet[4:]) for packet in packets] == [[]] * len(shared)
 
 
 @pytest.mark.parametrize("stream_id", STREAMS)

@@ -7,13 +7,8 @@ import pytest
 from msbot.xrce.messages.envelope import Envelope
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.streams.round_trip import RoundTrip
-from msbot.xrce.streams.sending_and_resending import (
-    QUEUE_FULL,
-    STALE_ACKNACK,
-    TOO_LARGE,
-    BestEffortOutput,
-    ReliableOutput,
-)
+from msbot.xrce.streams.sending_and_resending import STALE_ACKNACK, ReliableOutput
+from msbot.xrce.streams.sending_best_effort import QUEUE_FULL, TOO_LARGE, BestEffortOutput
 from msbot.xrce.streams.waiting_messages import Outbox
 
 

@@ -11,7 +11,7 @@ from msbot.xrce.messages.envelope import Envelope
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
 from msbot.xrce.streams.receiving_in_order import ReliableInput
-from msbot.xrce.streams.sending_and_resending import TOO_LARGE
+from msbot.xrce.streams.sending_best_effort import TOO_LARGE
 from msbot.xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, SessionOutput
 
 

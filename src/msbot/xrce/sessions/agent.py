@@ -4,8 +4,8 @@ The agent sends no padding behind the last submessage, as the genuine agent does
 to an event before it takes the next event; they then precede the ACKNACK.
 
 DEVIATION: the genuine agent sends one submessage per message. Where the settings say so, samples and statuses of one
-stream that are booked in one turn share messages up to the client's MTU; nothing waits for another, and C clients take
-several submessages of one message as they would take several messages (seen on the wire).
+stream that are booked in one turn share messages up to the client's MTU, and nothing waits for another. Stock clients
+get only what they take as they would take several messages (`msbot.xrce.streams.sharing_messages`).
 
 DEVIATION: the genuine agent loses a STATUS when 16 messages are unacknowledged; here further ones wait, up to
 `SessionSettings.backlog` of them.
@@ -102,6 +102,11 @@ class AgentSession(Session[AgentEvent]):
         self._unquestioned = session_id if session_id >= SESSION_NONE else -1
         self._epoch_ns = epoch_ns
         self._on_data = on_data
+
+    @property
+    def is_stock(self) -> bool:
+        """Whether the client reads as stock C clients do."""
+        return self._settings.peer_is_stock
 
     def is_at_rest(self) -> bool:
         """Whether `packets_to_send` would give nothing now, and `timer` None."""

@@ -27,11 +27,16 @@ class SessionSettings:
     packs: bool = False
     """Whether a submessage joins the message before it while that waits for the link, up to the MTU. A client packs by
     itself (`SessionOutput.pack`)."""
+    peer_is_stock: bool = False
+    """Whether the peer reads as stock C clients do, which bounds what may share a message with what; see
+    `msbot.xrce.streams.sharing_messages`."""
 
 
 @dataclass(frozen=True, slots=True)
 class AgentSessionSettings(SessionSettings):
     """The settings of an agent's session."""
+
+    peer_is_stock: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,9 @@
 """The sending half of a stream: numbering, the window, what is unacknowledged, and when to send it again.
 
 Theory of operation. A submessage is booked (accepted for sending), becomes the body of a message (with others, if the
-stream packs), and that message gets its number when the window has room. From then on the finished message is kept
-until an ACKNACK covers it, and is sent again, byte for byte, when an ACKNACK reports it missing (XRCE 1.0 §8.4).
+stream packs and the peer can read it, see `sharing_messages`), and that message gets its number when the window has
+room. From then on the finished message is kept until an ACKNACK covers it, and is sent again, byte for byte, when an
+ACKNACK reports it missing (XRCE 1.0 §8.4).
 
 A submessage larger than a message is cut into FRAGMENTs as the window moves. The genuine agent puts all pieces on the
 wire at once; here at most a window (16) of them is unacknowledged at any time. That is what one ACKNACK bitmap covers,
@@ -23,104 +24,37 @@ from msbot.xrce.messages.message import Fragment, Heartbeat
 from msbot.xrce.messages.submessage import HEADER_SIZE
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.streams.round_trip import RoundTrip
-from msbot.xrce.streams.sequence_numbers import NOTHING_YET
+from msbot.xrce.streams.sharing_messages import PACKED_MAX, PADDING, stands_alone, takes_nothing_more
 from msbot.xrce.streams.stream_state import StreamState, last_number
-from msbot.xrce.streams.waiting_messages import Lane, Outbox
+from msbot.xrce.streams.waiting_messages import Outbox
 
 GUARD_MIN_S = 0.001
 """A message is not resent twice within this time because of ACKNACKs for the same gap."""
-
-PACKED_MAX = 1400
-"""Octets of the largest message that is made of several submessages: one frame on Ethernet and Wi-Fi, headers included.
-Beyond, a datagram would go in several, and be lost with any of them."""
 
 SLOT_HEAD = 4
 """In C clients, a reliable message lies in a buffer slot of the MTU's size that begins with 4 octets of its own."""
 
 _NEVER_YET = float("-inf")
-_PADDING = (b"", bytes(3), bytes(2), bytes(1))
-"""What fills a message up to a multiple of 4, by what is over."""
 
-QUEUE_FULL = "best-effort message: queue full, oldest dropped"
-TOO_LARGE = "unacknowledged message larger than the MTU"
 STALE_ACKNACK = "ACKNACK outside of what was sent"
-
-
-class BestEffortOutput:
-    """A stream without acknowledgement."""
-
-    __slots__ = ("_counters", "_envelope", "_lane", "_open", "_outbox", "_packed_max", "_sequence_nr", "stream_id")
-
-    def __init__(
-        self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *, packs: bool = False
-    ) -> None:
-        """`packs`: a submessage joins the message before it while that still waits."""
-        self._packed_max = min(envelope.mtu, PACKED_MAX) if packs else 0
-        self.stream_id = stream_id
-        self._envelope = envelope
-        self._outbox = outbox
-        self._counters = counters
-        self._lane = Lane(QUEUE_FULL)
-        self._sequence_nr = NOTHING_YET
-        self._open = b""
-
-    @property
-    def state(self) -> StreamState:
-        """Its state, for people."""
-        return StreamState(self.stream_id, outgoing=True, last=last_number(self._sequence_nr))
-
-    @property
-    def next_nr(self) -> int:
-        """The sequence number of the message that is booked next."""
-        return (self._sequence_nr + 1) & 0xFFFF
-
-    def send(self, body: bytes) -> None:
-        """Book one message; a body that does not fit is dropped and counted (XRCE has no fragments here)."""
-        if len(body) > self._envelope.capacity:
-            self._counters.dropped.count(TOO_LARGE)
-            return
-        items = self._outbox.items
-        if self._packed_max and items and items[-1] is self._lane:
-            packets = self._lane.packets
-            before = packets[-1]
-            joined = before + _PADDING[len(before) & 3] + body
-            if len(joined) <= self._packed_max:
-                packets[-1] = joined
-                return
-        nr = self._sequence_nr = (self._sequence_nr + 1) & 0xFFFF
-        self._outbox.put_newest(self._envelope.seal(self.stream_id, nr, body), self._lane)
-
-    def pack(self, body: bytes) -> None:
-        """Add a submessage to the message that `flush` books; a full message is booked at once."""
-        joined = append_submessage(self._open, body)
-        if len(joined) <= self._envelope.capacity:
-            self._open = joined
-            return
-        self.flush()
-        self._open = body
-
-    def flush(self) -> None:
-        """Book what `pack` has collected."""
-        if self._open:
-            body, self._open = self._open, b""
-            self.send(body)
 
 
 class ReliableOutput:
     """A stream with acknowledgement, a window and retransmission."""
 
     __slots__ = (
-        "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_heartbeat_sent_at", "_newest", "_next",
-        "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_timed", "_timed_at", "_unacked",
-        "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at", "missed", "moved", "refused",
-        "stream_id",
+        "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_heartbeat_sent_at", "_is_stock", "_newest",
+        "_next", "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_timed", "_timed_at",
+        "_unacked", "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at", "missed", "moved",
+        "refused", "stream_id",
     )  # fmt: skip
 
     def __init__(
         self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
-        window: int, round_trip: RoundTrip, pool: Memory, packs: bool = False,
+        window: int, round_trip: RoundTrip, pool: Memory, packs: bool = False, is_stock: bool = False,
     ) -> None:  # fmt: skip
-        """`packs`: a submessage joins the message before it while that still waits.
+        """`packs`: a submessage joins the message before it while that still waits; `is_stock`: as a stock client can
+        read it.
 
         `pool` counts the octets that all sessions of an agent keep until they are acknowledged.
 
@@ -137,6 +71,7 @@ class ReliableOutput:
         self._capacity = envelope.capacity
         self._outbox = outbox
         self._packed_max = min(envelope.mtu - SLOT_HEAD, PACKED_MAX) if packs else 0
+        self._is_stock = is_stock
         self._newest: bytes | None = None  # the message that others may join
         self._counters = counters
         self._window = window
@@ -316,20 +251,24 @@ class ReliableOutput:
 
     def _emit(self, body: bytes) -> None:
         items, newest = self._outbox.items, self._newest
-        if newest is not None and items and items[-1] is newest:
+        is_stock = self._is_stock
+        if newest is not None and items and items[-1] is newest and not (is_stock and stands_alone(body)):
             nr = (self._next - 1) & 0xFFFF
-            joined = newest + _PADDING[len(newest) & 3] + body
+            joined = newest + PADDING[len(newest) & 3] + body
             size = len(joined)
             # A false ACKNACK may have acknowledged it before it was sent.
             if size <= self._packed_max and nr in self._unacked:
                 items[-1] = self._newest = self._unacked[nr] = joined
+                if is_stock and takes_nothing_more(body):
+                    self._newest = None
                 size -= len(newest)
                 self._octets += size
                 self._pool.used += size
                 return
         self._send_new(body)
         if self._packed_max:
-            self._newest = items[-1]  # type: ignore[assignment]  # it was put there
+            is_closed = is_stock and takes_nothing_more(body)
+            self._newest = None if is_closed else items[-1]  # type: ignore[assignment]  # it was put there
 
     def _send_new(self, body: bytes) -> None:
         nr = self._next

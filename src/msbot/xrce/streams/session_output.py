@@ -18,7 +18,8 @@ from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
 from msbot.xrce.streams.receiving_in_order import ReliableInput
 from msbot.xrce.streams.round_trip import RoundTrip
-from msbot.xrce.streams.sending_and_resending import TOO_LARGE, BestEffortOutput, ReliableOutput
+from msbot.xrce.streams.sending_and_resending import ReliableOutput
+from msbot.xrce.streams.sending_best_effort import TOO_LARGE, BestEffortOutput
 from msbot.xrce.streams.stream_state import StreamState
 from msbot.xrce.streams.waiting_messages import Lane, Outbox
 
@@ -158,7 +159,12 @@ class SessionOutput:
         stream = self.best_efforts.get(stream_id)
         if stream is None and self._may_open(self.best_efforts):
             stream = BestEffortOutput(
-                stream_id, self._envelope, self.outbox, self._counters, packs=self._settings.packs
+                stream_id,
+                self._envelope,
+                self.outbox,
+                self._counters,
+                packs=self._settings.packs,
+                is_stock=self._settings.peer_is_stock,
             )
             self.best_efforts[stream_id] = stream
         return stream
@@ -176,6 +182,7 @@ class SessionOutput:
                 round_trip=self.round_trip,
                 pool=self._pool,
                 packs=self._settings.packs,
+                is_stock=self._settings.peer_is_stock,
             )
             self.reliables[stream_id] = stream
         return stream

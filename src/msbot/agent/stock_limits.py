@@ -1,0 +1,28 @@
+"""What a stock client cannot take, whatever the agent does."""
+
+from __future__ import annotations
+
+import logging
+
+from msbot.agent.gate import ClientInfo
+from msbot.runtime.tally import Tally
+
+logger = logging.getLogger(__name__)
+
+LARGEST_TO_STOCK = 0xFFFF - 4
+"""Octets of the largest sample for a stock client: with the ids in front, its length must fit 16 bits."""
+TOO_LARGE_FOR_STOCK = "sample too large for a stock client"
+
+
+def drop_too_large(info: ClientInfo, object_id: int, size: int, dropped: Tally) -> None:
+    """Count a sample that is not sent, and tell of the first: it would arrive cut, and spoil what follows it."""
+    if TOO_LARGE_FOR_STOCK not in dropped:
+        logger.warning(
+            "client %08X, object %04X: a sample of %d octets is not sent, as none above %d is: stock clients count in"
+            " 16 bits",
+            info.key,
+            object_id,
+            size,
+            LARGEST_TO_STOCK,
+        )
+    dropped.count(TOO_LARGE_FOR_STOCK)
