@@ -13,13 +13,14 @@ from typing import Protocol
 
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.errors import LinkDown
+from msbot.link import Visitor
 from msbot.link.byte_frames import SerialReceiver, encode_serial
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
 from msbot.link.can.protocol.frames import Frame, FrameJoiner, split
 from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.link.can.sim.driver import SimCanBus
 from msbot.link.contract import Signal
-from msbot.link.net import SocketPeer, Visitor, WebSocketServerLink
+from msbot.link.net import SocketPeer, WebSocketServerLink
 from msbot.link.net.udp import UdpServerLink
 from msbot.link.serial.lines import Line, LineServer
 from msbot.master import Master

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from msbot.agent.gate import ClientInfo, Gate
-from msbot.link.net.websocket_server import SocketPeer, Visitor, WebSocketServerLink
+from msbot.link import Visitor
+from msbot.link.net.websocket_server import SocketPeer, WebSocketServerLink
 from msbot.part.join import plug
 from msbot.pnp import PROFILE_TOPIC, Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
@@ -212,6 +213,9 @@ class Agents:
     def may(self, agent: int, topic: str, *, publishes: bool) -> bool:
         return (agent, topic, publishes) == (0xA1, "far", True)
 
+    def agent_of(self, key: int) -> int | None:
+        return None
+
 
 def test_an_agent_may_what_its_parts_may_and_every_end_is_told() -> None:
     door = Door("free")
@@ -272,7 +276,7 @@ def test_a_flood_is_noted_once_a_minute_and_anew_for_who_comes_back() -> None:
 @pytest.mark.parametrize("is_pupil", [True, False])
 def test_whose_browser_a_part_runs_in_is_known_of_pupils_alone(is_pupil: bool) -> None:
     door = Door()
-    visitor = Visitor("ada", "192.168.1.30", is_pupil=is_pupil)
+    visitor = Visitor("ada", "192.168.1.30", "ada" if is_pupil else "")
     door.access.joined(
         ClientInfo(7, "ws:", SocketPeer(WebSocketServerLink("ws:"), visitor, 0.0), "ada at 192.168.1.30")
     )

@@ -1,7 +1,9 @@
 """The relays that bring their parts to this agent (`msbot.link.relay`).
 
 A relay is one more link of the agent, made when it introduces itself. Anybody on a network may call itself a relay, as
-anybody may call itself a part: its parts meet the same gate, and all of them count as coming from its address.
+anybody may call itself a part: its parts meet the same gate, and all of them count as coming from its address. A relay
+that came in by a person's connection is that person's, with all its parts; it has names of its own, so that a pupil's
+relay takes no other's place.
 """
 
 from __future__ import annotations
@@ -12,12 +14,15 @@ from typing import Final
 
 from msbot.agent.outside_share import OutsideShare
 from msbot.errors import LinkDown, LinkFull, RemoteProtocolError
-from msbot.link import Link, Peer
+from msbot.link import Link, Peer, pupil_behind
 from msbot.link.relay import Bye, Hello, Message, Refused, RelayedLink, RelayGreeting, Who, decode, encode
 from msbot.runtime.tally import Tally
 
 MAX_RELAYS: Final = 64
 MAX_RELAYS_OF_ADDRESS: Final = 8
+MAX_RELAYS_OF_PUPIL: Final = 2
+MAX_RELAYS_OF_PUPILS: Final = 32
+"""Of all pupils: they leave room for those of the robot."""
 
 _log = logging.getLogger(__name__)
 
@@ -77,7 +82,8 @@ class Relays:
         return True
 
     def _greet(self, hello: Hello, way: Link, peer: Peer, now: float) -> None:
-        found = next((link for link in self._links if link.hello.boot == hello.boot), None)
+        whose = pupil_behind(peer)
+        found = next((link for link in self._links if (link.hello.boot, link.owner) == (hello.boot, whose)), None)
         if found is None:
             refusal = self._make_room(hello, way, peer)
             if refusal:
@@ -96,9 +102,9 @@ class Relays:
 
     def _make_room(self, hello: Hello, way: Link, peer: Peer) -> str:
         """Why there is no room for one more relay; empty when there is."""
-        origin = (way.info.name, way.origin(peer))
+        origin, whose = (way.info.name, way.origin(peer)), pupil_behind(peer)
         for link in self._links:
-            if (link.hello.name, link.hello.carried) == (hello.name, hello.carried):
+            if (link.hello.name, link.hello.carried, link.owner) == (hello.name, hello.carried, whose):
                 if not link.is_silent and link.origin(None) != origin:
                     return (
                         f"a relay with the name {hello.name} is there already, at {link.way.describe(link.relay)}: "
@@ -106,11 +112,19 @@ class Relays:
                     )
                 link.end()  # it was started again
                 return ""
+        if whose:
+            of_pupil = [link for link in self._links if link.owner == whose]
+            if len(of_pupil) >= MAX_RELAYS_OF_PUPIL:
+                return self._put_out(of_pupil, f"{MAX_RELAYS_OF_PUPIL} relays of {whose} are there already")
+            of_pupils = [link for link in self._links if link.owner]
+            if len(of_pupils) >= MAX_RELAYS_OF_PUPILS:
+                return self._put_out(of_pupils, f"{MAX_RELAYS_OF_PUPILS} relays of pupils are there already")
         of_address = [link for link in self._links if link.origin(None) == origin]
         if len(of_address) >= MAX_RELAYS_OF_ADDRESS:
             return self._put_out(of_address, f"{MAX_RELAYS_OF_ADDRESS} relays come from your address already")
         if len(self._links) >= MAX_RELAYS:
-            return self._put_out(self._links, f"{MAX_RELAYS} relays are there already")
+            mine = [link for link in self._links if link.owner] if whose else self._links
+            return self._put_out(mine, f"{MAX_RELAYS} relays are there already")
         return ""
 
     @staticmethod

@@ -16,6 +16,7 @@ from msbot.link.disturbed import Disturbance, DisturbedLink, Treatment
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
 from msbot.link.link_schemes import bound_name, open_link, parse_host_and_port
 from msbot.link.lossy import LossyLink
+from msbot.link.visitor import Visitor, pupil_behind, visitor_behind
 
 __all__ = [
     "BaseLink",
@@ -34,8 +35,11 @@ __all__ = [
     "SignalHandler",
     "Tap",
     "Treatment",
+    "Visitor",
     "bound_name",
     "inproc_pair",
     "open_link",
     "parse_host_and_port",
+    "pupil_behind",
+    "visitor_behind",
 ]

@@ -20,7 +20,7 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Protocol
 
-from msbot.link.net import SocketPeer
+from msbot.link import pupil_behind
 from msbot.part.join.seal import Seal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
@@ -99,6 +99,9 @@ class AgentsElsewhere(Protocol):
 
     def may(self, agent: int, topic: str, *, publishes: bool) -> bool:
         """Whether it may write or read a topic: one of its clients may."""
+
+    def agent_of(self, key: int) -> int | None:
+        """The key of the agent that brings the session with that key; None: it is at the master's own agent."""
 
 
 class _Guard:
@@ -203,9 +206,13 @@ class Access:
         """A session was opened, or opened again: the client's rights are void until it has registered."""
         self._links[client.key] = client.link
         plugged_in_at = self._plugs.pop((client.link, client.peer), None)
+        pupil = self._pupil_behind(client)
+        is_agent = self._agents is not None and self._agents.knows(client.key)
+        if is_agent and pupil != self._inventory.pupil_parts.pupil_of(client.key):
+            self._on_left(client.key)  # it brought parts as somebody else: they come in anew
         self._inventory.client_joined(
             client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at,
-            client_key=client.client_key, patience_s=client.patience_s, pupil=_pupil_of(client.peer),
+            client_key=client.client_key, patience_s=client.patience_s, pupil=pupil,
         )  # fmt: skip
 
     def left(self, client: AskingClient, reason: str) -> None:
@@ -238,6 +245,11 @@ class Access:
             del self._plugs[next(iter(self._plugs))]
         self._plugs[link, peer] = now
 
+    def _pupil_behind(self, client: AskingClient) -> str:
+        """The pupil whose rights a client has: what a pupil's agent brings is that pupil's."""
+        agent = None if self._agents is None else self._agents.agent_of(client.key)
+        return pupil_behind(client.peer) if agent is None else self._inventory.pupil_parts.pupil_of(agent)
+
     def _is_trusted(self, client: AskingClient) -> bool:
         return client.link == self._trusted_link
 
@@ -258,8 +270,3 @@ class Access:
 
     def _sample_refused(self, key: int, reason: str) -> None:
         self._inventory.sample_refused(key, reason, self._clock())
-
-
-def _pupil_of(peer: Hashable) -> str:
-    """The pupil in whose browser a client runs; empty: it is somewhere else, or somebody else's."""
-    return peer.visitor.person if isinstance(peer, SocketPeer) and peer.visitor.is_pupil else ""

@@ -52,6 +52,11 @@ class PupilParts:
         session = self._index.sessions.get(client_key)
         return session is not None and bool(self.pupils.held(session.pupil))
 
+    def pupil_of(self, client_key: int) -> str:
+        """The pupil whose rights a session has; empty: it is no pupil's, or there is none."""
+        session = self._index.sessions.get(client_key)
+        return "" if session is None else session.pupil
+
     def here(self) -> Mapping[str, tuple[str, ...]]:
         """The pupils who run parts in browsers now, and the slots that these hold."""
         here: dict[str, list[str]] = {}

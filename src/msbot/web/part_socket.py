@@ -14,7 +14,8 @@ from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from msbot.errors import LinkDown, LinkFull
-from msbot.link.net import PART_PATH, SocketPeer, Visitor, WebSocketServerLink
+from msbot.link import Visitor
+from msbot.link.net import PART_PATH, SocketPeer, WebSocketServerLink
 from msbot.operations.rights import Right
 from msbot.runtime.sentence import said
 from msbot.web.access.accounts import Accounts
@@ -48,7 +49,8 @@ class PartSocket:
     async def serve(self, socket: WebSocket) -> None:
         """One connection, from its first octet to its last."""
         session: Session = socket.scope["state"]["session"]
-        may_stay = self._condition(session, socket)
+        pupil = self._accounts.guests.pupil_behind(session)
+        may_stay = self._condition(session, socket, pupil)
         tell = language_of(socket).say
         await socket.accept()
         if not may_stay():
@@ -61,7 +63,7 @@ class PartSocket:
             return
         try:
             address = socket.client.host if socket.client else ""
-            peer = self._link.join(Visitor(session.name, address, is_pupil=not session.may(Right.ARRANGE)))
+            peer = self._link.join(Visitor(session.name, address, pupil))
         except LinkFull as error:
             await socket.close(REFUSED, _short(tell(str(error))))
             return
@@ -91,16 +93,21 @@ class PartSocket:
                 await socket.close(code, _short(language_of(socket).say(words)))
         return f"connection closed: {words}"
 
-    def _condition(self, session: Session, socket: WebSocket) -> Callable[[], bool]:
-        """Whether the person behind a connection may still have parts, at any later moment."""
+    def _condition(self, session: Session, socket: WebSocket, pupil: str) -> Callable[[], bool]:
+        """Whether the person behind a connection may still have parts, as the same pupil or none, at any later moment:
+        what a teacher has begun who is a pupil now would else not be held with the others."""
         accounts = self._accounts
+
+        def may_have(one: Session) -> bool:
+            return one.may(Right.JOIN) and accounts.guests.pupil_behind(one) == pupil
+
         if not session.is_program:
-            return lambda: accounts.holds(session) and session.may(Right.JOIN)
+            return lambda: accounts.holds(session) and may_have(session)
         token = socket.headers.get("authorization", "").partition(" ")[2].strip()
 
         def holds() -> bool:
             now = accounts.by_api_token(token)
-            return now is not None and now.may(Right.JOIN)
+            return now is not None and may_have(now)
 
         return holds
 

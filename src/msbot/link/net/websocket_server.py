@@ -17,7 +17,7 @@ from msbot.link.base import BaseLink
 from msbot.link.byte_frames import MAX_PACKET
 from msbot.link.contract import LinkInfo, Peer, Signal
 from msbot.link.net.rate_budget import RateBudget
-from msbot.runtime.lazy_dataclass import dataclass
+from msbot.link.visitor import Visitor
 from msbot.runtime.sentence import said
 
 MOST = 256
@@ -35,17 +35,6 @@ SLOW_DOWN_AGAIN_S = 30.0
 TOO_MANY = "connection refused: too many are open"
 NO_PACKET = "no packet, but text or more octets than a packet has"
 SILENT = "connection closed: no packet came"
-
-
-@dataclass(frozen=True, slots=True)
-class Visitor:
-    """The person behind a connection."""
-
-    person: str
-    address: str
-    """The computer's address, without the port."""
-    is_pupil: bool = False
-    """Whether a teacher may hold what this person runs."""
 
 
 class SocketPeer:

@@ -29,6 +29,7 @@ from msbot.link.relay.messages import (
     Welcome,
     encode,
 )
+from msbot.link.visitor import Visitor, pupil_behind, visitor_behind
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
@@ -45,6 +46,8 @@ class Behind(NamedTuple):
 
     relay: str
     number: int
+    visitor: Visitor | None = None
+    """The person by whose connection the relay came in, if it came by one: what it brings is that person's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +78,13 @@ class RelayedLink(BaseLink):
 
     def __init__(self, hello: Hello, way: Link, peer: Peer, greeting: RelayGreeting) -> None:
         mtu = max(1, min(hello.mtu, way.info.mtu - ENVELOPE))
+        self.visitor = visitor_behind(peer)
+        self.owner = pupil_behind(peer)
+        """The pupil who runs the relay; empty: no pupil does."""
+        self._name = hello.name if not self.owner else said("{name} of {pupil}", name=hello.name, pupil=self.owner)
         super().__init__(
             LinkInfo(
-                f"{hello.carried} behind relay {hello.name}",
+                f"{hello.carried} behind relay {self._name}",
                 mtu,
                 hello.bits_per_second or None,
                 shared_bus=hello.shared_bus,
@@ -140,7 +147,7 @@ class RelayedLink(BaseLink):
         """See `Link`."""
         part = self._parts.get(peer.number) if isinstance(peer, Behind) else None
         place = part.words if part is not None and part.words else f"part {getattr(peer, 'number', peer)}"
-        return f"{place} behind relay {self.hello.name}"
+        return f"{place} behind relay {self._name}"
 
     def send_stop(self, reason: int = 0) -> None:
         """Have the relay say STOP on its link; it goes before all packets, and every beat repeats it.
@@ -185,7 +192,7 @@ class RelayedLink(BaseLink):
                 self._heard(now)
                 if words or number not in self._parts:
                     self._note(number).words = words
-                self._received(packet, Behind(self.hello.name, number), now)
+                self._received(packet, self._behind(number), now)
             case Room(handled):
                 self._heard(now)
                 for number, count in handled:
@@ -212,7 +219,7 @@ class RelayedLink(BaseLink):
             self._signal_handler(Signal.STOP, None, beat.words, now)
 
     def _happened(self, event: Event, now: float) -> None:
-        peer = Behind(self.hello.name, event.number)
+        peer = self._behind(event.number)
         match event.what:
             case Happened.CAME:
                 self._note(event.number).words = event.words
@@ -221,6 +228,9 @@ class RelayedLink(BaseLink):
                 self._signal_handler(Signal.PEER_GONE, peer, event.words, now)
             case Happened.BACK:
                 self._signal_handler(Signal.PEER_BACK, peer, event.words, now)
+
+    def _behind(self, number: int) -> Behind:
+        return Behind(self.hello.name, number, self.visitor)
 
     def _note(self, number: int) -> _Known:
         part = self._parts.pop(number, None)
@@ -239,7 +249,7 @@ class RelayedLink(BaseLink):
         was_full = not self._in_window(part)
         part.handled = count
         if was_full:
-            self._room_handler(Behind(self.hello.name, number))
+            self._room_handler(self._behind(number))
 
     @staticmethod
     def _in_window(part: _Known) -> bool:
@@ -250,7 +260,7 @@ class RelayedLink(BaseLink):
         if self.is_silent:
             self.is_silent = False
             for number in tuple(self._parts):
-                self._signal_handler(Signal.PEER_BACK, Behind(self.hello.name, number), "the relay is back", now)
+                self._signal_handler(Signal.PEER_BACK, self._behind(number), "the relay is back", now)
             self._room_handler(None)
 
     def _look(self, now: float) -> None:
@@ -261,11 +271,11 @@ class RelayedLink(BaseLink):
             self.is_silent = True
             words = said("the relay {relay} is silent", relay=self.hello.name)
             for number in tuple(self._parts):
-                self._signal_handler(Signal.PEER_GONE, Behind(self.hello.name, number), words, now)
+                self._signal_handler(Signal.PEER_GONE, self._behind(number), words, now)
         for number, part in self._parts.items():
             if not self._in_window(part) and now >= part.stale_at:
                 part.handled = part.sent
-                self._room_handler(Behind(self.hello.name, number))
+                self._room_handler(self._behind(number))
 
     def _tell_gently(self, message: Message) -> None:
         """What the relay asks for again if it is lost."""

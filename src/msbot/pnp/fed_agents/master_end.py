@@ -3,7 +3,8 @@
 Each session at such an agent gets a key of its own here, by which access and inventory know it as they know the
 sessions of the master's own agent. What an agent says counts for its own sessions only; which topics of the robot it
 may use follows from what its sessions may. An agent that is silent for `SILENT_S` takes its parts with it: they are
-lost, for that reason, and come in anew when it is back.
+lost, for that reason, and come in anew when it is back. What the agent of a pupil brings is that pupil's: it is held
+with the pupil, and gets no slot of another group.
 """
 
 from __future__ import annotations
@@ -46,6 +47,9 @@ from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 
 MAX_AGENTS: Final = 64
+MAX_AGENTS_OF_PUPIL: Final = 2
+MAX_AGENTS_OF_PUPILS: Final = 32
+"""Of all pupils: they leave room for those of the robot."""
 MAX_SESSIONS_OF_AGENT: Final = 1024
 FORGOTTEN_AFTER_S: Final = 60.0
 """A silent agent is forgotten after this long."""
@@ -106,6 +110,8 @@ class _Agent:
     boot: int
     name: str
     heard_at: float
+    owner: str = ""
+    """The pupil who runs it; empty: no pupil does."""
     is_silent: bool = False
     sessions: dict[int, _Session] = field(default_factory=dict)
     """By the agent's number."""
@@ -114,6 +120,11 @@ class _Agent:
     """What its clients may write (True) and read (False)."""
     said_again: int = 0
     """The session whose rights were repeated last."""
+
+    @property
+    def title(self) -> str:
+        """What people call it."""
+        return said("{name} of {pupil}", name=self.name, pupil=self.owner) if self.owner else self.name
 
 
 class MasterEnd:
@@ -157,6 +168,11 @@ class MasterEnd:
         known = self._agents.get(agent)
         return known is not None and (topic, publishes) in known.topics
 
+    def agent_of(self, key: int) -> int | None:
+        """The key of the agent that brings the session with that key; None: it is at none of the agents."""
+        place = self._places.get(key)
+        return None if place is None else place[0].key
+
     def has(self, key: int) -> bool:
         """Whether the session with that key is at one of the agents."""
         return key in self._places
@@ -192,7 +208,7 @@ class MasterEnd:
 
     def names(self) -> list[tuple[str, int, bool]]:
         """Name, number of sessions and silence of every agent."""
-        return [(agent.name, len(agent.sessions), agent.is_silent) for agent in self._agents.values()]
+        return [(agent.title, len(agent.sessions), agent.is_silent) for agent in self._agents.values()]
 
     # What is reported
 
@@ -200,8 +216,8 @@ class MasterEnd:
         """The session of an agent with the master's own agent has ended."""
         known = self._agents.pop(agent, None)
         if known is not None:
-            self._around.say(f"the agent {known.name} has ended")
-            self._lose_parts(known, said("gone: the agent {name} has ended", name=known.name))
+            self._around.say(f"the agent {known.title} has ended")
+            self._lose_parts(known, said("gone: the agent {name} has ended", name=known.title))
 
     def rights_changed(self, key: int) -> None:
         """The topics of a session may have changed."""
@@ -221,8 +237,8 @@ class MasterEnd:
         for agent in list(self._agents.values()):
             if not agent.is_silent and now - agent.heard_at >= SILENT_S:
                 agent.is_silent = True
-                self._around.say(f"the agent {agent.name} is silent")
-                self._lose_parts(agent, said("gone: the agent {name} is silent", name=agent.name))
+                self._around.say(f"the agent {agent.title} is silent")
+                self._lose_parts(agent, said("gone: the agent {name} is silent", name=agent.title))
             elif agent.is_silent and now - agent.heard_at >= FORGOTTEN_AFTER_S:
                 del self._agents[agent.key]
 
@@ -248,7 +264,7 @@ class MasterEnd:
             case AgentBeat(count=count, stops_said=said_there, words=words):
                 if said_there > agent.stops_taken:
                     agent.stops_taken = said_there
-                    self._around.stop_said(agent.name, words)
+                    self._around.stop_said(agent.title, words)
                 self._say_heard(agent, count)
                 self._say_again(agent)
             case Ask() | Sign() | Remark():
@@ -277,10 +293,11 @@ class MasterEnd:
                 self._around.send(key, AgentRefused(reason=refusal))
                 return
             if known is not None:
-                self._lose_parts(known, said("gone: the agent {name} was started again", name=known.name))
-            self._agents[key] = _Agent(key, hello.boot, hello.name, now, stops_taken=taken)
+                self._lose_parts(known, said("gone: the agent {name} was started again", name=known.title))
+            agent = _Agent(key, hello.boot, hello.name, now, self._owner_of(key), stops_taken=taken)
+            self._agents[key] = agent
             self._inventory.is_no_part(key)
-            self._around.say(f"the agent {hello.name} brings parts")
+            self._around.say(f"the agent {agent.title} brings parts")
         profile = self._profile
         self._around.send(
             key,
@@ -298,14 +315,27 @@ class MasterEnd:
             return f"it speaks version {hello.version} of this protocol, the master speaks version {VERSION}"
         if not hello.name.isprintable() or not 0 < len(hello.name) <= LONGEST_NAME:
             return f"its name has to be printable, and of at most {LONGEST_NAME} characters"
+        whose = self._owner_of(key)
         for other in list(self._agents.values()):
-            if other.name == hello.name and other.key != key:
+            if (other.name, other.owner) == (hello.name, whose) and other.key != key:
                 if not other.is_silent:
                     return f"an agent with the name {hello.name} is there already: give this one another with --name"
                 del self._agents[other.key]
+        others = [other for other in self._agents.values() if other.key != key]
+        if whose and sum(other.owner == whose for other in others) >= MAX_AGENTS_OF_PUPIL:
+            return f"{MAX_AGENTS_OF_PUPIL} agents of {whose} are there already"
+        if whose and sum(bool(other.owner) for other in others) >= MAX_AGENTS_OF_PUPILS:
+            return f"{MAX_AGENTS_OF_PUPILS} agents of pupils are there already"
         if key not in self._agents and len(self._agents) >= MAX_AGENTS:
             return f"{MAX_AGENTS} agents are there already"
         return ""
+
+    def _owner_of(self, key: int) -> str:
+        return self._inventory.pupil_parts.pupil_of(key)
+
+    def _configuration(self, key: int) -> Configuration | None:
+        """What a session may use now: nothing while its pupil is held."""
+        return None if self._inventory.pupil_parts.is_held(key) else self._inventory.configuration_of(key)
 
     def _say_heard(self, agent: _Agent, count: int) -> None:
         number, holds = self._around.stop_number()
@@ -339,8 +369,8 @@ class MasterEnd:
             key = self._random.getrandbits(32) or 1
             while self._inventory.shown_key(key) is not None:
                 key = self._random.getrandbits(32) or 1
-        address = said("{address} by agent {name}", address=message.address, name=agent.name)
-        return _Client(key, message.client_key or key, f"agent {agent.name}", message.number, address)
+        address = said("{address} by agent {name}", address=message.address, name=agent.title)
+        return _Client(key, message.client_key or key, f"agent {agent.title}", message.number, address)
 
     def _session_over(self, agent: _Agent, number: int, reason: str) -> None:
         session = agent.sessions.pop(number, None)
@@ -369,7 +399,7 @@ class MasterEnd:
                 times=session.times,
                 reads_profile=int(session.reads_profile),
                 settled=int(configuration is not None),
-                topics=_topics_of(configuration),
+                topics=_topics_of(self._configuration(session.client.key)),
             ),
         )
 
@@ -382,7 +412,7 @@ class MasterEnd:
             self._say_rights(agent, agent.said_again)
 
     def _topics_changed(self, agent: _Agent) -> None:
-        configurations = [self._inventory.configuration_of(one.client.key) for one in agent.sessions.values()]
+        configurations = [self._configuration(one.client.key) for one in agent.sessions.values()]
         bindings = (binding for one in configurations if one is not None for binding in one.bindings)
         topics = frozenset((binding.topic, binding.publishes) for binding in bindings)
         if topics != agent.topics:

@@ -61,6 +61,16 @@ class Guests:
         is_demo = maker == DEMO and self._accounts.has_entry_link
         return is_demo or (role is not None and role >= Right.OPERATE.least)
 
+    def pupil_behind(self, session: Session) -> str:
+        """The pupil with whom a teacher holds what somebody runs; empty: it is a teacher.
+
+        A pupil's guest is that pupil: whoever is held is not free by a ticket for the own telephone.
+        """
+        if session.may(Right.ARRANGE):
+            return ""
+        role = self._accounts.role_of(session.guest_of) if session.guest_of else None
+        return session.name if role is None or role >= Right.ARRANGE.least else session.guest_of
+
     def end_all_of(self, name: str, why: Ending) -> None:
         """End the sessions of a person, those of their guests, and their tickets."""
         self.tickets.forget_those_of(name)
