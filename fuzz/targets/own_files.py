@@ -23,7 +23,7 @@ from msbot.config import SAMPLE_ROBOT_TOML, load_blueprint, load_library
 from msbot.errors import LinkDown
 from msbot.link.can.sim import names as bus_names
 from msbot.link.net import SocketPeer, WebSocketServerLink
-from msbot.link.net.websocket_server import Visitor
+from msbot.link.visitor import Visitor
 from msbot.master import stop_persistence
 from msbot.master.stop_socket import StopSocket
 from msbot.operations.arguments import read_arguments

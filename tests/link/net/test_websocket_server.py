@@ -19,9 +19,9 @@ from msbot.link.net.websocket_server import (
     SLOW_DOWN_AGAIN_S,
     WRITE_LIMIT,
     SocketPeer,
-    Visitor,
     WebSocketServerLink,
 )
+from msbot.link.visitor import Visitor
 from msbot.runtime.virtual_time import run_virtual
 from tests.link.ends import End, running
 
