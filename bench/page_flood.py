@@ -181,7 +181,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         robot = Robot(Path(folder), stack)
         master = robot.master(page=True)
-        people = [users.Person(name, "student", asyncio.run(Argon2Hasher().hash(PASSWORD))) for name in (EVE, BEN)]
+        people = [
+            users.Person(name, "student", asyncio.run(Argon2Hasher().hash(PASSWORD, asker=""))) for name in (EVE, BEN)
+        ]
         with open_registry(robot.folder / "robot.db") as registry:
             registry.edits.make(None, "bench", partial(users.keep, people=people))
         robot.parts(*PARTS)

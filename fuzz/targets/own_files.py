@@ -242,7 +242,8 @@ _SESSION = '{"key": "ab", "name": "bob", "csrf": "x", "age_s": 5.0, "idle_s": 1.
 
 OWN: dict[str, Parser] = {
     "sessions": Parser(
-        _sessions, lines('{"at": 1e12, "device_key": "' + "00" * 32 + '", "sessions": [' + _SESSION + "]}")
+        _sessions, lines('{"at": 1e12, "ticket_key": "' + "00" * 32 + '", "browsers": [["a", "bob"]], "sessions": ['
+                         + _SESSION + "]}")
     ),
     "pass": Parser(_pass, lines("Ym9i.3b9ef000.abcdef", ".ffffffff.", "\u0661.\u0661.\u0661")),
     "stop_request": Parser(

@@ -47,8 +47,8 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("pass", b"\xff", id="a proof that is no text behind the right name and time"),
         pytest.param(
             "sessions",
-            b'{"at": 1e12, "device_key": "%s", "sessions": [{"key": "a", "name": "bob", "csrf": '
-            b'"x", "age_s": "old", "idle_s": 1, "guest_of": ""}]}' % (b"00" * 32),
+            b'{"at": 1e12, "ticket_key": "%s", "browsers": [["a", "bob"]], "sessions": [{"key": "a", '
+            b'"name": "bob", "csrf": "x", "age_s": "old", "idle_s": 1, "guest_of": ""}]}' % (b"00" * 32),
             id="an age in words",
         ),
         pytest.param("sessions", b'{"at": 1%s, "sessions": []}' % (b"0" * 400), id="a time that no float is"),
@@ -181,5 +181,5 @@ def test_a_browser_that_takes_nothing_loses_its_connection() -> None:
 
 async def test_a_device_cookie_that_is_no_text_of_ours_signs_in_like_none() -> None:
     accounts = Accounts(MemoryUsers(user("ada", password="correct horse")), clock=lambda: 5.0, hasher=PlainHasher())
-    for device in ("\xe4", "\udcff", accounts.device_of("ada")):
+    for device in ("\xe4", "\udcff", accounts.browsers.use("", "ada")):
         assert (await accounts.sign_in("ada", "correct horse", "10.0.0.1", device)).name == "ada"

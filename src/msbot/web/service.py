@@ -298,7 +298,9 @@ class Service:
         self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         if session.is_program:
             raise NotAllowed(said("a program with an API token may not change passwords: sign in on the page"))
-        await self.accounts.change_password(name, password, who=session.name, old=(old or "") if is_own else None)
+        await self.accounts.change_password(
+            name, password, who=session.name, old=(old or "") if is_own else None, browser=session.key
+        )
         return Done(words=said("{name} has a new password; sessions and API tokens of {name} have ended", name=name))
 
     async def remove_user(self, session: Session, name: str) -> Done:

@@ -39,7 +39,7 @@ def people() -> dict[str, str]:
 async def test_a_person_is_added_and_can_sign_in() -> None:
     with open_registry("robot.db", read_only=True) as registry:
         (stored,) = registry.users.all()
-        assert await Argon2Hasher().matches(stored.password_hash, PASSWORD)
+        assert await Argon2Hasher().matches(stored.password_hash, PASSWORD, asker="")
         (change,) = [edit for edit in registry.edits.latest(None) if edit.kind == "user"]
     assert "user ann added as administrator" in change.words
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
 from msbot.web.access.accounts import Accounts, NotAllowed, SignedOut
-from msbot.web.access.attempts import SignInRefused
+from msbot.web.access.attempts import FIRST_PAUSE_S, FREE_TRIES, SignInRefused
 from msbot.web.access.sessions import IDLE_S, LONGEST_S, Session
 from msbot.web.access.users import MemoryUsers, User
 
@@ -20,11 +20,11 @@ from msbot.web.access.users import MemoryUsers, User
 class PlainHasher:
     """As the real one, but quick: what it does with passwords is tested elsewhere."""
 
-    async def hash(self, password: str) -> str:
+    async def hash(self, password: str, *, asker: str) -> str:
         return f"hash of {password}"
 
-    async def matches(self, stored: str, password: str) -> bool:
-        return stored.removeprefix("old ") == await self.hash(password)
+    async def matches(self, stored: str, password: str, *, asker: str) -> bool:
+        return stored.removeprefix("old ") == await self.hash(password, asker=asker)
 
     def is_outdated(self, stored: str) -> bool:
         return stored.startswith("old ")
@@ -261,7 +261,7 @@ class SlowUsers(MemoryUsers):
 
 async def test_a_browser_that_was_used_before_is_not_kept_out_by_guesses_from_elsewhere() -> None:
     accounts, _ = make()
-    device = accounts.device_of("ada")
+    device = accounts.browsers.use("", "ada")
     for number in range(100):
         with pytest.raises(SignInRefused):
             await sign_in(accounts, password="guess", address=f"address {number}")
@@ -269,7 +269,47 @@ async def test_a_browser_that_was_used_before_is_not_kept_out_by_guesses_from_el
         await sign_in(accounts, address="a new desk")
     await accounts.sign_in("ada", "correct horse", "a", device)
     with pytest.raises(SignInRefused, match="too many"):
-        await accounts.sign_in("ada", "correct horse", "a", accounts.device_of("bob"))
+        await accounts.sign_in("ada", "correct horse", "a", accounts.browsers.use("", "bob"))
+
+
+async def test_guesses_in_a_browser_that_a_teacher_has_used_keep_the_teacher_out_nowhere_else() -> None:
+    accounts, _ = make()
+    own, pupils = accounts.browsers.use("", "ada"), accounts.browsers.use("", "ada")
+    for number in range(100):
+        with pytest.raises(SignInRefused, match="too many" if number >= FREE_TRIES else "wrong"):
+            await accounts.sign_in("ada", "guess", "school", pupils)
+    await accounts.sign_in("ada", "correct horse", "school", own)
+    await accounts.sign_in("ada", "correct horse", "school")
+
+
+async def test_a_browser_is_known_until_its_person_signs_out_there_or_has_a_new_password() -> None:
+    accounts, _ = make()
+    first, second = accounts.browsers.use("", "ada"), accounts.browsers.use("", "ada")
+    accounts.sign_out(await accounts.sign_in("ada", "correct horse", "a", first), first)
+    assert not accounts.browsers.find(first, "ada")
+    assert accounts.browsers.find(second, "ada")
+    await accounts.change_password("ada", "a new password", who="ada", old="correct horse")
+    assert not accounts.browsers.find(second, "ada")
+
+
+async def test_tries_at_the_old_password_count_in_that_browser() -> None:
+    accounts, clock = make()
+    session = await sign_in(accounts)
+    for number in range(20):
+        with pytest.raises(ConfigError if number < FREE_TRIES else SignInRefused):
+            await accounts.change_password("ada", "a new password", who="ada", old="guess", browser=session.key)
+    with pytest.raises(SignInRefused, match="too many"):
+        await accounts.change_password("ada", "a new password", who="ada", old="correct horse", browser=session.key)
+    await sign_in(accounts)
+    clock.now += FIRST_PAUSE_S + 1
+    await accounts.change_password("ada", "a new password", who="ada", old="correct horse", browser=session.key)
+
+
+async def test_of_many_guesses_at_once_as_many_are_looked_at_as_one_after_the_other() -> None:
+    accounts, _ = make()
+    guesses = [sign_in(accounts, password="guess") for _ in range(30)]
+    told = [str(error) for error in await asyncio.gather(*guesses, return_exceptions=True)]
+    assert told.count("wrong name or password") == FREE_TRIES
 
 
 async def test_fifty_five_wrong_names_from_a_school_lock_nobody_out_there() -> None:

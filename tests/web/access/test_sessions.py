@@ -94,7 +94,8 @@ async def test_sessions_survive_a_restart_and_the_file_signs_nobody_in(folder: P
     users, clock = MemoryUsers(user("ada"), user("bob")), Clock()
     before, file = restarted(folder, users, clock)
     ada, bob = await before.sign_in("ada", "correct horse", "a"), await before.sign_in("bob", "correct horse", "a")
-    device = before.device_of("ada")
+    device = before.browsers.use("", "ada")
+    gone = before.browsers.use("", "bob")
     await file.keep()
     assert mode_of(folder / "sessions.json") & 0o077 == 0
     assert ada.token not in text_of(folder / "sessions.json")
@@ -105,12 +106,14 @@ async def test_sessions_survive_a_restart_and_the_file_signs_nobody_in(folder: P
     assert found is not None
     assert (found.name, found.role, found.csrf) == ("ada", Role.ADMINISTRATOR, ada.csrf)
     assert after.session(bob.token) is None
-    assert after.device_of("ada") == device
+    assert after.browsers.find(device, "ada")
+    assert not after.browsers.find(gone, "bob")
+    assert device not in text_of(folder / "sessions.json")
     clock.now += IDLE_S + 1
     assert after.session(ada.token) is None
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"at": 1}', '{"at": "x", "sessions": [], "device_key": ""}'])
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"at": 1}', '{"at": "x", "sessions": [], "ticket_key": ""}'])
 def test_a_file_that_makes_no_sense_is_none(content: str, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     (tmp_path / "sessions.json").write_text(content)
@@ -120,7 +123,7 @@ def test_a_file_that_makes_no_sense_is_none(content: str, tmp_path: Path) -> Non
 
 def test_a_folder_of_somebody_else_is_not_believed(tmp_path: Path) -> None:
     tmp_path.chmod(0o777)
-    (tmp_path / "sessions.json").write_text('{"at": 0, "sessions": [], "device_key": ""}')
+    (tmp_path / "sessions.json").write_text('{"at": 0, "sessions": [], "ticket_key": ""}')
     accounts, _ = restarted(tmp_path, MemoryUsers(user("ada")), Clock())
     assert accounts.sessions.kept() == []
 

@@ -19,7 +19,8 @@ from msbot.runtime.sentence import said
 from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
 from msbot.web.access.guests import DEMO, Guests
-from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, check_password
+from msbot.web.access.known_browsers import KnownBrowsers
+from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
 from msbot.web.access.sessions import Ending, Session, Sessions, digest_of, told_octets
 from msbot.web.access.users import User, UserStore
 
@@ -28,6 +29,7 @@ MAX_NAME = 64
 LINK_OCTETS = 16
 """Random octets of the word of a link: nobody guesses it, and the line with the link fits a terminal of 80 columns."""
 
+_BUSY_S = 10.0
 _NOBODYS_PASSWORD = "no user has this password"
 
 
@@ -57,13 +59,15 @@ class Accounts:
         self._hasher = hasher or Argon2Hasher()
         self.sessions = Sessions(clock)
         self.guests = Guests(self, clock)
+        self.browsers = KnownBrowsers()
         self._attempts = Attempts()
         self._users: dict[str, User] = {}
         self._token_users: dict[str, str] = {}
         self._decoy = ""
         self._setup_token = ""
         self._entry_token = ""
-        self._device_key = secrets.token_bytes(32)
+        self.ticket_key = secrets.token_bytes(32)
+        """For the proofs on pupils' tickets; kept over restarts with the sessions."""
         self._changing = asyncio.Lock()
         """Held from reading a user until the change is stored, so that no other change comes in between."""
         self.load(store.users())
@@ -82,7 +86,7 @@ class Accounts:
         for name, old in before.items():
             new = self._users.get(name)
             if new is None or new.password_hash != old.password_hash:
-                self.guests.end_all_of(name, Ending.REMOVED if new is None else Ending.NEW_PASSWORD)
+                self._end_all_of(name, Ending.REMOVED if new is None else Ending.NEW_PASSWORD)
             elif new.role is not old.role:
                 self.sessions.change_role(name, new.role)
 
@@ -150,50 +154,60 @@ class Accounts:
             name: who.
             password: what was typed.
             address: where the person is.
-            device: what `device_of` gave for this browser earlier, or empty.
+            device: the word of this browser (`KnownBrowsers.use`), or empty.
 
         Raises:
             SignInRefused: wrong name or password (never says which), or too many tries.
         """
-        known = device if device and hmac.compare_digest(told_octets(device), self.device_of(name).encode()) else ""
-        wait_s = self._attempts.admit(name, address, known, self._clock())
-        if wait_s:
-            await asyncio.sleep(wait_s)
-        user = self._users.get(name)
-        # An unknown name takes as long as a wrong password.
-        self._decoy = self._decoy or await self._hasher.hash(_NOBODYS_PASSWORD)
-        stored = self._decoy if user is None else user.password_hash
-        is_right = await self._hasher.matches(stored, password[: LONGEST + 1])
-        user = self._users.get(name)  # as it is now: hashing takes a while
-        if user is None or not is_right or user.password_hash != stored:
-            self._attempts.wrong(name, address, known, self._clock())
+        user = await self._check(name, password, address, self.browsers.find(device, name))
+        if user is None:
             raise SignInRefused(said("wrong name or password"))
-        self._attempts.right(name, address, known)
-        if self._hasher.is_outdated(stored):
-            await self._hash_anew(user, password)
         return self.sessions.begin(user.name, user.role)
 
-    async def _hash_anew(self, user: User, password: str) -> None:
+    async def _check(self, name: str, password: str, address: str, known: str) -> User | None:
+        """Whose password that is, as the user is now; None: it is wrong. Every try counts.
+
+        Args:
+            name: who it should be.
+            password: what was typed.
+            address: where the person is.
+            known: names the browser if the person is known there, else empty.
+
+        Raises:
+            SignInRefused: too many tries.
+        """
+        asker = known or address
+        wait_s = self._attempts.admit(name, address, known, self._clock())
+        try:
+            if wait_s:
+                await asyncio.sleep(wait_s)
+            # An unknown name takes as long as a wrong password.
+            self._decoy = self._decoy or await self._hasher.hash(_NOBODYS_PASSWORD, asker=asker)
+            user = self._users.get(name)
+            stored = self._decoy if user is None else user.password_hash
+            is_right = await self._hasher.matches(stored, password[: LONGEST + 1], asker=asker)
+        except TooManyHashes as error:
+            self._attempts.left(name, address, known)
+            raise SignInRefused(str(error), _BUSY_S) from None
+        except asyncio.CancelledError:
+            self._attempts.left(name, address, known)
+            raise
+        user = self._users.get(name)  # as it is now: hashing takes a while
+        if user is None or not is_right or user.password_hash != stored:
+            return None
+        self._attempts.right(name, address, known)
+        if self._hasher.is_outdated(stored):
+            await self._hash_anew(user, password, asker)
+        return user
+
+    async def _hash_anew(self, user: User, password: str, asker: str) -> None:
         """Store a better hash of the same password; if that fails, it is done at the next sign-in."""
-        hashed = await self._hasher.hash(password)
-        with contextlib.suppress(RegistryError):
+        with contextlib.suppress(RegistryError, TooManyHashes):
+            hashed = await self._hasher.hash(password, asker=asker)
             async with self._changing:
                 present = self._users.get(user.name)
                 if present is not None and present.password_hash == user.password_hash:
                     await self._keep(user.name, replace(present, password_hash=hashed))
-
-    def device_of(self, name: str) -> str:
-        """What a browser keeps after signing in: it says that this person has used it before, nothing else."""
-        return hmac.new(self._device_key, told_octets(name[:MAX_NAME].casefold()), "sha256").hexdigest()
-
-    @property
-    def device_key(self) -> bytes:
-        """The key for making device words; kept over restarts with the sessions."""
-        return self._device_key
-
-    @device_key.setter
-    def device_key(self, key: bytes) -> None:
-        self._device_key = key
 
     def role_of(self, name: str) -> Role | None:
         """The role of a user, or None when there is no such user."""
@@ -227,9 +241,10 @@ class Accounts:
         now = self._clock()
         return Session(name, self._users[name].role, now, now, program=digest)
 
-    def sign_out(self, session: Session) -> None:
-        """End a session."""
+    def sign_out(self, session: Session, device: str = "") -> None:
+        """End a session; the browser with that word is no longer known."""
         self.sessions.end(session)
+        self.browsers.end(device)
 
     def require(self, session: Session, right: Right) -> None:
         """Check at the moment of the action that the session still holds and has that right.
@@ -265,7 +280,7 @@ class Accounts:
         """
         self._check_name(name)
         check_password(password)
-        hashed = await self._hasher.hash(password)
+        hashed = await self._hasher.hash(password, asker=who)
         async with self._changing:
             self._check_name(name)  # somebody else may have taken it in the meantime
             await self._keep(who, User(name, role, hashed))
@@ -282,7 +297,7 @@ class Accounts:
                 self._check_name(one.name)
             except ConfigError as error:
                 raise ConfigError(said("line {line}: {error}", line=one.line, error=str(error))) from None
-        users = [User(one.name, one.role, await self._hasher.hash(one.password)) for one in newcomers]
+        users = [User(one.name, one.role, await self._hasher.hash(one.password, asker=who)) for one in newcomers]
         async with self._changing:
             for user in users:
                 self._check_name(user.name)
@@ -302,7 +317,9 @@ class Accounts:
             await self._keep(who, replace(user, role=wanted))
         self.sessions.change_role(name, wanted)
 
-    async def change_password(self, name: str, password: str, *, who: str, old: str | None = None) -> None:
+    async def change_password(
+        self, name: str, password: str, *, who: str, old: str | None = None, browser: str = ""
+    ) -> None:
         """Give a user another password; sessions and API tokens of that user end.
 
         Args:
@@ -310,18 +327,21 @@ class Accounts:
             password: the new one.
             who: who changes it.
             old: the present one, which people have to say for their own; None: an administrator helps another.
+            browser: names the signed-in browser in which that is done: wrong tries count there.
 
         Raises:
             ConfigError: there is no such user, the old password is wrong, or the new one is too easy.
+            SignInRefused: too many tries at the old password.
+            TooManyHashes: that person has too many under way.
         """
-        user = self._find(name)
+        self._find(name)
         check_password(password)
-        if old is not None and not await self._hasher.matches(user.password_hash, old[: LONGEST + 1]):
+        if old is not None and await self._check(name, old, "", f"session {browser}") is None:
             raise ConfigError(said("the old password is wrong"))
-        hashed = await self._hasher.hash(password)
+        hashed = await self._hasher.hash(password, asker=who)
         async with self._changing:
             await self._keep(who, replace(self._find(name), password_hash=hashed, tokens=()))
-        self.guests.end_all_of(name, Ending.NEW_PASSWORD)
+        self._end_all_of(name, Ending.NEW_PASSWORD)
 
     async def remove_user(self, name: str, *, who: str) -> None:
         """Remove a person, who can no longer sign in.
@@ -366,6 +386,10 @@ class Accounts:
             await self._keep(who, replace(user, tokens=tokens))
 
     # Helpers
+
+    def _end_all_of(self, name: str, why: Ending) -> None:
+        self.guests.end_all_of(name, why)
+        self.browsers.end_all_of(name)
 
     async def _keep(self, who: str, *users: User) -> None:
         """Store users; a change that the store refuses does not take effect."""

@@ -2,12 +2,15 @@
 
 Three rules, so that guessing is slow and nobody is locked out by somebody else:
 
-* A person at an address (or in a browser that this person has signed in with before) has a few free tries; then come
-  pauses that double.
-* A person from all unknown browsers together has some more free tries; then come pauses, too. Browsers that the person
-  has used before are not affected: their cookie says so.
+* A person at an address has a few free tries; then come pauses that double. So it is in each browser that the person
+  is known in (`known_browsers`), whose tries count there and nowhere else.
+* A person from all unknown browsers together has some more free tries; then come pauses, too. Known browsers are not
+  affected.
 * Attempts from unknown browsers are spaced: so many a second for an address, so many for all. They wait their turn,
   because a class behind one router has one address.
+
+A try counts as a wrong one from its beginning: of many that are sent at once no more are looked at than of such that
+are sent one after the other.
 """
 
 from __future__ import annotations
@@ -74,12 +77,12 @@ class Attempts:
         self._total = _Spacing(TOTAL_STEP_S, TOTAL_BURST)
 
     def admit(self, name: str, address: str, device: str, now: float) -> float:
-        """Let an attempt begin.
+        """Let an attempt begin, which counts as wrong until `right` or `left` is said.
 
         Args:
             name: who it claims to be.
             address: where it comes from.
-            device: names the browser if this person has signed in with it before, else empty.
+            device: names the browser if this person is known in it, else empty.
             now: seconds.
 
         Returns:
@@ -97,6 +100,7 @@ class Attempts:
                 said("too many wrong passwords: try again in {pause_s:.0f} s", pause_s=pause_s), pause_s
             )
         if device:
+            self._count(name, address, device, now)
             return 0.0
         spacing = self._spacing(address, now)
         wait_s = max(spacing.wait_s(now), self._total.wait_s(now))
@@ -106,6 +110,7 @@ class Attempts:
             )
         spacing.take(now)
         self._total.take(now)
+        self._count(name, address, device, now)
         return wait_s
 
     def right(self, name: str, address: str, device: str) -> None:
@@ -113,15 +118,24 @@ class Attempts:
         for key in self._keys(name, address, device):
             self._tries.pop(key, None)
 
-    def wrong(self, name: str, address: str, device: str, now: float) -> None:
-        """The password was wrong."""
+    def left(self, name: str, address: str, device: str) -> None:
+        """Nobody was told whether the password was right: the attempt does not count."""
+        for key in self._keys(name, address, device):
+            if (tries := self._tries.get(key)) is not None:
+                tries.wrong -= 1
+                if tries.wrong < _free_tries(key):
+                    tries.open_again_at = 0.0
+                if tries.wrong <= 0:
+                    del self._tries[key]
+
+    def _count(self, name: str, address: str, device: str, now: float) -> None:
+        """One more that may be wrong."""
         for key in self._keys(name, address, device):
             if key not in self._tries and len(self._tries) >= MOST_WATCHED:
                 del self._tries[next(iter(self._tries))]
             tries = self._tries.setdefault(key, _Tries())
             tries.wrong += 1
-            free = FREE_TRIES_OF_ALL if key[1] == _EVERYWHERE else FREE_TRIES
-            if tries.wrong >= free:
+            if tries.wrong >= (free := _free_tries(key)):
                 pause_s = min(FIRST_PAUSE_S * 2.0 ** min(tries.wrong - free, 16), LONGEST_PAUSE_S)
                 tries.open_again_at = now + pause_s
 
@@ -135,3 +149,7 @@ class Attempts:
             if len(self._spacings) >= MOST_WATCHED:
                 del self._spacings[next(iter(self._spacings))]
         return self._spacings.setdefault(address, _Spacing(ADDRESS_STEP_S, ADDRESS_BURST))
+
+
+def _free_tries(key: tuple[str, str]) -> int:
+    return FREE_TRIES_OF_ALL if key[1] == _EVERYWHERE else FREE_TRIES

@@ -12,7 +12,7 @@ class CookieNames:
     session: str = "msbot_session"
     """Holds the session's word."""
     device: str = "msbot_device"
-    """Says which person has used this browser before."""
+    """The word of a browser that a person is known in."""
 
 
 def cookie_names(mark: str) -> CookieNames:

@@ -55,14 +55,16 @@ class SessionFile:
             content = read_json(self._path.read_text("utf-8"))
             away_s = max(0.0, time.time() - float(content["at"]))
             kept = [_kept(one) for one in content["sessions"]]
-            device_key = bytes.fromhex(content["device_key"])
+            browsers = [(str(digest), str(name)) for digest, name in content["browsers"]]
+            ticket_key = bytes.fromhex(content["ticket_key"])
         except FileNotFoundError:
             return
         except (OSError, ConfigError, ValueError, KeyError, TypeError, OverflowError) as error:
             _log.warning("the sessions of the run before are not taken over, people sign in again: %s", error)
             return
-        if away_s < LONGEST_S and len(device_key) == 32:
-            self._accounts.device_key = device_key
+        if away_s < LONGEST_S and len(ticket_key) == 32:
+            self._accounts.ticket_key = ticket_key
+            self._accounts.browsers.bring_back(one for one in browsers if self._accounts.role_of(one[1]) is not None)
             self._accounts.sessions.bring_back(kept, away_s, self._accounts.role_of)
 
     async def tidy_up(self) -> None:
@@ -72,12 +74,14 @@ class SessionFile:
     async def keep(self) -> None:
         """Write what has changed since the last time."""
         kept = self._accounts.sessions.kept()
-        mark = json.dumps(sorted((one.key, round(one.idle_s - time.monotonic(), -2)) for one in kept))
+        browsers = self._accounts.browsers.kept()
+        mark = json.dumps([browsers, sorted((one.key, round(one.idle_s - time.monotonic(), -2)) for one in kept)])
         if mark == self._written:
             return
         content = {
             "at": time.time(),
-            "device_key": self._accounts.device_key.hex(),
+            "ticket_key": self._accounts.ticket_key.hex(),
+            "browsers": browsers,
             "sessions": [asdict(one) for one in kept],
         }
         try:

@@ -106,5 +106,5 @@ class Passes:
 
     def _proof(self, user: User, ends_at: int) -> str:
         told = f"pass\0{user.name}\0{ends_at:x}\0{user.password_hash}".encode()
-        proof = hmac.new(self._accounts.device_key, told, "sha256").digest()[:_PROOF_OCTETS]
+        proof = hmac.new(self._accounts.ticket_key, told, "sha256").digest()[:_PROOF_OCTETS]
         return base64.urlsafe_b64encode(proof).decode().rstrip("=")

@@ -110,9 +110,10 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
     async def log_out(request: Request) -> Response:
         session = request.scope["state"].get("session")
         if session is not None:
-            accounts.sign_out(session)
+            accounts.sign_out(session, request.cookies.get(cookies.device, ""))
         response = RedirectResponse("/login", status_code=303)
         response.delete_cookie(cookies.session)
+        response.delete_cookie(cookies.device)
         return response
 
     def signed_in(request: Request, session: Session, wanted: str) -> Response:
@@ -124,7 +125,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
         )  # fmt: skip
         if not session.is_lasting and not session.guest_of:
             response.set_cookie(
-                cookies.device, accounts.device_of(session.name), max_age=_DEVICE_S, httponly=True, samesite="strict",
+                cookies.device, accounts.browsers.use(request.cookies.get(cookies.device, ""), session.name), max_age=_DEVICE_S, httponly=True, samesite="strict",
                 secure=is_secure,
             )  # fmt: skip
         return response

@@ -12,6 +12,7 @@ from msbot.errors import DatabaseBusy, MsbotError, NotThere, RegistryError
 from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guard import is_left
+from msbot.web.access.passwords import TooManyHashes
 from msbot.web.language import language_of
 
 _log = logging.getLogger(__name__)
@@ -24,8 +25,12 @@ def status_of(error: MsbotError) -> int:
             return 404
         case NotAllowed():
             return 403
-        case SignedOut() | SignInRefused():
+        case TooManyHashes():
+            return 429
+        case SignedOut():
             return 401
+        case SignInRefused():
+            return 429 if error.retry_after_s else 401
         case DatabaseBusy():
             return 423
         case RegistryError():
