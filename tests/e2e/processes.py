@@ -56,6 +56,10 @@ class Process:
             if all(word in line for word in words):
                 return line
 
+    def waiting(self) -> int:
+        """How many lines it has written that nobody has waited for yet."""
+        return self._queue.qsize()
+
     @property
     def pid(self) -> int:
         """The number of the process."""

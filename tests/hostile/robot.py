@@ -35,7 +35,7 @@ class Robot:
     def __init__(self, folder: Path, stack: ExitStack, db: str | None = None) -> None:
         self.folder, self.stack, self.db = folder, stack, db
         self.page = ""
-        self._browser = stack.enter_context(httpx.Client(timeout=PATIENCE_S))
+        self._browser = stack.enter_context(httpx.Client(timeout=PATIENCE_S, verify=False))  # it may sign its own
         self.link = f"udp:127.0.0.1:{free_port()}"
         (folder / "run").mkdir(mode=0o700)
         self.env = {"XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(folder / "run")}
@@ -44,16 +44,17 @@ class Robot:
         assert "# life = 3 " in sample
         (folder / "robot.toml").write_text(sample.replace("# life = 3 ", "life = 100 "))
 
-    def master(self, *, page: bool = False) -> Process:
-        """Start a master; its page lets a teacher in who shows `TOKEN`."""
-        options = () if self.db is None else ("--db", self.db)
+    def master(self, *more: str, page: bool = False) -> Process:
+        """Start a master, perhaps with more options; its page lets a teacher in who shows `TOKEN`."""
+        options = (*more, *(() if self.db is None else ("--db", self.db)))
         pages: tuple[str, ...] = ("--no-page",)
         if page:
             teacher = users.Person("ann", "teacher", tokens=(("test", digest_of(TOKEN)),))
             with open_registry(self.db or self.folder / "robot.db") as registry:
                 registry.edits.make(None, "test", partial(users.keep, people=[teacher]))
             port = free_port()
-            self.page, pages = f"http://127.0.0.1:{port}/api", ("--port", str(port))
+            scheme = "https" if "--certificate" in more else "http"
+            self.page, pages = f"{scheme}://127.0.0.1:{port}/api", ("--port", str(port))
         process = running("master", *pages, "--link", self.link, *options, cwd=self.folder, env=self.env)
         started = self.stack.enter_context(process)
         started.wait_for("is up on", self.link)
@@ -72,13 +73,14 @@ class Robot:
     def open_page(self) -> httpx.Client:
         """A connection to the page's API that is open from now on, as that of a browser is."""
         bearer = {"authorization": f"Bearer {TOKEN}"}
-        page = self.stack.enter_context(httpx.Client(base_url=self.page, headers=bearer, timeout=PATIENCE_S))
+        page = self.stack.enter_context(httpx.Client(base_url=self.page, headers=bearer, timeout=PATIENCE_S, verify=False))
         assert page.get("/robot").status_code == httpx.codes.OK
         return page
 
-    def part(self, name: str) -> Process:
+    def part(self, name: str, stack: ExitStack | None = None) -> Process:
+        """Start a part; it is killed when the robot's stack ends, or this one."""
         process = running("part", name, "--link", self.link, cwd=self.folder, env=self.env)
-        return self.stack.enter_context(process)
+        return (stack or self.stack).enter_context(process)
 
     def parts(self, *names: str) -> dict[str, Process]:
         started = {name: self.part(name) for name in names}
