@@ -40,7 +40,7 @@ class Flood:
 
 def udp(port: int, per_s: float) -> Flood:
     """Datagrams from ever new addresses."""
-    return Flood("UDP", per_s, partial(_datagram, port, random.Random(1)))  # noqa: S311 - a flood
+    return Flood("UDP", per_s, partial(_datagram, port, random.Random(1)))
 
 
 def tcp(port: int, per_s: float) -> Flood:
@@ -50,7 +50,7 @@ def tcp(port: int, per_s: float) -> Flood:
 
 def http(port: int, per_s: float) -> Flood:
     """Requests for the page, each over a connection of its own; every second one is none."""
-    return Flood("HTTP", per_s, partial(_request, port, random.Random(2)))  # noqa: S311 - a flood
+    return Flood("HTTP", per_s, partial(_request, port, random.Random(2)))
 
 
 def tls(port: int, per_s: float) -> Flood:

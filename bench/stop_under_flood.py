@@ -80,10 +80,12 @@ def row(title: str, robot: Robot, master: Process, page: httpx.Client, floods: l
     """Measure one mixture of floods; its row."""
     before = memory_mb(master.pid)
     lines = len(master.lines) + master.waiting()
-    with flooding(floods, os.cpu_count() - 1 if os.cpu_count() else 0) as counts:
+    with flooding(floods, (os.cpu_count() or 1) - 1) as counts:
         time.sleep(WARM_S if floods else 0.0)
         began, used, sent = time.monotonic(), cpu_s(master.pid), total(counts)
-        socket_ms, page_ms, confirmed = [], [], []
+        socket_ms: list[float] = []
+        page_ms: list[float] = []
+        confirmed: list[float] = []
         missing = 0
         ways = ((by_socket(robot), socket_ms), (by_page(page), page_ms))
         for _ in range(rounds):

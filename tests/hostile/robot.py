@@ -73,7 +73,9 @@ class Robot:
     def open_page(self) -> httpx.Client:
         """A connection to the page's API that is open from now on, as that of a browser is."""
         bearer = {"authorization": f"Bearer {TOKEN}"}
-        page = self.stack.enter_context(httpx.Client(base_url=self.page, headers=bearer, timeout=PATIENCE_S, verify=False))
+        page = self.stack.enter_context(
+            httpx.Client(base_url=self.page, headers=bearer, timeout=PATIENCE_S, verify=False)
+        )
         assert page.get("/robot").status_code == httpx.codes.OK
         return page
 

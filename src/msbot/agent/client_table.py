@@ -34,6 +34,8 @@ class ServedLink:
     """The clients without keys in their headers, by address: one per address."""
     members: dict[Proxy, Peer] = field(default_factory=dict)
     """All clients; any number with keys in their headers may share an address."""
+    keyed: dict[Peer, int] = field(default_factory=dict)
+    """How many clients with keys in their headers are at an address."""
     gone: dict[Peer, list[Proxy]] = field(default_factory=dict)
     """Clients whose peer has gone, by address; they go on where they were when it is back."""
     blocked: dict[Proxy, None] = field(default_factory=dict)
@@ -42,6 +44,8 @@ class ServedLink:
     """Whether the link says when a burst of packets ends."""
     opened: bool = False
     """Whether the link has carried anything or said that it is up."""
+    outside: int = 0
+    """How many packets belonged to no session."""
     dropped: Tally = field(default_factory=Tally)
     """Packets that belong to no client, by reason in words."""
 
@@ -105,6 +109,8 @@ class ClientTable:
         if not _has_key_in_headers(proxy):
             port.clients[peer] = proxy
             port.gone.pop(peer, None)
+        else:
+            port.keyed[peer] = port.keyed.get(peer, 0) + 1
 
     def set_gone(self, proxy: Proxy) -> None:
         """Note that its peer has gone: the client has no address any more, and packets for it wait."""
@@ -146,6 +152,10 @@ class ClientTable:
             del port.members[proxy]
             if not _has_key_in_headers(proxy):
                 del port.clients[peer]
+            elif port.keyed[peer] > 1:
+                port.keyed[peer] -= 1
+            else:
+                del port.keyed[peer]
             if proxy.is_blocked:
                 proxy.is_blocked = False
                 del port.blocked[proxy]

@@ -65,6 +65,14 @@ class Relays:
         else:
             known.receive(message, now)
 
+    def has(self, way: Link, peer: Peer) -> bool:
+        """Whether a relay speaks from there."""
+        return (way, peer) in self._by_place
+
+    def peers(self, way: Link) -> list[Peer]:
+        """Where the relays on that link are."""
+        return [peer for link, peer in self._by_place if link is way]
+
     def room_gained(self, way: Link) -> None:
         """That link has room again: its relays may go on."""
         for link in tuple(self._links):

@@ -20,6 +20,7 @@ from msbot.agent.flushing import Flusher
 from msbot.agent.gate import ClientInfo, Gate, OpenGate
 from msbot.agent.handshake import Handshake, dead_after_s, login_number, wants_echo
 from msbot.agent.join_queue import JoinQueue
+from msbot.agent.known_peers import put_known_peers_first
 from msbot.agent.latency import Latency
 from msbot.agent.object_creation import Creator
 from msbot.agent.object_tree import ObjectBudget
@@ -114,6 +115,7 @@ class Agent:
         port = ServedLink(link, batch=None if link.info.bits_per_second is None else 1)
         self._ports.append(port)
         link.tap = self._tap
+        put_known_peers_first(port, self._gate, self._relays)
         self._attach(port)
         if self._group is not None:
             self._tasks[port] = self._group.create_task(self._serve(port))
@@ -278,6 +280,7 @@ class Agent:
 
     def _receive_outside(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
         """A packet that belongs to no session: from a relay, or a client that wants one."""
+        port.outside += not self._relays.has(port.link, peer)
         if packet.startswith(MARK):
             self._relays.receive(port.link, packet, peer, now)
         elif (answer := self._handshake.answer(port, packet, peer, now)) is not None:

@@ -2,6 +2,8 @@
 
 from msbot.link.base import BaseLink
 from msbot.link.contract import (
+    ChoosyLink,
+    KnownPeers,
     Link,
     LinkCounters,
     LinkInfo,
@@ -20,10 +22,12 @@ from msbot.link.visitor import Visitor, pupil_behind, visitor_behind
 
 __all__ = [
     "BaseLink",
+    "ChoosyLink",
     "Disturbance",
     "DisturbedLink",
     "InprocEnd",
     "InprocHub",
+    "KnownPeers",
     "Link",
     "LinkCounters",
     "LinkInfo",

@@ -7,10 +7,10 @@ loop's thread; nothing is queued between the wire and the handler.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import field
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
@@ -73,6 +73,29 @@ class LinkCounters:
     bytes_out: int = 0
     dropped: Tally = field(default_factory=Tally)
     """Packets or frames that were not delivered or not sent, by reason in words."""
+
+
+class KnownPeers(Protocol):
+    """Whom a link's owner knows, for a link that must choose during a flood of packets."""
+
+    @property
+    def strangers(self) -> int:
+        """How many packets of peers without a session the owner has had so far."""
+
+    def knows(self, peer: Peer) -> bool:
+        """Whether that peer has a session."""
+
+    def first(self, most: int) -> Iterable[Peer]:
+        """The peers whose packets go before those of strangers, at most so many: those with a place in the robot
+        first."""
+
+
+@runtime_checkable
+class ChoosyLink(Protocol):
+    """A link that can put the packets of known peers before those of strangers."""
+
+    def put_first(self, known: KnownPeers) -> None:
+        """Do so from now on, or from when it is opened."""
 
 
 class Link(Protocol):

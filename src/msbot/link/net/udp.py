@@ -17,10 +17,11 @@ from functools import partial
 
 from msbot.errors import LinkDown, LinkFull
 from msbot.link.base import BaseLink
-from msbot.link.contract import LinkInfo, Peer, Signal
+from msbot.link.contract import KnownPeers, LinkInfo, Peer, Signal
 from msbot.link.net.batched_receive import BATCH, BatchedReceiver, batched_receiver
 from msbot.link.net.host_address import Address, addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
 from msbot.link.net.lingering import LINGER_S, Lingering
+from msbot.link.net.stranger_filter import StrangerFilter
 
 UDP_MTU = 65507
 """Largest payload of a datagram over IPv4; DDS-XRCE clients announce much less."""
@@ -30,6 +31,9 @@ QUEUE_PACKETS = 512
 
 DRAIN_PACKETS = 256
 """Datagrams in a burst, after which it is answered."""
+
+LONGEST_BURST_S = 0.005
+"""A burst is answered after this time, too: what costs much, such as logins, must not keep everything else waiting."""
 
 STAY_S = 0.001
 """How long bursts that follow each other are taken in one call-back."""
@@ -76,6 +80,8 @@ class _UdpLink(BaseLink, ABC):
         self._look: Callable[[], object]  # whether the socket has something
         self._batches: BatchedReceiver | None = None
         self._has_come_together = False  # whether the latest burst had more than one datagram
+        self._strangers: StrangerFilter | None = None
+        self._takes: Callable[[Peer, float], bool] | None = None  # asked about each datagram during a flood
 
     @property
     def port(self) -> int:
@@ -139,6 +145,7 @@ class _UdpLink(BaseLink, ABC):
         self._transmit = self._transmitter(opened)
         self._look = _looker(opened)
         self._batches = batched_receiver(opened)
+        self._strangers = self._stranger_filter(opened)
         loop.add_reader(opened, self._drain, opened, loop)
         self._signal_handler(Signal.LINK_UP, None, "opened", loop.time())
         try:
@@ -146,8 +153,11 @@ class _UdpLink(BaseLink, ABC):
         finally:
             loop.remove_reader(opened)
             loop.remove_writer(opened)
+            if self._strangers is not None:
+                self._strangers.stop()
             opened.close()
             self._loop, self._socket, self._ended, self._batches = None, None, None, None
+            self._strangers = self._takes = None
             if self._queue:
                 self.counters.dropped.count("the link was closed before the network took it", len(self._queue))
             self._queue.clear()
@@ -169,6 +179,9 @@ class _UdpLink(BaseLink, ABC):
             raise self._why_not(error) from error
         return opened
 
+    def _stranger_filter(self, opened: socket.socket) -> StrangerFilter | None:  # noqa: ARG002 - a client has none
+        return None
+
     @abstractmethod
     def _take_address(self, opened: socket.socket, address: Address) -> None:
         """Bind or connect the new socket."""
@@ -186,6 +199,10 @@ class _UdpLink(BaseLink, ABC):
         clock, lingering = loop.time, self._lingering
         start = clock()
         lingering.woken(start)
+        strangers = self._strangers
+        if strangers is not None and start >= strangers.next_at:
+            strangers.look(start)
+            self._takes = strangers.takes if strangers.is_on else None
         while True:
             try:
                 is_fine = self._take_burst(opened, clock)
@@ -210,7 +227,9 @@ class _UdpLink(BaseLink, ABC):
                 if not self._tolerate(error):
                     return False
                 continue
-            self._received(packet, peer if remote is None else remote, clock())
+            now = clock()
+            if self._takes is None or self._takes(peer, now):
+                self._received(packet, peer if remote is None else remote, now)
             if not look():  # a quarter of what it costs to be refused
                 break
             if self._batches is not None:
@@ -221,7 +240,8 @@ class _UdpLink(BaseLink, ABC):
 
     def _take_batches(self, batches: BatchedReceiver, clock: Callable[[], float]) -> bool:
         """Take a burst, or the rest of one, many datagrams at a time; False: the socket has failed."""
-        remote = self.remote
+        remote, takes = self.remote, self._takes
+        until = clock() + LONGEST_BURST_S
         for _ in range(DRAIN_PACKETS // BATCH):
             try:
                 packets = batches.receive()
@@ -232,6 +252,8 @@ class _UdpLink(BaseLink, ABC):
             now = clock()
             counters = self.counters
             for packet, sender in packets:
+                if takes is not None and not takes(sender, now):
+                    continue
                 # As `_received`, without a call: this is done for every packet.
                 peer = sender if remote is None else remote
                 counters.packets_in += 1
@@ -241,6 +263,8 @@ class _UdpLink(BaseLink, ABC):
                 self._packet_handler(packet, peer, now)
             if len(packets) < BATCH:
                 self._has_come_together = len(packets) > 1
+                break
+            if now > until:
                 break
         return True
 
@@ -297,6 +321,16 @@ class UdpServerLink(_UdpLink):
 
     def __init__(self, host: str, port: int, *, linger_s: float = LINGER_S) -> None:
         super().__init__(host, port, linger_s=linger_s)
+        self._known: KnownPeers | None = None
+
+    def put_first(self, known: KnownPeers) -> None:
+        """See `ChoosyLink`; to be said before it is opened."""
+        self._known = known
+
+    def _stranger_filter(self, opened: socket.socket) -> StrangerFilter | None:
+        if self._known is None:
+            return None
+        return StrangerFilter(opened, self.info.name, self._known, self.counters.dropped)
 
     def _take_address(self, opened: socket.socket, address: Address) -> None:
         serve_both_kinds(opened, self._host)

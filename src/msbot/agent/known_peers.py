@@ -1,0 +1,48 @@
+"""Whose packets a link puts before those of strangers: peers with sessions, and relays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import chain, islice
+
+from msbot.agent.client_table import ServedLink
+from msbot.agent.gate import Gate
+from msbot.agent.relays import Relays
+from msbot.link import ChoosyLink, Peer
+
+
+def put_known_peers_first(port: ServedLink, gate: Gate, relays: Relays) -> None:
+    """Have a link do so if it can, and if strangers are bounded at all."""
+    if isinstance(port.link, ChoosyLink) and gate.limits_strangers():
+        port.link.put_first(PeersOfAgent(port, gate, relays))
+
+
+class PeersOfAgent:
+    """Those of one link; satisfies `msbot.link.KnownPeers`.
+
+    Args:
+        port: the link and its clients.
+        gate: says who has a place in the robot.
+        relays: the agent's relays.
+    """
+
+    def __init__(self, port: ServedLink, gate: Gate, relays: Relays) -> None:
+        self._port = port
+        self._gate = gate
+        self._relays = relays
+
+    @property
+    def strangers(self) -> int:
+        """See `KnownPeers`."""
+        return self._port.outside
+
+    def knows(self, peer: Peer) -> bool:
+        """See `KnownPeers`; a client with its key in every header that shares its address counts by that address."""
+        return peer in self._port.clients or peer in self._port.keyed or self._relays.has(self._port.link, peer)
+
+    def first(self, most: int) -> Iterable[Peer]:
+        """See `KnownPeers`: relays, then clients with a place, then those that came last."""
+        members = self._port.members
+        settled = [peer for proxy, peer in members.items() if self._gate.is_settled(proxy.info)]
+        latest = reversed(members.values())
+        return islice(dict.fromkeys(chain(self._relays.peers(self._port.link), settled, latest)), most)
