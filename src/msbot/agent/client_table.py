@@ -45,7 +45,7 @@ class ServedLink:
     opened: bool = False
     """Whether the link has carried anything or said that it is up."""
     outside: int = 0
-    """How many packets belonged to no session."""
+    """How many packets belonged to no session and to no relay."""
     dropped: Tally = field(default_factory=Tally)
     """Packets that belong to no client, by reason in words."""
 

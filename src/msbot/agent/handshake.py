@@ -84,6 +84,7 @@ class Handshake:
 
     def answer(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> bytes | None:
         """The one answer to a packet that belongs to no session, or None for silence."""
+        port.outside += 1
         if self._gate.limits_strangers() and not self._takes(port, peer, now):
             return None
         try:

@@ -34,7 +34,7 @@ class PeersOfAgent:
     @property
     def strangers(self) -> int:
         """See `KnownPeers`."""
-        return self._port.outside
+        return self._port.outside + self._relays.from_strangers
 
     def knows(self, peer: Peer) -> bool:
         """See `KnownPeers`; a client with its key in every header that shares its address counts by that address."""

@@ -38,6 +38,8 @@ class Relays:
 
     def __init__(self, add_link: Callable[[Link], None], greeting: RelayGreeting, per_s: float) -> None:
         self.dropped = Tally()
+        self.from_strangers = 0
+        """Messages from where no relay was known."""
         self._add_link = add_link
         self._greeting = greeting
         self._links: list[RelayedLink] = []
@@ -47,6 +49,7 @@ class Relays:
     def receive(self, way: Link, packet: bytes, peer: Peer, now: float) -> None:
         """A message that begins like one of a relay."""
         known = self._by_place.get((way, peer))
+        self.from_strangers += known is None
         if known is None and not self._strangers.takes((way.info.name, way.origin(peer)), peer, now):
             self.dropped.count("messages of unknown relays beyond their share: not read")
             return

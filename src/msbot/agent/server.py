@@ -280,7 +280,6 @@ class Agent:
 
     def _receive_outside(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> None:
         """A packet that belongs to no session: from a relay, or a client that wants one."""
-        port.outside += not self._relays.has(port.link, peer)
         if packet.startswith(MARK):
             self._relays.receive(port.link, packet, peer, now)
         elif (answer := self._handshake.answer(port, packet, peer, now)) is not None:
@@ -292,8 +291,7 @@ class Agent:
 
     def _compare(self, now: float) -> float:
         """Check who sends too much; returns when to check again."""
-        total = sum(port.link.counters.packets_in for port in self._ports)
-        self._share.compare(total, self._clients, now)
+        self._share.compare(sum(port.link.counters.packets_in for port in self._ports), self._clients, now)
         return self._share.next_at
 
     def _keyed(self, client_key: int, port: ServedLink, peer: Peer) -> Proxy | None:
