@@ -9,14 +9,19 @@ import asyncio
 import logging
 
 import pytest
+from engineio.async_socket import AsyncSocket
 from engineio.packet import MESSAGE, Packet
-from starlette.types import Message, Receive, Send
+from nicegui import core
+from starlette.types import Message, Receive, Scope, Send
 
+from msbot.operations.rights import Role
 from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.virtual_time import run_virtual
+from msbot.web.access.sessions import Session
 from msbot.web.page_sockets import (
     BURST,
     MESSAGES_PER_S,
+    MOST_OF_SESSION,
     MOST_WAITING,
     MOST_WAITING_OCTETS,
     NONSENSE,
@@ -27,6 +32,7 @@ from msbot.web.page_sockets import (
     BrowserComplaints,
     Outgoing,
     PageSocket,
+    PageSockets,
     is_well_formed,
 )
 
@@ -243,3 +249,55 @@ EVENT: dict[str, object] = {"id": 4, "listener_id": "l", "args": ["1", None]}
 )
 def test_a_message_has_what_nicegui_takes_for_granted(name: str, message: dict[str, object], *, fits: bool) -> None:
     assert is_well_formed(name, message) is fits
+
+
+async def test_a_connection_by_long_polling_is_of_the_session_that_began_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    handlers = dict(core.sio.eio.handlers)
+    asked: list[str] = []
+
+    async def app(scope: Scope, receive: Receive, _send: Send) -> None:
+        await receive()
+        asked.append(scope["query_string"].decode())
+
+    async def connect(_sid: str, _environ: object) -> None: ...
+
+    monkeypatch.setitem(core.sio.eio.handlers, "connect", connect)
+    sockets = PageSockets(app)
+    ada, eve = (Session(name, Role.STUDENT, 0.0, 0.0, key=name) for name in ("ada", "eve"))
+
+    async def ask(session: Session, query: str) -> int:
+        answers: list[Message] = []
+
+        async def receive() -> Message:
+            return {"type": "http.request", "body": b"2"}
+
+        async def send(message: Message) -> None:
+            answers.append(message)
+
+        scope = {
+            "type": "http", "path": "/_nicegui_ws/socket.io/", "query_string": query.encode(), "headers": [],
+            "state": {"session": session},
+        }  # fmt: skip
+        await sockets(scope, receive, send)
+        return answers[0]["status"] if answers else 200
+
+    try:
+        assert await ask(ada, "transport=polling") == 200
+        monkeypatch.setitem(core.sio.eio.sockets, "s1", AsyncSocket(core.sio.eio, "s1"))
+        await core.sio.eio.handlers["connect"]("s1", {"asgi.scope": {"state": {"session": ada}}})
+        assert await ask(ada, "transport=polling&sid=s1") == 200
+        assert await ask(eve, "transport=polling&sid=s1") == 403, "whoever knows its number is not its owner"
+        assert await ask(eve, "transport=polling&sid=s2") == 403
+        assert await ask(ada, "transport=polling&j=0") == 403, "JSONP, which another site could read"
+        assert isinstance(core.sio.eio.sockets["s1"].queue, Outgoing), "what waits for it is bounded"
+        for number in range(2 * MOST_OF_SESSION):
+            sockets._owners[f"e{number}"] = eve
+            monkeypatch.setitem(core.sio.eio.sockets, f"e{number}", object())
+        assert await ask(eve, "transport=polling") == 403
+        assert await ask(ada, "transport=polling") == 200
+        for number in range(2 * MOST_OF_SESSION):
+            monkeypatch.delitem(core.sio.eio.sockets, f"e{number}")
+        assert await ask(eve, "transport=polling") == 200, "those that are gone do not count"
+    finally:
+        core.sio.eio.handlers.clear()
+        core.sio.eio.handlers.update(handlers)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from itertools import pairwise
 
 import pytest
 from fastapi import Request
@@ -15,7 +16,17 @@ from msbot.operations.rights import Role
 from msbot.runtime.virtual_time import run_virtual
 from msbot.web import page_turns
 from msbot.web.access.sessions import Session
-from msbot.web.page_turns import LONGEST_S, MOST_OPEN, MOST_WAITING, NOT_CONNECTED_S, OPEN, WAITING, PageTurns
+from msbot.web.page_turns import (
+    LONGEST_S,
+    LONGEST_STEP_S,
+    LONGEST_TURN_S,
+    MOST_OPEN,
+    MOST_WAITING,
+    NOT_CONNECTED_S,
+    OPEN,
+    WAITING,
+    PageTurns,
+)
 
 EVE = Session("eve", Role.STUDENT, 0.0, 0.0, key="eve")
 ADA = Session("ada", Role.TEACHER, 0.0, 0.0, key="ada")
@@ -118,6 +129,39 @@ def test_other_requests_do_not_wait() -> None:
         assert site.most_at_once >= 20
 
     run_virtual(scene())
+
+
+def test_pages_that_have_to_be_made_anew_are_told_when_their_turn_is() -> None:
+    async def scene() -> None:
+        site = Site()
+        pupils = [Session(f"p{number}", Role.STUDENT, 0.0, 0.0, key=str(number)) for number in range(60)]
+        turns = [site.turns.turn_s(one, 0.0) for one in pupils]
+        assert turns[0] == 0.0
+        steps = {round(late - early, 6) for early, late in pairwise(turns)}  # type: ignore[operator]
+        assert len(steps) == 1, "one after another"
+        assert 0.0 < max(turns) < 10.0  # type: ignore[type-var, operator]
+        site.makes_s = LONGEST_STEP_S
+        for one in pupils[:20]:
+            assert await site.ask(one) == 200
+        slow = PageTurns(site.make)
+        slow._made_s = site.turns._made_s
+        given = [slow.turn_s(one, 0.0) for one in pupils]
+        assert given[1] == LONGEST_STEP_S, "as long as making one has taken lately, and what it loads"
+        assert given[-1] is None, "beyond some time nobody can say"
+        assert slow.turn_s(pupils[-1], LONGEST_TURN_S) is not None
+
+    run_virtual(scene())
+
+
+def test_who_asks_for_turns_without_end_pushes_nobody_back() -> None:
+    site = Site()
+    mine = [site.turns.turn_s(EVE, 0.0) for _ in range(1000)]
+    assert len(set(mine)) == MOST_WAITING
+    ada = site.turns.turn_s(ADA, 0.0)
+    assert ada is not None
+    assert ada < 1.0
+    assert site.turns.turn_s(EVE, 60.0) == 0.0
+    assert len(site.turns._given) == 1, "turns that are over are forgotten"
 
 
 async def test_pages_that_no_browser_has_connected_to_make_room(monkeypatch: pytest.MonkeyPatch) -> None:

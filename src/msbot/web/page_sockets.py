@@ -1,4 +1,7 @@
-"""The websockets of the pages: what may come in them, how fast, and how much may wait for a browser that reads slowly.
+"""The pages' connections: what may come in them, how fast, and how much may wait for a browser that reads slowly.
+
+They are websockets, or requests one after another (long polling) where something in between lets no websocket through.
+Such a connection belongs to the session that began it, whoever else should learn its number.
 
 NiceGUI, socket.io and engine.io expect that the other end is their own JavaScript. Here everything that is not is
 counted, said once a minute, and goes no further. A browser that sends too much is read more slowly; one that does not
@@ -12,7 +15,9 @@ import logging
 import re
 import time
 from collections.abc import Awaitable, Callable, Hashable, Mapping
+from functools import partial
 from typing import Any, cast
+from urllib.parse import parse_qs
 
 from nicegui import core
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -21,6 +26,7 @@ from msbot.runtime.amount import amount
 from msbot.runtime.steady_rate import SteadyRate
 from msbot.runtime.tally import Tally
 from msbot.web.access.guard import SOCKET_PATH
+from msbot.web.access.sessions import Session
 
 MESSAGES_PER_S = 200.0
 """What is read of one browser in all its tabs; a hand that draws moves some sixty times a second."""
@@ -34,6 +40,8 @@ SEND_S = 20.0
 """How long a browser may take until there is room for the next packet."""
 CLOSE_S = 1.0
 SAY_S = 60.0
+MOST_OF_SESSION = 80
+"""Connections of one session by long polling, or on their way to one: each lives without a socket of its own."""
 LONGEST_NAME = 100
 """Characters of what a browser calls its tab."""
 TAB_S = 600.0
@@ -194,33 +202,78 @@ class PageSockets:
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
         self._pace = SteadyRate(MESSAGES_PER_S, BURST)
+        self._owners: dict[str, Session] = {}
+        """Who began a connection, by engine.io's number of it."""
         handlers = core.sio.eio.handlers
         core.sio.eio.on("connect", self._bounded(handlers["connect"]))
+        core.sio.eio.on("disconnect", self._ended(handlers["disconnect"]))
         core.sio.eio.on("message", self._heard(handlers["message"]))
         core.app.storage.max_tab_storage_age = TAB_S
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a connection through."""
-        if scope["type"] != "websocket" or not scope["path"].startswith(SOCKET_PATH):
+        if scope["type"] not in ("http", "websocket") or not scope["path"].startswith(SOCKET_PATH):
             await self._app(scope, receive, send)
             return
         state = scope.setdefault("state", {})
-        socket = state[STATE] = PageSocket(receive, send, self._pace, id(state.get("session")))
-        await self._app(scope, socket.receive, socket.send)
+        session = state.get("session")
+        words = self._refusal(parse_qs(scope["query_string"].decode("latin-1")), session)
+        if words:
+            COMPLAINTS.count(NONSENSE, words)
+            await _refuse(scope, receive, send, words)
+        elif scope["type"] == "websocket":
+            socket = state[STATE] = PageSocket(receive, send, self._pace, id(session))
+            await self._app(scope, socket.receive, socket.send)
+        else:
+            await self._app(scope, self._paced(receive, id(session)), send)
 
-    @staticmethod
-    def _bounded(handler: _Handler) -> _Handler:
+    def _refusal(self, query: Mapping[str, list[str]], session: object) -> str:
+        """Why a request for a connection goes no further; empty: it does."""
+        if "j" in query:
+            return "a script of another site could read it"  # JSONP
+        if "sid" in query:
+            is_own = self._owners.get(query["sid"][0]) is session and isinstance(session, Session)
+            return "" if is_own else "no connection of that session"
+        own = sum(one is session for one in self._owners.values())
+        if own >= MOST_OF_SESSION:  # one that broke while it began said no goodbye
+            self._owners = {one: owner for one, owner in self._owners.items() if one in core.sio.eio.sockets}
+            own = sum(one is session for one in self._owners.values())
+        return "too many connections of one session" if own >= MOST_OF_SESSION else ""
+
+    def _paced(self, receive: Receive, whose: Hashable) -> Receive:
+        async def paced() -> Message:
+            clock = asyncio.get_running_loop().time
+            wait_s = self._pace.wait_s(whose, clock())
+            message = await receive()
+            if message["type"] == "http.request" and message.get("body"):
+                self._pace.note(whose, clock(), 1.0 + len(message["body"]) / OCTETS)
+                if wait_s > 0.0:
+                    await asyncio.sleep(wait_s)
+            return message
+
+        return paced
+
+    def _bounded(self, handler: _Handler) -> _Handler:
         async def connect(eio_sid: str, environ: Mapping[str, Any]) -> object:
-            socket = environ["asgi.scope"].get("state", {}).get(STATE)
-            if isinstance(socket, PageSocket):
-                line = core.sio.eio.sockets[eio_sid]
-                outgoing = Outgoing(socket.end)
-                while not line.queue.empty():
-                    outgoing.put_nowait(line.queue.get_nowait())
-                line.queue = outgoing
+            state = environ["asgi.scope"].get("state", {})
+            socket, session = state.get(STATE), state.get("session")
+            line = core.sio.eio.sockets[eio_sid]
+            outgoing = Outgoing(socket.end if isinstance(socket, PageSocket) else partial(_abort, eio_sid))
+            while not line.queue.empty():
+                outgoing.put_nowait(line.queue.get_nowait())
+            line.queue = outgoing
+            if isinstance(session, Session):
+                self._owners[eio_sid] = session
             return await cast("Awaitable[object]", handler(eio_sid, environ))
 
         return connect
+
+    def _ended(self, handler: _Handler) -> _Handler:
+        async def disconnect(eio_sid: str, *rest: object) -> object:
+            self._owners.pop(eio_sid, None)
+            return await cast("Awaitable[object]", handler(eio_sid, *rest))
+
+        return disconnect
 
     @staticmethod
     def _heard(handler: _Handler) -> _Handler:
@@ -234,6 +287,27 @@ class PageSockets:
                 COMPLAINTS.count(NONSENSE, type(error).__name__)
 
         return message
+
+
+def _abort(eio_sid: str) -> None:
+    """End a connection by long polling, for which too much waits."""
+    line = core.sio.eio.sockets.get(eio_sid)
+    if line is not None:
+        task = asyncio.get_running_loop().create_task(line.close(wait=False, abort=True))
+        _TASKS.add(task)
+        task.add_done_callback(_TASKS.discard)
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, words: str) -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": 1008})
+        return
+    await send({"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain")]})
+    await send({"type": "http.response.body", "body": words.encode()})
+
+
+_TASKS: set[asyncio.Task[None]] = set()
 
 
 def is_well_formed(name: str, message: Mapping[str, object]) -> bool:

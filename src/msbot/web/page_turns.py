@@ -3,11 +3,15 @@
 Making a page takes the robot's loop tens of milliseconds and keeps about a megabyte. Between two of them everything
 else has its turn, STOP among it. Who has many pages open loses those that no browser has connected to, and gets no more
 when all are connected; who has asked many times and not waited for the answer gets none either.
+
+After a restart all pages of a class want to be made anew at once. They ask for their turn first (`/turn`) and are told
+when it is, so that each stays on the screen, with STOP, until the robot has time for the next.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections import Counter, deque
 from collections.abc import Iterable
@@ -16,7 +20,9 @@ from nicegui import Client
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot.runtime.tally import Tally
+from msbot.web.access.guard import TURN_PATH
 from msbot.web.access.sessions import Session
+from msbot.web.refusals import refuse
 
 MOST_WAITING = 8
 """Pages that one session may be waiting for."""
@@ -27,8 +33,13 @@ LONGEST_S = 0.3
 """A page that waits, for the database for instance, lets others go first after that time."""
 NOT_CONNECTED_S = 5.0
 """How long a page that is being loaded is left alone; it connects within that time."""
+LEAST_STEP_S, LONGEST_STEP_S = 0.03, 0.5
+"""Between two turns that are given: as long as making a page has taken lately, and as long again for what it loads."""
+LONGEST_TURN_S = 20.0
+"""Turns are given so far ahead; who asks then is told to ask again."""
 WAITING = "so many of your pages are being made: wait until they are there"
 OPEN = "so many of your pages are open: close some of them"
+LATER = "so many pages are being made: ask again in a moment"
 
 
 class PageTurns:
@@ -45,23 +56,40 @@ class PageTurns:
         self._queue: deque[asyncio.Future[None]] = deque()
         self._waiting: Counter[int] = Counter()
         """By session."""
+        self._made_s = LEAST_STEP_S
+        """How long making a page takes, by the last ones."""
+        self._next_turn_at = 0.0
+        self._given: dict[int, deque[float]] = {}
+        """By session: the turns to come that it was given."""
         self.refused = Tally()
         """Pages that were not made, by reason in words."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through in its turn."""
         session = scope.get("state", {}).get("session")
-        if scope["type"] != "http" or not isinstance(session, Session) or not _is_page(scope["path"]):
+        if scope["type"] != "http" or not isinstance(session, Session):
+            await self._app(scope, receive, send)
+            return
+        if scope["path"] == TURN_PATH:
+            await self._give_turn(scope, send, session)
+            return
+        if not _is_page(scope["path"]):
             await self._app(scope, receive, send)
             return
         words = self._refusal(session)
         if words:
             self.refused.count(words)
-            await _refuse(send, words)
+            await refuse(scope, send, 429, words, session=session, headers=[(b"retry-after", b"1")])
             return
         turn = await self._begin(session)
+        loop = asyncio.get_running_loop()
+        began, is_made = loop.time(), False
 
         async def answer(message: Message) -> None:
+            nonlocal is_made
+            if not is_made:
+                is_made = True
+                self._made_s += (min(loop.time() - began, LONGEST_S) - self._made_s) / 8
             self._end(turn)  # it is made: whoever reads it slowly holds nobody up
             await send(message)
 
@@ -69,6 +97,38 @@ class PageTurns:
             await self._app(scope, receive, answer)
         finally:
             self._end(turn)
+
+    async def _give_turn(self, scope: Scope, send: Send, session: Session) -> None:
+        wait_s = self.turn_s(session, asyncio.get_running_loop().time())
+        if wait_s is None:
+            self.refused.count(LATER)
+            await refuse(scope, send, 429, LATER, session=session, headers=[(b"retry-after", b"2")])
+            return
+        body = json.dumps({"wait_ms": round(1000 * wait_s)}).encode()
+        headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+        await send({"type": "http.response.body", "body": body})
+
+    def turn_s(self, session: Session, now: float) -> float | None:
+        """When a page of that session would be made, in seconds from now; None: nobody can say yet.
+
+        Who asks again and again pushes nobody back: beyond `MOST_WAITING` turns to come it is told its last one.
+        """
+        for one in [one for one, turns in self._given.items() if turns[-1] < now]:
+            del self._given[one]
+        own = self._given.setdefault(id(session), deque())
+        while own and own[0] < now:
+            own.popleft()
+        if len(own) >= MOST_WAITING:
+            return own[-1] - now
+        at = max(now, self._next_turn_at)
+        if at - now > LONGEST_TURN_S:
+            if not own:
+                del self._given[id(session)]
+            return None
+        self._next_turn_at = at + min(max(2.0 * self._made_s, LEAST_STEP_S), LONGEST_STEP_S)
+        own.append(at)
+        return at - now
 
     def _refusal(self, session: Session) -> str:
         if self._waiting[id(session)] >= MOST_WAITING:
@@ -139,11 +199,3 @@ def _close_one(clients: list[Client]) -> bool:
             client.delete()
             return True
     return False
-
-
-async def _refuse(send: Send, words: str) -> None:
-    headers = [
-        (b"content-type", b"text/plain; charset=utf-8"), (b"retry-after", b"1"), (b"cache-control", b"no-store"),
-    ]  # fmt: skip
-    await send({"type": "http.response.start", "status": 429, "headers": headers})
-    await send({"type": "http.response.body", "body": f"{words[0].upper()}{words[1:]}.\n".encode()})

@@ -12,6 +12,7 @@ import errno
 import gc
 import hashlib
 import json
+import logging
 import socket
 import ssl
 import sys
@@ -26,7 +27,7 @@ import uvicorn
 from fastapi import FastAPI
 from nicegui import core, ui
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import Lifespan
@@ -36,12 +37,13 @@ from msbot.link.net import WebSocketServerLink
 from msbot.runtime.accept_connections import ProtocolAcceptor
 from msbot.runtime.given_file import LARGEST_PEM, read_given
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.web.access.cookies import cookie_names
-from msbot.web.access.guard import ANY_ADDRESS, AccessGuard
+from msbot.web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.late_routes import LateRoutes
-from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
+from msbot.web.api.operation_routes import make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.call_pace import CallPace
 from msbot.web.connections import HEAD_S, Connections, WatchedConnection
@@ -55,6 +57,7 @@ from msbot.web.pages import register_pages
 from msbot.web.pages.help import picture_answer
 from msbot.web.part_socket import PartSocket
 from msbot.web.programs.browser_files import add_browser_files
+from msbot.web.refusals import PASSING, refusal_page, sentence, wants_page
 from msbot.web.service import Service
 
 STATIC = Path(str(files("msbot.web") / "static"))
@@ -224,9 +227,10 @@ class WebServer:
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
                     reconnect_timeout=KEPT_S, favicon=STATIC / "icon.svg")  # fmt: skip
         app.router.lifespan_context = _undisturbed(app.router.lifespan_context)
-        core.app.config.socket_io_js_transports = ["websocket"]  # the guard lets nothing else in
+        core.app.config.socket_io_js_transports = ["websocket", "polling"]  # the second where the first does not pass
         # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
         core.app.add_exception_handler(404, _not_there)
+        core.app.add_exception_handler(Exception, _failed)
         pages = OpenPages(service.accounts)
         say_errors_once()
         guard = AccessGuard(
@@ -281,8 +285,21 @@ def _undisturbed(lifespan: Lifespan[FastAPI]) -> Lifespan[FastAPI]:
     return begin
 
 
-async def _not_there(_request: Request, _error: Exception) -> Response:
-    return PlainTextResponse("There is no such page.", 404)
+async def _not_there(request: Request, _error: Exception) -> Response:
+    return _refusal(request, 404, said("there is no such page"))
+
+
+async def _failed(request: Request, error: Exception) -> Response:
+    """A page that cannot be made; NiceGUI's own one would have neither STOP nor a way back."""
+    logging.getLogger("nicegui").error("a page could not be made", exc_info=error)
+    return _refusal(request, 500, said("this page could not be made: the robot's log says why"))
+
+
+def _refusal(request: Request, status: int, words: str) -> Response:
+    if not wants_page(request.scope):
+        return PlainTextResponse(sentence(words), status)
+    session = request.scope.get("state", {}).get("session")
+    return HTMLResponse(refusal_page(request.scope, words, session=session, comes_back=status in PASSING), status)
 
 
 def _names_of(settings: WebSettings) -> tuple[str, ...]:

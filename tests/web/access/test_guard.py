@@ -85,6 +85,7 @@ class Rig:
             "path": path.partition("?")[0],
             "query_string": path.partition("?")[2].encode(),
             "headers": [(name.encode(), value.encode()) for name, value in given.items()],
+            "scheme": "http",
         }
         if kind == "http":
             scope["method"] = method
@@ -176,12 +177,15 @@ async def test_a_form_of_another_site_is_refused() -> None:
     session = rig.session()
     word = {CSRF_HEADER: session.csrf}
     for origin in ("http://evil.example", "null", "http://127.0.0.1:9999", "https://127.0.0.1.evil.example:8080"):
-        answer = await rig.ask("/api/stop", "POST", session=session, origin=origin, more=word)
+        answer = await rig.ask("/api/go", "POST", session=session, origin=origin, more=word)
         assert answer.status == 403
+        assert (await rig.ask("/api/stop", "POST", session=session, origin=origin)).status == 403
     assert (await rig.ask("/login", "POST", origin="http://evil.example")).status == 403
     assert (await rig.ask("/logout", "POST", session=session, sec_fetch_site="cross-site")).status == 403
     assert (await rig.ask("/api/stop", "POST", session=session, origin=f"http://{HOST}", more=word)).status == 200
     assert (await rig.ask("/logout", "POST", session=session, origin=f"http://{HOST}")).status == 200
+    # A proxy that changes the address makes our own page look like another site: its word shows that STOP is meant.
+    assert (await rig.ask("/api/stop", "POST", session=session, origin="https://robot.school", more=word)).status == 200
 
 
 async def test_another_host_name_is_refused() -> None:
@@ -263,10 +267,44 @@ async def test_an_upload_belongs_to_who_opened_the_page() -> None:
     assert (refused.status, refused.json) == (403, {"error": "this page was opened by somebody else"})
 
 
-async def test_pages_speak_by_websocket_only() -> None:
+async def test_long_polling_is_for_the_own_page_only() -> None:
     rig = Rig()
-    answer = await rig.ask("/_nicegui_ws/socket.io?transport=polling", session=rig.session())
-    assert answer.status == 404
+    session, other = rig.session(), rig.session()
+    path = "/_nicegui_ws/socket.io?transport=polling"
+    assert (await rig.ask(path)).status == 401
+    assert (await rig.ask(path, session=session)).status == 200
+    # Pages of other ports of the same host have the cookie sent, and socket.io would let them read the answer.
+    for origin in ("http://127.0.0.1:9999", "http://evil.example", "null"):
+        assert (await rig.ask(path, session=session, origin=origin)).status == 403
+        assert (await rig.ask(path, "POST", session=session, origin=origin)).status == 403
+    assert (await rig.ask(path, session=session, sec_fetch_site="same-site")).status == 403
+    assert (await rig.ask(path, "POST", session=session, more={CSRF_HEADER: other.csrf})).status == 403
+    assert (await rig.ask(path, "POST", session=session, more={CSRF_HEADER: session.csrf})).status == 200
+
+
+async def test_what_only_scripts_ask_for_is_no_way_to_the_form() -> None:
+    rig = Rig()
+    for path in ("/turn", "/seen", "/beat"):
+        assert (await rig.ask(path)).status == 401
+    seen = await rig.ask("/seen", session=rig.session())
+    assert seen.json == {"address": f"http://{HOST}", "proxy": ""}
+
+
+async def test_a_refusal_is_a_page_with_stop_for_who_may_press_it() -> None:
+    rig = Rig()
+    html = "text/html,application/xhtml+xml"
+    named = await rig.ask("/", host="robot.school", accept=html)
+    assert named.status == 421
+    body = named.messages[1]["body"].decode()
+    assert "robot.school" in body
+    assert 'id="ms-stop"' not in body, "nobody knows who asks"
+    session = rig.session()
+    foreign = await rig.ask("/x", "POST", session=session, accept=html, origin="http://evil.example")
+    assert foreign.status == 403
+    body = foreign.messages[1]["body"].decode()
+    assert 'id="ms-stop"' in body
+    assert session.csrf in body
+    assert (await rig.ask("/web/page.js", host="robot.school")).status == 200, "what such a page needs"
 
 
 async def test_asking_whether_the_robot_is_there_keeps_no_session_alive() -> None:

@@ -28,6 +28,7 @@ from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
 from msbot.web.access.sessions import Session
 from msbot.web.content_policy import NONCE, new_nonce, page_policy
+from msbot.web.refusals import HTML, refusal_page, wants_page
 
 CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
@@ -42,8 +43,14 @@ OPEN_PATHS = (
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""
 BEAT_PATH = "/beat"
 """Requested by open pages all the time, to see whether the robot is there. Answered here, at once."""
+TURN_PATH = "/turn"
+"""Requested by a page that has to be made anew, before it is loaded: when is its turn?"""
+SEEN_PATH = "/seen"
+"""Requested by a page whose connection does not come up: how does the robot see its requests?"""
 METRICS_PATH = "/metrics"
 """Figures for Prometheus, which shows an API token."""
+SCRIPT_PATHS = (BEAT_PATH, TURN_PATH, SEEN_PATH, METRICS_PATH)
+"""What only scripts and programs ask for: no form to sign in would help them."""
 NO_FIGURES = (
     "these figures are for people who are signed in and for programs with an API token: an administrator makes one on "
     "the page Admin, API tokens; the program sends it as the header Authorization: Bearer TOKEN"
@@ -52,7 +59,11 @@ NO_FIGURES = (
 UPLOAD_PATH = "/_nicegui/client/"
 """Where NiceGUI takes files uploaded on a page; the page's number follows."""
 SOCKET_PATH = "/_nicegui_ws/"
-"""Where the websockets of the pages come in."""
+"""Where the pages' connections for what is live come in: websockets, or long polling where none pass."""
+STOP_PATH = "/api/stop"
+"""STOP, which goes through a proxy that changes the address, too: the CSRF word alone shows that it is from our page."""
+FILES_PATH = "/web/"
+"""Files that are the same for everybody: pages of refusal need them under whatever name they are asked for."""
 ANY_ADDRESS = "*address*"
 """Among the allowed hosts: every IP address. Only names can be made to lead somewhere else (DNS rebinding)."""
 SIGN_OUT_PATH = "/logout"
@@ -115,7 +126,7 @@ class AccessGuard:
             return
         headers = _headers_of(scope)
         path: str = scope["path"]
-        refusal = self._check_host(headers)
+        refusal = None if path.startswith(FILES_PATH) else self._check_host(headers)
         if refusal is None and path == BEAT_PATH and scope["type"] == "http":
             await self._answer_beat(send, headers)
             return
@@ -123,7 +134,10 @@ class AccessGuard:
         if refusal is None:
             refusal = self._check(scope, path, headers, session)
         if refusal is not None:
-            await self._refuse(scope, receive, send, *refusal)
+            await self._refuse(scope, receive, send, *refusal, session=session)
+            return
+        if path == SEEN_PATH and scope["type"] == "http":
+            await self._answer(send, 200, _as_seen(scope, headers), [(b"content-type", b"application/json")])
             return
         scope.setdefault("state", {}).update({"session": session, "api": self._api, NONCE: new_nonce()})
         if scope["type"] == "websocket":
@@ -141,7 +155,7 @@ class AccessGuard:
             if not scope["state"].get(TOO_LONG):
                 await headers(message)
             elif message["type"] == "http.response.start" and not is_answered:
-                await self._refuse(scope, receive, send, *_too_long(most))
+                await self._refuse(scope, receive, send, *_too_long(most), session=session)
             is_answered = True
 
         try:
@@ -157,7 +171,10 @@ class AccessGuard:
             host = ""
         if host in self._hosts or (ANY_ADDRESS in self._hosts and _is_address(host)):
             return None
-        return 421, "this server has another name: use the address that msbot has printed"
+        return 421, (
+            f"this robot is not asked for by the name {host[:80] or '(none)'}: use the address that msbot has printed, or "
+            "have it started with --page-name and this name"
+        )
 
     async def _answer_beat(self, send: Send, headers: Headers) -> None:
         """Whether the robot is there, for a signed-in page; asking does not count as using the session."""
@@ -180,10 +197,12 @@ class AccessGuard:
         is_open = scope["type"] == "http" and any(
             path == known or (known.endswith("/") and path.startswith(known)) for known in OPEN_PATHS
         )
-        if is_changing and (session is None or not session.is_program) and not _is_own_origin(headers):
+        is_live = path.startswith(SOCKET_PATH)
+        shows_word = session is not None and headers.get(CSRF_HEADER, "") == session.csrf
+        is_ours = _is_own_origin(headers) or (shows_word and (is_live or path == STOP_PATH))
+        # What is live answers to GET, too, and its library would let every site read that.
+        if (is_changing or is_live) and (session is None or not session.is_program) and not is_ours:
             return 403, "this request comes from another site"
-        if path.startswith(SOCKET_PATH) and scope["type"] == "http":
-            return 404, "pages speak by websocket only"  # the session is that of the websocket's own request
         if path.startswith(UPLOAD_PATH) and not self._owns(path[len(UPLOAD_PATH) :].partition("/")[0], session):
             return (401, "sign in first") if session is None else (403, "this page was opened by somebody else")
         if session is None:
@@ -192,22 +211,28 @@ class AccessGuard:
             return _check_length(path, headers, None) if may_enter else (401, words)
         if scope["type"] == "websocket" or method in SAFE_METHODS or session.is_program:
             return _check_length(path, headers, session)
-        if path not in (*FORM_PATHS, SIGN_OUT_PATH) and headers.get(CSRF_HEADER, "") != session.csrf:
+        if path not in (*FORM_PATHS, SIGN_OUT_PATH) and not shows_word:
             return 403, f"a changing request needs the header {CSRF_HEADER} with the word that GET /api/me tells"
         return _check_length(path, headers, session)
 
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send, status: int, words: str) -> None:
-        self.refused.count(words)
+    async def _refuse(
+        self, scope: Scope, receive: Receive, send: Send, status: int, words: str, *, session: Session | None
+    ) -> None:  # fmt: skip
+        self.refused.count(words if status != 421 else "this robot is asked for by another name")
         if scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 4000 + status})
             return
         path: str = scope["path"]
-        is_page = path != METRICS_PATH and not path.startswith(("/api/", "/openapi"))
+        is_page = path not in SCRIPT_PATHS and not path.startswith(("/api/", "/openapi", SOCKET_PATH))
         if status == 401 and scope["method"] in SAFE_METHODS and is_page:
             view = f"{path}?{query}" if (query := scope["query_string"].decode("latin-1")) else path
             where = f"/login?next={quote(view)}" if view != "/" else "/login"
             await self._answer(send, 303, b"", [(b"location", where.encode())])
+            return
+        if is_page and wants_page(scope):
+            body = refusal_page(scope, words, session=session, comes_back=False)
+            await self._answer(send, status, body, [(b"content-type", HTML)])
             return
         body = json.dumps({"error": words}).encode()
         extra = [(b"www-authenticate", b"Bearer")] if status == 401 else []
@@ -232,6 +257,11 @@ class AccessGuard:
         head = [*headers, policy, *self._headers, length, (b"cache-control", b"no-store")]
         await send({"type": "http.response.start", "status": status, "headers": head})
         await send({"type": "http.response.body", "body": body})
+
+
+def _as_seen(scope: Scope, headers: Headers) -> bytes:
+    """Under which address a request has come."""
+    return json.dumps({"address": f"{scope['scheme']}://{headers.get('host', '')}", "proxy": ""}).encode()
 
 
 def _headers_of(scope: Scope) -> Headers:

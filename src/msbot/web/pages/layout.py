@@ -270,7 +270,9 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     ui.context.client.on_delete(page.closed)
     ui.add_head_html(str(render("head", language=page.language.code, easy=page.easy)))
     # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
-    ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)))
+    # Its script runs after socket.io and NiceGUI are there and before they connect.
+    channel = '<script defer src="/web/channel.js"></script>'
+    ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)) + channel)
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
     dark = ui.dark_mode(_dark_of(request))
     ui.colors(

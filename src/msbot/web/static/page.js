@@ -9,16 +9,21 @@
   document.documentElement.classList.toggle("ms-easy", easy !== undefined);
 }
 
+// Where a path of the robot's page is: behind a proxy it may be in a folder of another site.
+const msbotRoot = new URL(document.currentScript.src).pathname.replace(/\/web\/page\.js$/, "");
+const msbotAt = (path) => msbotRoot + path;
+
 // When the server does not let this page in any more (it was started anew, the person was signed out elsewhere),
 // go and sign in again, and come back to the same view.
 function msbotSignIn() {
-  location.href = "/login?next=" + encodeURIComponent(location.pathname + location.search);
+  const path = location.pathname.startsWith(msbotAt("/")) ? location.pathname.slice(msbotRoot.length) : "/";
+  location.href = msbotAt("/login?next=") + encodeURIComponent(path + location.search);
 }
 
 const msbot = (() => {
-  const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, RELOAD_MS = 8000, TWICE_MS = 800;
-  const KEPT_MS = 30000; // As long the server keeps a page for its websocket to come back.
-  let heardAt = Date.now(), lookedAt = Date.now(), hasSocket = false, socketAt = Date.now(), isAsking = false;
+  const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, TWICE_MS = 800;
+  const LONG_MS = 8000, SELDOM_MS = 1500;  // who has not been heard for so long is asked less often
+  let heardAt = Date.now(), lookedAt = Date.now(), isAsking = false;
   let isDead = false, stopTimer = null, stopPress = "", escapeAt = -Infinity;
 
   const words = (name) => document.getElementById("ms-stop").dataset[name];
@@ -33,9 +38,9 @@ const msbot = (() => {
     if (isAsking) return;
     isAsking = true;
     try {
-      const answer = await fetch("/beat", { cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS) });
+      const answer = await fetch(msbotAt("/beat"), { cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS) });
       if (answer.status === 401) return msbotSignIn();
-      if (answer.ok) heardAt = Date.now();
+      if (answer.ok) heard();
     } catch {
       // No answer: the age of the last one tells.
     } finally {
@@ -43,23 +48,40 @@ const msbot = (() => {
     }
   }
 
+  function heard() {
+    const now = Date.now(), wasSilent = now - heardAt > DEAD_MS;
+    heardAt = now;
+    if (wasSilent && hasChannel()) msbotChannel.back(now);
+  }
+
+  function keepAsking() {
+    ask();
+    const isAway = Date.now() - heardAt > LONG_MS;
+    setTimeout(keepAsking, isAway ? SELDOM_MS * (0.5 + Math.random()) : ASK_MS);
+  }
+
+  // A page of refusal has none.
+  const hasChannel = () => typeof msbotChannel !== "undefined";
+
   // Grey as soon as nothing was heard for a while; at once after the device has slept, until the robot answers again.
+  // A connection that has never come up is no life either.
   function look() {
     const now = Date.now();
     const slept = now - lookedAt > DEAD_MS && document.visibilityState === "visible";
     lookedAt = now;
     if (slept) ask();
-    if (window.socket) {
-      hasSocket = hasSocket || window.socket.connected || window.did_handshake === true;
-      if (window.socket.connected || !hasSocket) socketAt = now;
-    } else socketAt = now;
-    const age = now - Math.min(heardAt, socketAt);
+    const answers = now - heardAt <= DEAD_MS;
+    const aliveAt = hasChannel() ? msbotChannel.look(now, answers) : now;
+    const age = now - Math.min(heardAt, aliveAt);
     isDead = age > DEAD_MS;
     document.documentElement.classList.toggle("ms-dead", isDead);
-    // The robot is there and the websocket is not: a page that is made anew has one. But what is typed there is lost.
-    const patience = window.socket && window.socket.active ? KEPT_MS : RELOAD_MS;
-    if (now - heardAt < DEAD_MS && now - socketAt > patience) location.reload();
-    say("ms-lost", isDead ? words("lost").replace("{seconds}", Math.round(age / 1000)) : "", "bad");
+    say("ms-lost", isDead ? why(answers, age) : "", "bad");
+  }
+
+  function why(answers, age) {
+    const [name, values] = answers && hasChannel() ? msbotChannel.trouble() : ["lost", {}];
+    const filled = { ...values, seconds: Math.round(age / 1000) };
+    return words(name).replace(/\{(\w+)\}/g, (_, key) => filled[key]);
   }
 
   // Each press has a name: what is said again because its answer was late is no second STOP, also after a GO.
@@ -73,7 +95,7 @@ const msbot = (() => {
     say("ms-stop-says", words("saying"), "warn");
     const began = performance.now();
     try {
-      const answer = await fetch("/api/stop", {
+      const answer = await fetch(msbotAt("/api/stop"), {
         method: "POST", body: "{}", cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS),
         headers: { "Content-Type": "application/json", "X-CSRF-Token": words("csrf"), "X-Stop-Press": press },
       });
@@ -164,7 +186,7 @@ const msbot = (() => {
     document.getElementById("ms-stop").addEventListener("click", stop);
     const tooLong = document.getElementById("too_long_message_popup");
     if (tooLong) tooLong.replaceChildren(Object.assign(document.createElement("span"), { textContent: words("long") }));
-    setInterval(ask, ASK_MS);
+    keepAsking();
     setInterval(look, LOOK_MS);
   });
   return { stop, opened, closed };
