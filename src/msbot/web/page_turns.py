@@ -99,10 +99,12 @@ class PageTurns:
             self._end(turn)
 
     async def _give_turn(self, scope: Scope, send: Send, session: Session) -> None:
-        wait_s = self.turn_s(session, asyncio.get_running_loop().time())
+        words = self._refusal(session)  # a page would be refused: it need not come for that
+        wait_s = None if words else self.turn_s(session, asyncio.get_running_loop().time())
         if wait_s is None:
-            self.refused.count(LATER)
-            await refuse(scope, send, 429, LATER, session=session, headers=[(b"retry-after", b"2")])
+            words = words or LATER
+            self.refused.count(words)
+            await refuse(scope, send, 429, words, session=session, headers=[(b"retry-after", b"2")])
             return
         body = json.dumps({"wait_ms": round(1000 * wait_s)}).encode()
         headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]

@@ -102,9 +102,10 @@ def asking_too_much(page: Page, robot: Robot) -> Iterator[None]:
             while not is_over.is_set():
                 if program.get("/journal").status_code == 429:
                     begun.set()
+                    is_over.wait(0.2)
 
-    with ThreadPoolExecutor(2 * MOST_WAITING) as pool:
-        for _ in range(2 * MOST_WAITING):
+    with ThreadPoolExecutor(MOST_WAITING + 4) as pool:
+        for _ in range(MOST_WAITING + 4):
             pool.submit(ask)
         try:
             assert begun.wait(60)

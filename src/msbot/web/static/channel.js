@@ -95,7 +95,7 @@ const msbotChannel = (() => {
     // To be called all the time: takes the step that is due, and gives the moment up to which the page was live.
     look(now, answers) {
       if (socket && socket.connected) aliveAt = now;
-      const step = plan.step(now, answers);
+      const step = msbot.isSaying() ? "" : plan.step(now, answers);
       if (step === "connect") connect();
       else if (step === "turn") askForTurn();
       else if (step === "reload") location.reload();

@@ -24,7 +24,7 @@ const msbot = (() => {
   const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, TWICE_MS = 800;
   const LONG_MS = 8000, SELDOM_MS = 1500;  // who has not been heard for so long is asked less often
   let heardAt = Date.now(), lookedAt = Date.now(), isAsking = false;
-  let isDead = false, stopTimer = null, stopPress = "", escapeAt = -Infinity;
+  let isDead = false, isSaying = false, stopTimer = null, stopPress = "", escapeAt = -Infinity;
 
   const words = (name) => document.getElementById("ms-stop").dataset[name];
 
@@ -87,6 +87,7 @@ const msbot = (() => {
   // Each press has a name: what is said again because its answer was late is no second STOP, also after a GO.
   function stop() {
     stopPress = `${Date.now()}-${Math.random()}`;
+    isSaying = true;
     sayStop(stopPress);
   }
 
@@ -103,9 +104,10 @@ const msbot = (() => {
       if (answer.ok) {
         const ms = Math.round(performance.now() - began);
         say("ms-stop-says", `${words("told")} (${ms} ms)`, "good");
-        stopTimer = setTimeout(() => say("ms-stop-says", "", ""), 6000);
+        stopTimer = setTimeout(stopSaid, 6000);
         return;
       }
+      isSaying = false;
       say("ms-stop-says", `${words("refused")} ${done.error}`, "bad");
     } catch {
       if (press !== stopPress) return;
@@ -113,6 +115,11 @@ const msbot = (() => {
       say("ms-stop-says", words("undelivered"), "bad");
       stopTimer = setTimeout(() => sayStop(press), RETRY_MS);
     }
+  }
+
+  function stopSaid() {
+    isSaying = false;
+    say("ms-stop-says", "", "");
   }
 
   function key(event) {
@@ -189,7 +196,8 @@ const msbot = (() => {
     keepAsking();
     setInterval(look, LOOK_MS);
   });
-  return { stop, opened, closed };
+  // Whether a STOP is on its way, or its answer is being read: a page that were loaded anew now would lose it.
+  return { stop, opened, closed, isSaying: () => isSaying };
 })();
 
 // From now on the robot is told whether the page is dark, and whenever that changes: editors look like their page.

@@ -10,11 +10,16 @@
     setTimeout(ask, ms);
   }
 
+  function load() {
+    if (typeof msbot !== "undefined" && msbot.isSaying()) again();  // STOP goes before
+    else location.reload();
+  }
+
   async function ask() {
     try {
       const answer = await fetch(`${root}/turn`, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE_MS) });
       if (answer.status === 401) return location.reload();
-      if (answer.ok) return setTimeout(() => location.reload(), (await answer.json()).wait_ms);
+      if (answer.ok) return setTimeout(load, (await answer.json()).wait_ms);
     } catch {
       // It asks again.
     }
