@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.runtime.terminal_log import BURST, BURST_S, MOST_KINDS, REPEAT_S, SAME, TerminalHandler, plain
+from msbot.runtime.log_limiter import (
+    BURST,
+    BURST_S,
+    LONGEST_S,
+    MOST_KINDS,
+    REPEAT_S,
+    SAME,
+    write_by_root_alone,
+)
+from msbot.runtime.terminal_log import TerminalHandler, plain
 
 
 class Terminal:
@@ -60,10 +69,7 @@ def test_the_same_line_is_written_a_few_times_a_minute_and_counted_beyond() -> N
     assert terminal.lines == ["no more file descriptors"] * SAME
     terminal.now += REPEAT_S
     terminal.say("no more file descriptors")
-    assert terminal.lines[SAME:] == [
-        f"({200 - SAME} more like it were not written) no more file descriptors",
-        "no more file descriptors",
-    ]
+    assert terminal.lines[SAME:] == [f"({200 - SAME} more like it were not written) no more file descriptors"]
 
 
 def test_a_flood_of_one_kind_is_counted_although_each_line_differs_and_others_come_through() -> None:
@@ -75,15 +81,59 @@ def test_a_flood_of_one_kind_is_counted_although_each_line_differs_and_others_co
     assert terminal.lines[-1] == "STOP was pressed"
     terminal.now += BURST_S
     terminal.say("client %d logged in", 1000)
-    assert terminal.lines[BURST + 1] == f"({500 - BURST} more like it were not written) client 499 logged in"
-    assert terminal.lines[-1] == "client 1000 logged in"
+    assert terminal.lines[BURST + 1 :] == [f"({500 - BURST} more like it were not written) client 499 logged in"]
+
+
+def test_a_flood_is_told_at_growing_intervals_and_who_comes_after_it_is_written_again() -> None:
+    terminal = Terminal()
+    for second in range(24 * 3600):
+        for _ in range(3):
+            terminal.say("request %d is none", second)
+        terminal.now += 1.0
+    assert len(terminal.lines) < BURST + 40
+    before = len(terminal.lines)
+    terminal.now += 2 * LONGEST_S
+    terminal.say("another", line=2)
+    terminal.now += 2 * LONGEST_S
+    terminal.say("another", line=2)
+    terminal.say("request %d is none", 1)
+    assert terminal.lines[-1] == "request 1 is none"
+    assert len(terminal.lines) <= before + 5
+
+
+def test_texts_without_end_from_one_place_do_not_push_out_what_is_known_of_others() -> None:
+    terminal = Terminal()
+    for _ in range(100):
+        terminal.say("the same", line=1)
+    for number in range(10 * MOST_KINDS):
+        terminal.say("text %d", number, line=2)
+    terminal.say("the same", line=1)
+    assert terminal.lines.count("the same") == SAME
+
+
+def test_handlers_that_a_library_has_given_its_logger_are_taken_away() -> None:
+    library, stream = logging.getLogger("some.library"), io.StringIO()
+    library.addHandler(logging.StreamHandler(stream))
+    library.propagate = False
+    write_by_root_alone()
+    seen: list[str] = []
+    root = logging.getLogger()
+    handler = logging.Handler()
+    handler.emit = lambda record: seen.append(record.getMessage())  # type: ignore[method-assign]
+    root.addHandler(handler)
+    try:
+        library.warning("hello")
+    finally:
+        root.removeHandler(handler)
+    assert seen == ["hello"]
+    assert not stream.getvalue()
 
 
 def test_what_is_remembered_is_bounded_and_told_at_the_end() -> None:
     terminal = Terminal()
     for number in range(3 * MOST_KINDS):
         terminal.say("kind %d", number, line=number)
-    assert len(terminal.handler._lines) + len(terminal.handler._places) <= 2 * MOST_KINDS
+    assert len(terminal.handler._limiter) <= 2 * MOST_KINDS
     for _ in range(SAME + 1):
         terminal.say("again")
     terminal.handler.close()

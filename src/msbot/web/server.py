@@ -37,6 +37,7 @@ from msbot.link.net import WebSocketServerLink
 from msbot.runtime.accept_connections import ProtocolAcceptor
 from msbot.runtime.given_file import LARGEST_PEM, read_given
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.log_limiter import write_by_root_alone
 from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.web.access.cookies import cookie_names
@@ -106,6 +107,7 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
         await super().startup([])  # no socket for asyncio's own server: `ProtocolAcceptor` looks after it
         core.sio.eio.ping_interval, core.sio.eio.ping_timeout = PING_S, PATIENCE_S  # NiceGUI has set its own by now
+        write_by_root_alone()  # uvicorn, socket.io and engine.io bring handlers of their own
         self.ready.set()
 
     def connection(self, connections: Connections) -> WatchedConnection:
@@ -240,6 +242,7 @@ class WebServer:
         )  # fmt: skip
         return uvicorn.Config(
             guard,
+            log_config=None,  # its own handlers would write past the robot's, which bounds what strangers can cause
             log_level="warning",
             access_log=False,
             server_header=False,
