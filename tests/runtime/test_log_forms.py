@@ -15,7 +15,8 @@ from click.testing import CliRunner
 from msbot.cli.run.logs import EVENTS, LogWishes, RoomLevel, log_event
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.runtime.log_forms import JournalFormatter, JsonFormatter, goes_to_journal, room_of
-from msbot.runtime.terminal_log import BURST, TerminalHandler
+from msbot.runtime.log_limiter import BURST
+from msbot.runtime.terminal_log import TerminalHandler
 
 
 def record(level: int, text: str, name: str = "msbot.agent.server") -> logging.LogRecord:
