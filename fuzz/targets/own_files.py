@@ -24,7 +24,7 @@ from msbot.errors import LinkDown
 from msbot.link.can.sim import names as bus_names
 from msbot.link.net import SocketPeer, WebSocketServerLink
 from msbot.link.visitor import Visitor
-from msbot.master import stop_persistence
+from msbot.master import stop_persistence, stop_socket
 from msbot.master.stop_socket import StopSocket
 from msbot.operations.arguments import read_arguments
 from msbot.operations.rights import Role
@@ -95,11 +95,16 @@ def _stop_request(octets: bytes) -> Iterable[str]:
         said.append(words)
 
     master: Any = SimpleNamespace(say_stop=say, say_go=say, until_stop_is_stored=stored, stop=StopStatus())
-    listening: Any = SimpleNamespace(sendto=lambda answer, _: answers.append(answer))
+
+    def send(answer: bytes) -> int:
+        answers.append(answer)
+        return len(answer)
+
+    connection: Any = SimpleNamespace(send=send)
 
     async def take() -> None:
         place = StopSocket(master, lambda: {"robot": "R", "serial_number": "1", "database": "/r.db"})
-        place._take(listening, octets, b"there")
+        place._take(stop_socket._Line(connection), octets)
         await asyncio.sleep(1.0)
 
     play(take())

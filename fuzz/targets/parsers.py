@@ -48,7 +48,7 @@ from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.registry import ProgramSource
 from msbot.ros import discovery_info
 from msbot.ros_forms import RosForm, form_of
-from msbot.runtime.stop_datagram import answer_in
+from msbot.runtime.stop_asking import answer_in
 from msbot.school.mdns import heard
 from msbot.sim.arena import wire
 from msbot.sim.arena.world_reader import parse_world
@@ -440,7 +440,7 @@ def _seals() -> Iterable[bytes]:
 
 
 def _stop_answer(octets: bytes) -> Iterable[str]:
-    return (str(answer_in(octets) is None),)
+    return (str(answer_in(octets, "word") is None),)
 
 
 def _mdns(octets: bytes) -> Iterable[str]:

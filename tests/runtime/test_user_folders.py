@@ -16,7 +16,6 @@ from msbot.runtime.user_folders import (
     is_running,
     running_folder,
     settings_folder,
-    socket_folder,
     state_folder,
 )
 
@@ -40,7 +39,6 @@ def test_what_survives_a_restart_follows_the_desktop_rules(tmp_path: Path, monke
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     assert state_folder() == tmp_path / "state/msbot"
     assert settings_folder("systemd") == tmp_path / "config/systemd"
-    assert socket_folder() == tmp_path / ".local/state/msbot/stop", "the same whatever the environment says"
 
 
 def test_files_of_an_earlier_version_are_found_until_the_new_folder_is_there(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -119,7 +120,7 @@ def _alone(folder: Path) -> dict[str, str]:
     """Nobody's master runs on this computer."""
     place = folder / "alone"
     place.mkdir(exist_ok=True)
-    return {"XDG_RUNTIME_DIR": str(place), "MSBOT_STOP_GROUP": f"{folder.name}alone"}
+    return {"XDG_RUNTIME_DIR": str(place), "MSBOT_STOP_GROUP": f"{os.getpid()}alone"}
 
 
 def test_a_computer_in_no_network_is_told(tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from msbot.runtime.stop_asking import SilentMaster
 from msbot.web.api.class_models import RobotTile
 from msbot.web.local_masters import LocalMaster, LocalMasters
 from msbot.web.pages.classroom import _for_visitor
@@ -54,10 +55,12 @@ def test_two_robots_of_the_same_names_are_two_when_their_databases_are() -> None
 def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:
     asked: list[Mapping[str, object]] = []
 
-    def ask(request: Mapping[str, object]) -> tuple[list[dict[str, object]], int]:
+    def ask(request: Mapping[str, object]) -> tuple[list[dict[str, object]], Sequence[SilentMaster]]:
         asked.append(request)
         answer = {"stopped": True, "told": 3, "confirmed": [{"part": "AA", "ms": 1.0}], "silent": ["BB", "CC"]}
-        return [{"robot": "A", **answer}, {"robot": "B", "error": "no"}, {"robot": "C", **answer}], 1
+        return [{"robot": "A", **answer}, {"robot": "B", "error": "no"}, {"robot": "C", **answer}], [
+            SilentMaster(None, 0, 0, "/tmp")
+        ]
 
     done = asyncio.run(LocalMasters(ask).stop_all("ann", "enough"))
     assert asked == [{"do": "stop", "who": "ann", "reason": "enough"}]
@@ -66,8 +69,8 @@ def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:
 
 
 def test_what_a_master_says_of_itself_is_taken_as_far_as_it_makes_sense() -> None:
-    def ask(_: Mapping[str, object]) -> tuple[list[dict[str, object]], int]:
-        return [{"robot": "A", "serial_number": "7", "slots": "3", "active": "x", "stopped": "yes"}], 0
+    def ask(_: Mapping[str, object]) -> tuple[list[dict[str, object]], Sequence[SilentMaster]]:
+        return [{"robot": "A", "serial_number": "7", "slots": "3", "active": "x", "stopped": "yes"}], []
 
     assert asyncio.run(LocalMasters(ask).look()) == [LocalMaster("A", "7", "", 3, 0, stopped=False)]
 

@@ -15,6 +15,7 @@ import click
 from msbot.cli.numbers import WholeRange
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
+from msbot.runtime.stop_names import GROUP_VARIABLE, group_in
 from msbot.space import SpaceAddress, parse_space
 
 if TYPE_CHECKING:
@@ -100,6 +101,25 @@ class LinkType(click.ParamType[str]):
 link_option = click.option(
     "--link", type=LinkType(), metavar="ADDRESS", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK",
     help="The way to the master; $MSBOT_LINK unless given.",
+)  # fmt: skip
+
+
+class StopGroupType(click.ParamType[str]):
+    """A STOP group; what is no name for one is told before anything begins."""
+
+    name = "group"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The group, as it is."""
+        try:
+            return group_in(value)
+        except ConfigError as error:
+            self.fail(str(error), param, ctx)
+
+
+stop_group_option = click.option(
+    "--stop-group", type=StopGroupType(), metavar="NAME", help="The robots of this STOP group, and no others; "
+    f"${GROUP_VARIABLE} unless given.",
 )  # fmt: skip
 
 

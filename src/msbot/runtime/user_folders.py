@@ -26,7 +26,7 @@ def state_folder() -> Path:
     earlier = _earlier_state_folder()
     if earlier == folder or folder.is_dir():
         return folder
-    # `socket_folder` puts sockets there in any case; only other files are a reason to keep using it.
+    # Sockets of an earlier version may be there, too; only other files are a reason to keep using it.
     return earlier if any(path.is_file() for path in earlier.glob("*/*")) else folder
 
 
@@ -35,15 +35,6 @@ def settings_folder(program: str) -> Path:
     from platformdirs import user_config_path  # as above
 
     return user_config_path(program, appauthor=False)
-
-
-def socket_folder() -> Path:
-    """Where sockets that need a file have theirs.
-
-    The same for all programs of the user, whatever their environment says, and short: such a name has at most 104
-    octets.
-    """
-    return Path.home() / ".local" / "state" / APP / "stop"
 
 
 def running_folder() -> Path:

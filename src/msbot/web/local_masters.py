@@ -1,6 +1,6 @@
 """The masters on this computer, for the class view: who is there, and one STOP for all.
 
-They are asked over STOP's own socket (`msbot.runtime.stop_datagram`), all at once and in a thread, so that a master
+They are asked over STOP's own socket (`msbot.runtime.stop_asking`), all at once and in a thread, so that a master
 that hangs keeps no page waiting.
 """
 
@@ -10,10 +10,10 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence
 
 from msbot.runtime.lazy_dataclass import dataclass
-from msbot.runtime.stop_datagram import ask_masters
+from msbot.runtime.stop_asking import SilentMaster, ask_masters
 
-Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], int]]
-"""Asks every master of this user; gives the answers, and how many run and do not answer."""
+Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], Sequence[SilentMaster]]]
+"""Asks every master of this user; gives the answers, and who runs and does not answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class LocalMasters:
             told=tuple(str(answer.get("robot", "")) for answer in taken),
             confirmed=sum(len(found) for answer in taken if isinstance(found := answer.get("confirmed"), list)),
             parts=sum(found for answer in taken if isinstance(found := answer.get("told"), int)),
-            silent=silent + len(answers) - len(taken),
+            silent=len(silent) + len(answers) - len(taken),
             waiting=tuple(
                 f"{answer.get('robot', '')} ({', '.join(map(str, names))})"
                 for answer in taken

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-import socket
+import os
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -21,16 +20,20 @@ from msbot.master import StopSocket
 from msbot.master.stop_socket import answer_of, fitting
 from msbot.pnp import StopStatus
 from msbot.pnp.emergency_stop import StopConfirmation
-from msbot.runtime import stop_datagram
-from msbot.runtime.stop_datagram import IS_ABSTRACT, IS_THERE, ask_masters, new_name
+from msbot.runtime.stop_asking import ask_masters
+from msbot.runtime.stop_listening import StopListener
+from msbot.runtime.stop_names import own_group
+from msbot.runtime.stop_places import IS_THERE
 from tests.cli.change.test_robot_access import PATIENCE_S, command, typed
 from tests.operations.stage import Stage, play
+from tests.runtime.stop_stage import StopsWhen, own_places, stuck_master
 
 needs_sockets = pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")
 
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own_places(tmp_path, monkeypatch)
     (tmp_path / "run").mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
     monkeypatch.chdir(tmp_path)
@@ -70,45 +73,43 @@ def test_without_a_master_the_database_is_not_even_opened(
 
 
 @needs_sockets
-@pytest.mark.skipif(not IS_ABSTRACT, reason="names of sockets without files are known to Linux only")
-def test_a_master_that_stands_still_beside_one_that_answers_is_told_of(
+def test_a_master_that_stands_still_beside_one_that_answers_is_told_of_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stop_route, "ask_masters", lambda request: ask_masters(request, PATIENCE_S))
-    receive, ahead_s = stop_datagram._receive, 0.0
-
-    def receive_the_first(asking: socket.socket, timeout_s: float) -> tuple[str, dict[str, object]] | None:
-        """The time is over when one of the two has answered, however long that takes."""
-        nonlocal ahead_s
-        found = receive(asking, timeout_s)
-        ahead_s += PATIENCE_S if found else 0.0
-        return found
-
-    monkeypatch.setattr(stop_datagram, "_receive", receive_the_first)
-    monkeypatch.setattr(stop_datagram, "time", SimpleNamespace(monotonic=lambda: time.monotonic() + ahead_s))
+    monkeypatch.setattr(stop_route, "ask_masters", lambda request, group: ask_masters(request, PATIENCE_S, group))
+    clock = StopsWhen(monkeypatch)
     monkeypatch.setattr("msbot.cli.change.stop.PATIENCE_S", 0.0)
+    stuck_one = f"BUGGY X9 (process {os.getpid()}): it runs and does not answer"
 
     async def act(stage: Stage) -> None:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stuck:
-            stuck.bind(new_name())
-            said = await typed("stop", "--db", str(tmp_path / "robot.db"))
-            assert "NOT delivered to a master that runs here and does not answer" in said
+        with stuck_master("BUGGY X9", own_group()) as stuck:
+            clock.answers_wanted = 1
+            said = await typed("stop")
+            assert f"NOT delivered to {stuck_one}; cut the power" in said
             latest = time.monotonic() + PATIENCE_S
             while not stage.parts["AA"].stopped:  # it hears of it a moment after the answer
                 assert time.monotonic() < latest
                 await asyncio.sleep(0.01)
-            assert "not known: a master that runs here" in await typed("stop", "--status")
-            assert "STOP is over" in await typed("go")
-            stuck.setblocking(False)
-            heard = []
-            while True:
-                try:
-                    heard.append(json.loads(stuck.recv(4096)))
-                except BlockingIOError:
-                    break
-            assert [one["robot"] for one in heard if one["do"] == "go"] == [stage.master.profile.name]
+            clock.answers_wanted += 1
+            assert f"not known: {stuck_one}" in await typed("stop", "--status")
+            clock.answers_wanted = 1 << 30
+            assert "have confirmed" in await typed("stop", "--robot", stage.master.profile.name), "it is not meant"
+            assert "STOP is over" in await typed("go", "--robot", stage.master.profile.name)
+            assert requests_at(stuck) == ["stop", "status"]
 
     with_socket(tmp_path, act)
+
+
+def requests_at(stuck: StopListener) -> list[str]:
+    """What is to be read at a master that has not read anything."""
+    found: list[str] = []
+    while True:
+        try:
+            connection, _ = stuck.socket.accept()
+        except BlockingIOError:
+            return found
+        with connection:
+            found.append(json.loads(connection.recv(4096))["do"])
 
 
 @needs_sockets
@@ -140,7 +141,7 @@ def test_go_tells_two_masters_of_one_name_apart(tmp_path: Path) -> None:
             said = await typed("go")
             assert "say with --robot or --db which one may go on: " in said
             for number in (own.serial_number, "TWIN"):
-                assert f"{own.name} (serial number {number}, {tmp_path}" in said
+                assert f"{own.name} {number}: msbot go --robot {number}" in said
             assert "have confirmed" in await typed("stop", "--robot", "TWIN")
             assert "STOP is over" in await typed("go", "--robot", "TWIN")
         finally:

@@ -6,16 +6,17 @@ import json
 
 import click
 
-from msbot.cli.change.stop_route import say_go
-from msbot.cli.options import robot_options
+from msbot.cli.change.stop_route import Meant, say_go
+from msbot.cli.options import robot_options, stop_group_option
 
 
 @click.command("go")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@stop_group_option
 @robot_options
-def command(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """End STOP: the parts may work again."""
-    answer = say_go(db, robot)
+def command(db: str | None, robot: str | None, *, as_json: bool, stop_group: str | None) -> None:
+    """End STOP at one robot: its parts may work again. Where several run, say which one."""
+    answer = say_go(Meant(db, robot, stop_group))
     if as_json:
         click.echo(json.dumps({"stopped": answer["stopped"], "stored": answer["stored"]}))
         return

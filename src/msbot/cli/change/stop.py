@@ -1,64 +1,153 @@
-"""`msbot stop`: all parts go to their safe states; shows which have obeyed and which have not."""
+"""`msbot stop`: all parts go to their safe states; shows at which robots, which have obeyed and which have not."""
 
 from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from datetime import datetime
 
 import click
 
-from msbot.cli.change.stop_route import say_stop, stop_status
-from msbot.cli.options import robot_options
+from msbot.cli.change.stop_route import (
+    Answer,
+    Meant,
+    Reached,
+    go_command,
+    robot_label,
+    say_stop,
+    silent_words,
+    stop_status,
+)
+from msbot.cli.options import robot_options, stop_group_option
 from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 
 PATIENCE_S = 2.0
 """How long the command waits for the parts to confirm."""
 LOOK_S = 0.02
+NO_WALLS = "HOME, XDG folders and working folders do not keep robots apart; STOP groups do (docs/howto/stop_groups.md)"
 
 
 @click.command("stop")
 @click.option("--reason", default="", help="Why, for the people who see it.")
 @click.option("--status", "only_status", is_flag=True, help="Only tell whether STOP holds.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@stop_group_option
 @robot_options
-def command(reason: str, db: str | None, robot: str | None, *, only_status: bool, as_json: bool) -> None:
-    """STOP: every part goes to its safe state at once, and stays there until `msbot go`."""
+def command(
+    reason: str, db: str | None, robot: str | None, *, only_status: bool, as_json: bool, stop_group: str | None
+) -> None:
+    """STOP: every part goes to its safe state at once, and stays there until `msbot go`. It never asks first.
+
+    Which robots: that of --robot or --db; those of a STOP group (--stop-group); else that of the robot.db here. If
+    there is none, EVERY robot of yours that runs on this computer, whatever HOME, XDG folders or working folder it was
+    started with: only STOP groups keep robots apart. From root: those of all users.
+    """
+    meant = Meant(db, robot, stop_group)
     if only_status:
-        _show_status(stop_status(db, robot), as_json=as_json)
+        _show_status(stop_status(meant), meant, as_json=as_json)
         return
-    said = say_stop(db, robot, reason)
-    status = said
+    said = say_stop(meant, reason)
+    reached = said
     until = time.monotonic() + PATIENCE_S
-    while status["not_confirmed"] and status["stopped"] and time.monotonic() < until:
+    while reached.waits and time.monotonic() < until:
         time.sleep(LOOK_S)
-        status = stop_status(db, robot)
-    status["unreached"] = said["unreached"]
+        reached = stop_status(meant)
     if as_json:
-        names = ["told", "confirmed", "silent", "stored", *(name for name in ("left_out",) if status.get(name))]
-        click.echo(json.dumps({name: status[name] for name in names}))
+        click.echo(json.dumps(_as_json(reached, said, meant)))
     else:
-        for line in _words(status):
+        for line in [*_header(reached.answers, meant), *_lines(reached.answers, meant)]:
             click.echo(line)
-    if status["unreached"]:
-        raise ConfigError(f"NOT delivered to {_others(status)}: cut the power of their robots")
+    if said.silent:
+        raise ConfigError(f"NOT delivered to {silent_words(said.silent)}; cut the power of their robots")
 
 
-def _show_status(status: dict[str, object], *, as_json: bool) -> None:
+def _as_json(reached: Reached, said: Reached, meant: Meant) -> dict[str, object]:
+    """What holds for all robots together, and for each."""
+    found = together(reached.answers)
+    names = ["told", "confirmed", "silent", "stored", *(name for name in ("left_out",) if found.get(name))]
+    of_one = ("robot", "serial_number", "database", "stop_group", "stopped", "told", "not_confirmed", "stored")
+    robots = [
+        {name: one.get(name) for name in of_one} | {"go": go_command(one, reached.answers, meant)}
+        for one in reached.answers
+    ]
+    return {name: found[name] for name in names} | {
+        "robots": robots, "not_reached": [str(one) for one in said.silent]
+    }  # fmt: skip
+
+
+def _show_status(reached: Reached, meant: Meant, *, as_json: bool) -> None:
+    status = together(reached.answers)
     if as_json:
         click.echo(json.dumps({name: status[name] for name in ("stopped", "by", "since")}))
         return
-    since = status["since"]
-    if not status["stopped"] or not isinstance(since, int | float):
+    stopped = [one for one in reached.answers if one["stopped"]]
+    if not stopped:
         click.echo("no STOP holds")
-        return
-    why = f": {status['reason']}" if status["reason"] else ""
-    click.echo(f"STOP since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}, said by {status['by']}{why}")
-    for line in _words(status):
-        click.echo(line)
-    if status["unreached"]:
-        click.echo(f"not known: {_others(status)}")
+    for one in stopped:
+        since, why = one["since"], f": {one['reason']}" if one["reason"] else ""
+        assert isinstance(since, int | float)
+        where = f" at {robot_label(one)}" if len(reached.answers) > 1 else ""
+        click.echo(f"STOP{where} since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}, said by {one['by']}{why}")
+        for line in _lines([one], meant, among=reached.answers):
+            click.echo(line)
+    if reached.silent:
+        click.echo(f"not known: {silent_words(reached.silent)}")
+
+
+def _header(answers: Sequence[Answer], meant: Meant) -> list[str]:
+    """Which robots were reached without being named."""
+    if not meant.is_all:
+        return []
+    whose = f"of the STOP group {meant.in_group}" if meant.in_group else "of yours"
+    count = len(answers)
+    which = f"the one robot {whose} that runs" if count == 1 else f"all {count} robots {whose} that run"
+    why = "" if meant.in_group else "; none was named, and there is no robot.db here"
+    return [f"STOP at {which} on this computer{why}"] + ([NO_WALLS] if count > 1 and not meant.in_group else [])
+
+
+def _lines(answers: Sequence[Answer], meant: Meant, among: Sequence[Answer] | None = None) -> list[str]:
+    """How it stands at each; where several are, or none was named, with the command that ends STOP there alone."""
+    lines: list[str] = []
+    among = answers if among is None else among
+    for one in answers:
+        first, *others = _words(one)
+        if not meant.is_all and len(among) == 1:
+            lines += [first, *others]
+            continue
+        way = f" (to end it there: {go_command(one, among, meant)})" if one["stopped"] else ""
+        lines += [f"{robot_label(one)}: {first}{way}", *(f"{robot_label(one)}: {line}" for line in others)]
+    return lines
+
+
+def together(answers: Sequence[Answer]) -> Answer:
+    """Combine the answers of several robots; parts then have their robot's name in front."""
+    if len(answers) == 1:
+        return answers[0]
+    first = next((answer for answer in answers if answer["stopped"]), answers[0])
+    return first | {
+        "told": sum(_whole(answer["told"]) for answer in answers),
+        "confirmed": [
+            one | {"part": f"{answer['robot']}/{one['part']}"} for answer in answers for one in _of(answer, "confirmed")
+        ],
+        "silent": [f"{answer['robot']}/{name}" for answer in answers for name in _of(answer, "silent")],
+        "not_confirmed": sum(_whole(answer["not_confirmed"]) for answer in answers),
+        "left_out": sum(_whole(answer.get("left_out", 0)) for answer in answers),
+        "stored": all(answer["stored"] for answer in answers),
+        "trouble": "; ".join(str(answer["trouble"]) for answer in answers if answer["trouble"]),
+    }
+
+
+def _of(answer: Answer, name: str) -> list[dict[str, object]]:
+    value = answer[name]
+    assert isinstance(value, list)
+    return value
+
+
+def _whole(value: object) -> int:
+    assert isinstance(value, int)
+    return value
 
 
 def _words(status: dict[str, object]) -> list[str]:
@@ -90,9 +179,3 @@ def _words(status: dict[str, object]) -> list[str]:
     elif not status["stored"]:
         lines.append("STOP is not stored yet: as long as it is not, it ends with this master")
     return lines
-
-
-def _others(status: dict[str, object]) -> str:
-    """Masters that may be meant, in words."""
-    count = status["unreached"]
-    return "a master that runs here and does not answer" if count == 1 else f"{count} masters that do not answer"

@@ -2,126 +2,170 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, user_name
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
-from msbot.runtime.stop_datagram import IS_THERE, ask_masters
+from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.stop_asking import SilentMaster, ask_masters, user_words
+from msbot.runtime.stop_names import own_group
+from msbot.runtime.stop_places import IS_THERE, own_user
 
 Answer = dict[str, object]
 
 
-def say_stop(db: str | None, robot: str | None, reason: str) -> Answer:
-    """Say STOP to the robot named; if none is named, to every running robot of this user on this computer.
+@dataclass(frozen=True, slots=True)
+class Meant:
+    """Which robots a command means."""
 
-    Returns:
-        The state of STOP; `unreached` counts masters that run here and do not answer.
+    db: str | None
+    """The database that was named; None: robot.db here, if there is one."""
+    robot: str | None
+    """The name or serial number that was given."""
+    group: str | None = None
+    """The STOP group that was given; then robot.db here does not matter."""
+
+    @property
+    def database(self) -> str | None:
+        """The database of the robots meant; None: any."""
+        if self.db is not None:
+            return database_identity(self.db)
+        beside = database_beside(DEFAULT_BLUEPRINT)
+        return database_identity(beside) if self.group is None and Path(beside).exists() else None
+
+    @property
+    def in_group(self) -> str:
+        """Only masters of this STOP group; empty: all."""
+        return own_group() if self.group is None else self.group
+
+    @property
+    def is_all(self) -> bool:
+        """Whether every robot of the user, or of the group, is meant: nobody has named one."""
+        return self.robot is None and self.database is None
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """Who has answered, and who runs and does not."""
+
+    answers: list[Answer]
+    silent: list[SilentMaster]
+
+    @property
+    def waits(self) -> bool:
+        """Whether STOP holds at a part that has not confirmed it."""
+        return any(answer["stopped"] and answer["not_confirmed"] for answer in self.answers)
+
+
+def say_stop(meant: Meant, reason: str) -> Reached:
+    """Say STOP to the robots meant; if none is named, to every running robot of this user on this computer.
 
     Raises:
         ConfigError: no master accepts it; the text says so plainly.
     """
-    answers, silent = _ask("stop", db, robot, reason)
-    if answers:
-        return _together(answers) | {"unreached": silent}
-    return _by_the_ordinary_way("stop", {"reason": reason}, db, robot, "NOT delivered")
+    reached = _ask("stop", meant, reason)
+    return reached if reached.answers else _by_the_ordinary_way("stop", {"reason": reason}, meant, "NOT delivered")
 
 
-def say_go(db: str | None, robot: str | None) -> Answer:
+def say_go(meant: Meant) -> Answer:
     """Say GO to the one robot that is meant.
 
     Raises:
         ConfigError: several could be meant, nobody said STOP, or no master accepts it.
     """
-    meant, _ = _ask("status", db, robot)
-    if len(meant) > 1:
-        from msbot.cli.change.robot_access import robot_words  # as below
-
-        names = ", ".join(robot_words(one) for one in meant)
-        raise ConfigError(f"{len(meant)} masters run here: say with --robot or --db which one may go on: {names}")
-    if not meant:
-        return _by_the_ordinary_way("go", {}, db, robot, "NOT delivered")
-    (one,) = meant  # to this one alone: another master may stand still, and would find it later
+    found = _ask("status", meant).answers
+    if len(found) > 1:
+        ways = "; ".join(f"{robot_label(one)}: {go_command(one, found, meant)}" for one in found)
+        raise ConfigError(f"{len(found)} masters run here: say with --robot or --db which one may go on: {ways}")
+    if not found:
+        return _by_the_ordinary_way("go", {}, meant, "NOT delivered").answers[0]
+    (one,) = found  # to this one alone: another master may stand still, and would find it later
     # By its serial number, too: robots of one name may share a database.
-    answers, _ = _ask("go", str(one["database"]), str(one["robot"]), serial_number=one.get("serial_number"))
+    only = Meant(str(one["database"]), str(one["robot"]), str(one.get("stop_group") or ""))
+    answers = _ask("go", only, serial_number=one.get("serial_number")).answers
     if not answers:
         raise ConfigError("NOT delivered: the master has ended meanwhile")
     return answers[0]
 
 
-def stop_status(db: str | None, robot: str | None) -> Answer:
-    """The state of STOP; `unreached` as for `say_stop`.
+def stop_status(meant: Meant) -> Reached:
+    """The state of STOP at the robots meant.
 
     Raises:
         ConfigError: no master answers.
     """
-    answers, silent = _ask("status", db, robot)
-    if answers:
-        return _together(answers) | {"unreached": silent}
-    return _by_the_ordinary_way("stop_report", {}, db, robot, "whether STOP holds is not known")
+    reached = _ask("status", meant)
+    if reached.answers:
+        return reached
+    return _by_the_ordinary_way("stop_report", {}, meant, "whether STOP holds is not known")
 
 
-def _ask(
-    do: str, db: str | None, robot: str | None, reason: str = "", *, serial_number: object = None
-) -> tuple[list[Answer], int]:
-    """The answers of the masters that are meant (of that robot and database; else of the robot.db here; else all), and
-    how many run here without an answer; 0 if the robot was named, as they are then of others.
+def robot_label(answer: Mapping[str, object]) -> str:
+    """A robot as people know it: name, serial number, and whose it is if it is somebody else's."""
+    user = answer.get("user")
+    owner = f" of {user_words(user)}" if isinstance(user, int) and user != own_user() else ""
+    return f"{answer.get('robot')} {answer.get('serial_number') or ''}".strip() + owner
+
+
+def go_command(one: Answer, among: Sequence[Answer], meant: Meant) -> str:
+    """The command by which that robot alone goes on."""
+
+    def only(word: object) -> bool:
+        return sum(word in (other.get("robot"), other.get("serial_number")) for other in among) == 1
+
+    words = ["msbot", "go"]
+    name, serial = one.get("robot"), one.get("serial_number")
+    words += ["--robot", str(name if only(name) or not serial else serial)]
+    is_beside = meant.group is not None and Path(database_beside(DEFAULT_BLUEPRINT)).exists()
+    if not only(words[-1]) or meant.db is not None or is_beside:
+        words += ["--db", str(one.get("database"))]
+    words += [] if meant.group is None else ["--stop-group", meant.group]
+    return shlex.join(words)
+
+
+def silent_words(silent: Sequence[SilentMaster]) -> str:
+    """Masters that run and do not answer, by name."""
+    return f"{', '.join(map(str, silent))}: {'it runs and does' if len(silent) == 1 else 'they run and do'} not answer"
+
+
+def _ask(do: str, meant: Meant, reason: str = "", *, serial_number: object = None) -> Reached:
+    """The answers of the masters that are meant, and which may be meant and run here without an answer.
 
     Raises:
         ConfigError: none answers although some are running, or a master reports an error.
     """
     if not IS_THERE:
-        return [], 0
-    if db is None and Path(beside := database_beside(DEFAULT_BLUEPRINT)).exists():
-        db = beside
-    database = None if db is None else database_identity(db)
-    request = {"do": do, "who": user_name(), "reason": reason, "robot": robot, "database": database,
-               "serial_number": serial_number}  # fmt: skip
-    answers, silent = ask_masters(request)
+        return Reached([], [])
+    request = {
+        "do": do,
+        "who": user_name(),
+        "reason": reason,
+        "robot": meant.robot,
+        "database": meant.database,
+        "serial_number": serial_number,
+    }
+    answers, silent = ask_masters(request, group=meant.in_group)
     if not answers and silent:
-        raise ConfigError("NOT delivered: a master runs here and does not answer; cut the power of the robot")
+        raise ConfigError(f"NOT delivered to {silent_words(silent)}; cut the power of the robot")
     for answer in answers:
         if "error" in answer:
             raise ConfigError(str(answer["error"]))
-    return answers, 0 if robot is not None else silent
+    return Reached(sorted(answers, key=lambda one: (str(one.get("robot")), str(one.get("serial_number")))), silent)
 
 
-def _by_the_ordinary_way(
-    do: str, args: dict[str, object], db: str | None, robot: str | None, without_master: str
-) -> Answer:
+def _by_the_ordinary_way(do: str, args: dict[str, object], meant: Meant, without_master: str) -> Reached:
     # Imported late, so that STOP itself loads nothing slow.
     from msbot.cli.change.robot_access import perform, running_master
 
-    if running_master(db, robot) is None:  # the database could do nothing here, and a starting master may hold it
+    db, robot, group = meant.db, meant.robot, meant.in_group
+    master = running_master(db, robot)
+    if master is None:  # the database could do nothing here, and a starting master may hold it
         raise ConfigError(f"{without_master}: no master of this robot runs here; if one is just starting, say it again")
+    if group and master.details.get("stop_group", "") != group:
+        raise ConfigError(f"{without_master}: no master of the STOP group {group} runs here")
     answer = perform(db, robot, do, args)
-    return (answer if do == "stop_report" else perform(db, robot, "stop_report", {})) | {"unreached": 0}
-
-
-def _together(answers: list[Answer]) -> Answer:
-    """Combine the answers of several robots; parts then have their robot's name in front."""
-    if len(answers) == 1:
-        return answers[0]
-    first = next((answer for answer in answers if answer["stopped"]), answers[0])
-    return first | {
-        "told": sum(_whole(answer["told"]) for answer in answers),
-        "confirmed": [
-            one | {"part": f"{answer['robot']}/{one['part']}"} for answer in answers for one in _of(answer, "confirmed")
-        ],
-        "silent": [f"{answer['robot']}/{name}" for answer in answers for name in _of(answer, "silent")],
-        "not_confirmed": sum(_whole(answer["not_confirmed"]) for answer in answers),
-        "left_out": sum(_whole(answer.get("left_out", 0)) for answer in answers),
-        "stored": all(answer["stored"] for answer in answers),
-        "trouble": "; ".join(str(answer["trouble"]) for answer in answers if answer["trouble"]),
-    }
-
-
-def _of(answer: Answer, name: str) -> list[dict[str, object]]:
-    value = answer[name]
-    assert isinstance(value, list)
-    return value
-
-
-def _whole(value: object) -> int:
-    assert isinstance(value, int)
-    return value
+    report = answer if do == "stop_report" else perform(db, robot, "stop_report", {})
+    return Reached([{**master.details, **report}], [])

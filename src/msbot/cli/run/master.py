@@ -19,6 +19,7 @@ from msbot.cli.change.robot_access import details_of
 from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     DEFAULT_LINK,
+    StopGroupType,
     database_beside,
     db_option,
     lessons_option,
@@ -53,6 +54,7 @@ from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
+from msbot.runtime.stop_names import own_group
 from msbot.space import SharedSpace, SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
 
@@ -76,6 +78,8 @@ class _Beside:
     """The robot that this one is a part of."""
     announce: str
     """The class for which it is announced in the network; empty: it is not."""
+    stop_group: str
+    """Its STOP group; empty: none."""
 
 
 @click.command("master")
@@ -95,12 +99,14 @@ class _Beside:
 @click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
 @click.option("--announce", metavar="CLASS", help="Say in the network that this robot is there, for `msbot class "
               "find`; needs a page that others can reach: --host.")  # fmt: skip
+@click.option("--stop-group", type=StopGroupType(), metavar="NAME", help="The STOP group that the robot is in: a STOP "
+              "for that group reaches it, one for another does not; $MSBOT_STOP_GROUP unless given.")  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
     rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None, announce: str | None,
-    lessons: tuple[Path, ...], metrics_port: int | None, log_wishes: LogWishes,
+    lessons: tuple[Path, ...], metrics_port: int | None, log_wishes: LogWishes, stop_group: str | None,
     verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
@@ -127,7 +133,8 @@ def command(
     announced_for = "" if announce is None else class_to_announce(announce, page)
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger, announced_for)
+        group = own_group() if stop_group is None else stop_group
+        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger, announced_for, group)
         while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
@@ -276,12 +283,20 @@ async def _main(  # noqa: PLR0917
             master.agent,
             what=MASTER,
             name=f"{profile.name} {profile.version}",
-            details=lambda: details_of(
-                master, db, mark=operations.blueprint_mark, page=page_address(), trouble=registry.storage.health.trouble
+            details=lambda: (
+                details_of(
+                    master, db, mark=operations.blueprint_mark, page=page_address(),
+                    trouble=registry.storage.health.trouble,
+                )
+                | {"stop_group": wishes.stop_group}
             ),
             control=partial(perform, operations),
         )
-        stop = StopSocket(master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=page_address()))
+        stop = StopSocket(
+            master,
+            lambda: details_of(master, db, mark=operations.blueprint_mark, page=page_address()),
+            lambda: wishes.stop_group,
+        )
         await run_until_signal(
             _serve(master, lease),
             beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],

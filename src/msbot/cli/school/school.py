@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.stop import LOOK_S, PATIENCE_S
+from msbot.cli.change.stop_route import silent_words
 from msbot.cli.options import (
     DEFAULT_BLUEPRINT,
     database_beside,
@@ -24,7 +25,8 @@ from msbot.cli.school.joining import join, leave
 from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 from msbot.runtime.own_version import own_version
-from msbot.runtime.stop_datagram import IS_THERE, ask_masters
+from msbot.runtime.stop_asking import SilentMaster, ask_masters
+from msbot.runtime.stop_places import IS_THERE
 from msbot.school.access import AccessBook, FarAccess
 from msbot.school.class_robots import ClassRobot, class_robots
 from msbot.school.far_masters import STOP_S, Answer, Asking, FarTrouble, say_stop
@@ -156,7 +158,7 @@ def stop(reason: str, db: str | None, *, as_json: bool) -> None:
     ]
     if not IS_THERE:
         trouble = "this system has no socket for STOP: say `msbot stop --robot NAME` for each robot that runs here"
-    problems = [f"NOT delivered to {_silent_words(silent)}: cut their power"] if silent else []
+    problems = [f"NOT delivered to {silent_words(silent)}; cut their power"] if silent else []
     problems += [f"NOT stopped: {', '.join(not_stopped)}: cut their power"] if not_stopped else []
     if elsewhere:
         problems.append(
@@ -177,10 +179,10 @@ def _stored_robots(db: str | None) -> list[ClassRobot]:
     return class_robots(stored, (), path=path)
 
 
-def _stop_here(reason: str) -> tuple[list[Answer], int]:
-    """STOP to all masters of this computer: their answers, and how many do not answer."""
+def _stop_here(reason: str) -> tuple[list[Answer], list[SilentMaster]]:
+    """STOP to all masters of this computer: their answers, and which do not answer."""
     if not IS_THERE:
-        return [], 0
+        return [], []
     answers, silent = ask_masters({"do": "stop", "who": user_name(), "reason": reason})
     until = time.monotonic() + PATIENCE_S
     while any(answer.get("not_confirmed") for answer in answers) and time.monotonic() < until:
@@ -204,12 +206,6 @@ def _stop_lines(accesses: list[FarAccess], far: Asking[Answer]) -> list[Answer]:
         else:
             lines.append(known | {"page": access.address} | answer)
     return lines
-
-
-def _silent_words(count: int) -> str:
-    if count == 1:
-        return "a master that runs here and does not answer"
-    return f"{count} masters that run here and do not answer"
 
 
 def stop_line(answer: dict[str, object]) -> str:
