@@ -285,7 +285,10 @@ async def _main(  # noqa: PLR0917
             name=f"{profile.name} {profile.version}",
             details=lambda: (
                 details_of(
-                    master, db, mark=operations.blueprint_mark, page=page_address(),
+                    master,
+                    db,
+                    mark=operations.blueprint_mark,
+                    page=page_address(),
                     trouble=registry.storage.health.trouble,
                 )
                 | {"stop_group": wishes.stop_group}
