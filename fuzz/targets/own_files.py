@@ -66,7 +66,7 @@ def _sessions(octets: bytes) -> Iterable[str]:
     accounts = _accounts()
     path = file_of(octets, ".json", folder="sessions")
     SessionFile(accounts, path).bring_back()
-    for session in accounts.sessions.kept():
+    for session in accounts.sessions.kept(accounts.mark_of):
         _writable(session.name)
         yield f"{session.name in ('ada', 'bob')} {bool(session.guest_of)}"
 

@@ -115,11 +115,13 @@ class Operations:
             )
         asker = user_of_computer(who) if isinstance(who, str) else who
         asker.require(row.right)
-        given = read_arguments(row, arguments)
+        given, about = read_arguments(row, arguments), {}
         if row.right_for_others is not None and not asker.may(row.right_for_others):
-            await self.undoing.check_own(asker, row.right_for_others, given)
+            own = await self.undoing.check_own(asker, row.right_for_others, given)
+            given["edit"] = own.id  # what was checked, and not what somebody changes meanwhile
+            about["slot"] = own.slot
         for check in self._checks:
-            check(asker, row, given)
+            check(asker, row, about | given)
         method = self._methods.get(operation)
         if method is None:
             raise ConfigError(

@@ -49,6 +49,16 @@ class ClassControl:
         if running.registry is not None and running.robot is not None:
             self._pupils.use_groups(running.registry.runs.store(running.robot).groups)
 
+    def forget(self, pupil: str) -> None:
+        """A person is removed: whoever has that name later is in no group, and nobody holds them."""
+        self._hands.pop(pupil, None)
+        self._drivers.discard(pupil)
+        self._pupils.taken.pop(pupil, None)
+        if self._pupils.group_of(pupil):
+            groups = (replace(one, pupils=tuple(name for name in one.pupils if name != pupil)) for one in self.groups)
+            self._pupils.use_groups([one for one in groups if one.pupils or one.slots])
+        self._follow()
+
     def use_people(self, people: Callable[[], Iterable[str]]) -> None:
         """Say who can sign in besides those who are here."""
         self._people = people

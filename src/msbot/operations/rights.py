@@ -87,6 +87,8 @@ class Asker(NamedTuple):
     """Raises when the person does not have that right at this moment."""
     may: Callable[[Right], bool]
     """Whether the person has that right."""
+    since_ns: int = 0
+    """When the person's account was made, on the wall clock: what somebody of that name did before is not theirs."""
 
 
 def user_of_computer(name: str) -> Asker:

@@ -44,8 +44,8 @@ class StoredUndoing:
         """Undo a change: the newest that is not undone, if none is given."""
         return outcome_of(await self._robot.change(who, partial(undo, number=edit)))
 
-    async def check_own(self, asker: Asker, right: Right, arguments: Mapping[str, object]) -> None:
-        """Let a person without that right undo only their own settings.
+    async def check_own(self, asker: Asker, right: Right, arguments: Mapping[str, object]) -> EditRecord:
+        """Let a person without that right undo only their own settings; returns what would be undone.
 
         Raises:
             ConfigError: there is no such change; or what `asker.require` raises.
@@ -54,8 +54,9 @@ class StoredUndoing:
         found = next((one for one in await self.read(200) if one.can_be_undone and number in (None, one.id)), None)
         if found is None:
             raise ConfigError(said("there is no such change that could be undone"))
-        if found.who != asker.name or found.kind != "value":
+        if found.who != asker.name or found.kind != "value" or found.at_ns < asker.since_ns:
             asker.require(right)
+        return found
 
 
 class Undoing(StoredUndoing):

@@ -117,6 +117,8 @@ class PupilDesk:
         self.passes = passes
         """Tickets of pupils and of classes."""
         self._control.use_people(self.pupils)
+        accounts.on_gone(self._control.forget)
+        accounts.on_gone(passes.class_tickets.forget_those_of)
 
     def pupils(self) -> list[str]:
         """Who can sign in as a pupil, by name."""

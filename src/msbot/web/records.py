@@ -319,4 +319,4 @@ def journal_line(entry: JournalEntry) -> JournalLine:
 
 
 def _user(record: UserRecord) -> User:
-    return User(record.name, role_named(record.role), record.password_hash, record.tokens)
+    return User(record.name, role_named(record.role), record.password_hash, record.tokens, record.created_ns)

@@ -204,7 +204,9 @@ class Service:
 
     def asker(self, session: Session) -> Asker:
         """Who asks for an operation: `operations.do` checks the right at that moment."""
-        return Asker(session.name, partial(self.accounts.require, session), session.may)
+        return Asker(
+            session.name, partial(self.accounts.require, session), session.may, self.accounts.since_ns(session)
+        )
 
     # Doing: students
 
@@ -226,7 +228,8 @@ class Service:
 
     def may_undo(self, session: Session, edit: EditLine) -> bool:
         """Whether to offer undo: students undo only their own settings."""
-        is_own = edit.who == session.name and not session.guest_of and edit.kind == "value" and session.may(Right.SET)
+        is_theirs = edit.who == session.name and edit.at_ms * 1_000_000 >= self.accounts.since_ns(session)
+        is_own = is_theirs and not session.guest_of and edit.kind == "value" and session.may(Right.SET)
         return edit.undoable and (is_own or session.may(Right.ARRANGE))
 
     # Doing: teachers

@@ -150,7 +150,9 @@ def test_a_guest_gets_neither_token_nor_password_nor_a_shelf(tmp_path: Path) -> 
 def test_a_guest_of_a_lesson_outlives_the_master_but_not_the_lesson(lesson: Lesson, tmp_path: Path) -> None:
     guest, _ = lesson.accounts.guests.admit(lesson.word(lesson.teacher))
     accounts = Accounts(lesson.users, clock=lesson.clock, hasher=PlainHasher())
-    accounts.sessions.bring_back(lesson.accounts.sessions.kept(), 5.0, accounts.role_of)
+    accounts.sessions.bring_back(
+        lesson.accounts.sessions.kept(accounts.mark_of), 5.0, accounts.role_of, accounts.mark_of
+    )
     back = accounts.session(guest.token)
     assert back is not None
     assert (back.guest_of, back.role, back.may(Right.JOIN)) == ("tom", Role.VIEWER, True)

@@ -11,6 +11,7 @@ from msbot.registry.database.tables import keys, users
 from msbot.registry.lesson_ticks import remove_ticks_of
 from msbot.registry.programs import remove_programs_of
 from msbot.registry.records import KeyRecord, UserRecord, uid_text
+from msbot.registry.reserved_names import check_reserved
 from msbot.runtime.sentence import said
 
 ROLES = ("viewer", "student", "teacher", "administrator")
@@ -47,6 +48,8 @@ def keep_user(
     if not name.strip() or not name.isprintable():
         raise ConfigError(said("{name!r} is not a name for a user: use letters", name=name))
     before = find_user(connection, name)
+    if before is None:
+        check_reserved(name)
     if before is not None and before.role == ROLES[-1] != role:
         _keep_an_administrator(connection, name)
     values = {

@@ -10,11 +10,13 @@ import asyncio
 import contextlib
 import hmac
 import secrets
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from msbot.errors import ConfigError, MsbotError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
+from msbot.registry.reserved_names import check_reserved
 from msbot.runtime.sentence import said
 from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
@@ -30,6 +32,8 @@ LINK_OCTETS = 16
 """Random octets of the word of a link: nobody guesses it, and the line with the link fits a terminal of 80 columns."""
 
 _BUSY_S = 10.0
+_CLOCKS_NS = 60 * 10**9
+"""An account that was made here is stored a moment later, by the clock of the database's computer."""
 _NOBODYS_PASSWORD = "no user has this password"
 
 
@@ -68,6 +72,7 @@ class Accounts:
         self._entry_token = ""
         self.ticket_key = secrets.token_bytes(32)
         """For the proofs on pupils' tickets; kept over restarts with the sessions."""
+        self._gone_listeners: list[Callable[[str], object]] = []
         self._changing = asyncio.Lock()
         """Held from reading a user until the change is stored, so that no other change comes in between."""
         self.load(store.users())
@@ -80,13 +85,21 @@ class Accounts:
         if not self._changing.locked():
             self._take(users)
 
+    def on_gone(self, listener: Callable[[str], object]) -> None:
+        """Call the listener with the name of everybody who is removed; whoever has that name later is another."""
+        self._gone_listeners.append(listener)
+
     def _take(self, users: Iterable[User]) -> None:
         before, self._users = self._users, {user.name: user for user in users}
         self._token_users = {digest: user.name for user in self._users.values() for _, digest in user.tokens}
         for name, old in before.items():
             new = self._users.get(name)
-            if new is None or new.password_hash != old.password_hash:
-                self._end_all_of(name, Ending.REMOVED if new is None else Ending.NEW_PASSWORD)
+            is_another = new is not None and 0 < old.since_ns < new.since_ns - _CLOCKS_NS
+            if new is None or is_another:
+                for listener in self._gone_listeners:
+                    listener(name)
+            if new is None or is_another or new.password_hash != old.password_hash:
+                self._end_all_of(name, Ending.REMOVED if new is None or is_another else Ending.NEW_PASSWORD)
             elif new.role is not old.role:
                 self.sessions.change_role(name, new.role)
 
@@ -209,6 +222,11 @@ class Accounts:
                 if present is not None and present.password_hash == user.password_hash:
                     await self._keep(user.name, replace(present, password_hash=hashed))
 
+    def mark_of(self, name: str) -> str:
+        """Tells the account of that name from every other, also a later one; empty: there is none."""
+        user = self._users.get(name)
+        return "" if user is None else user.mark
+
     def role_of(self, name: str) -> Role | None:
         """The role of a user, or None when there is no such user."""
         user = self._users.get(name)
@@ -266,6 +284,11 @@ class Accounts:
                 )
             )
 
+    def since_ns(self, session: Session) -> int:
+        """When the account behind a session was made; 0: no account is."""
+        user = None if session.is_lasting or session.guest_of else self._users.get(session.name)
+        return 0 if user is None else user.since_ns
+
     # Administration
 
     def users(self) -> list[User]:
@@ -283,7 +306,7 @@ class Accounts:
         hashed = await self._hasher.hash(password, asker=who)
         async with self._changing:
             self._check_name(name)  # somebody else may have taken it in the meantime
-            await self._keep(who, User(name, role, hashed))
+            await self._keep(who, User(name, role, hashed, since_ns=time.time_ns()))
 
     async def add_people(self, people: Iterable[Newcomer], *, who: str) -> None:
         """Let a whole class sign in: all of them or none.
@@ -297,7 +320,10 @@ class Accounts:
                 self._check_name(one.name)
             except ConfigError as error:
                 raise ConfigError(said("line {line}: {error}", line=one.line, error=str(error))) from None
-        users = [User(one.name, one.role, await self._hasher.hash(one.password, asker=who)) for one in newcomers]
+        users = [
+            User(one.name, one.role, await self._hasher.hash(one.password, asker=who), since_ns=time.time_ns())
+            for one in newcomers
+        ]
         async with self._changing:
             for user in users:
                 self._check_name(user.name)
@@ -401,6 +427,7 @@ class Accounts:
         if not name or len(name) > MAX_NAME or name != name.strip() or not name.isprintable():
             raise ConfigError(said("a user's name has 1 to {max_name} printable characters, without blanks around it",
                                    max_name=MAX_NAME))  # fmt: skip
+        check_reserved(name)
         if name in self._users:
             raise ConfigError(said("there is a user {name!r} already: choose another name", name=name))
 

@@ -58,7 +58,7 @@ class Guests:
     def may_invite(self, maker: str) -> bool:
         """Whether that person may run parts now, and so may their guests."""
         role = self._accounts.role_of(maker)
-        is_demo = maker == DEMO and self._accounts.has_entry_link
+        is_demo = maker == DEMO and role is None and self._accounts.has_entry_link
         return is_demo or (role is not None and role >= Right.OPERATE.least)
 
     def pupil_behind(self, session: Session) -> str:

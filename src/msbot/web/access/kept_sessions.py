@@ -65,7 +65,7 @@ class SessionFile:
         if away_s < LONGEST_S and len(ticket_key) == 32:
             self._accounts.ticket_key = ticket_key
             self._accounts.browsers.bring_back(one for one in browsers if self._accounts.role_of(one[1]) is not None)
-            self._accounts.sessions.bring_back(kept, away_s, self._accounts.role_of)
+            self._accounts.sessions.bring_back(kept, away_s, self._accounts.role_of, self._accounts.mark_of)
 
     async def tidy_up(self) -> None:
         """Remove what robots have left that nobody can use any more; to be called at the start, after `bring_back`."""
@@ -73,7 +73,7 @@ class SessionFile:
 
     async def keep(self) -> None:
         """Write what has changed since the last time."""
-        kept = self._accounts.sessions.kept()
+        kept = self._accounts.sessions.kept(self._accounts.mark_of)
         browsers = self._accounts.browsers.kept()
         mark = json.dumps([browsers, sorted((one.key, round(one.idle_s - time.monotonic(), -2)) for one in kept)])
         if mark == self._written:
@@ -105,7 +105,7 @@ class SessionFile:
 def _kept(one: dict[str, Any]) -> KeptSession:
     return KeptSession(
         str(one["key"]), str(one["name"]), str(one["csrf"]), float(one["age_s"]), float(one["idle_s"]),
-        str(one["guest_of"]),
+        str(one["guest_of"]), str(one["mark"]),
     )  # fmt: skip
 
 

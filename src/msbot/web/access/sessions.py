@@ -72,6 +72,11 @@ class Session:
     """Who made the ticket by which a guest came in; empty for people who have signed in."""
 
     @property
+    def owner(self) -> str:
+        """Whose programs are kept under: no account's where no account is behind it."""
+        return f"({self.name})" if self.is_lasting or self.guest_of else self.name
+
+    @property
     def is_program(self) -> bool:
         """Whether a program with an API token is behind it, and no browser."""
         return not self.key
@@ -95,6 +100,8 @@ class KeptSession:
     age_s: float
     idle_s: float
     guest_of: str = ""
+    mark: str = ""
+    """Of the account behind it (`User.mark`): an account of the same name that was made since is another."""
 
 
 class Sessions:
@@ -189,28 +196,43 @@ class Sessions:
         """The sessions of a user."""
         return [one for one in self._by_key.values() if one.is_of(name)]
 
-    def kept(self) -> list[KeptSession]:
-        """The sessions that should outlive the master."""
+    def kept(self, mark_of: Callable[[str], str]) -> list[KeptSession]:
+        """The sessions that should outlive the master; `mark_of`: the mark of the account of a name."""
         now = self._clock()
         return [
-            KeptSession(one.key, one.name, one.csrf, now - one.began_at, now - one.used_at, one.guest_of)
+            KeptSession(
+                one.key,
+                one.name,
+                one.csrf,
+                now - one.began_at,
+                now - one.used_at,
+                one.guest_of,
+                mark_of(one.guest_of or one.name),
+            )
             for one in self._by_key.values()
             if not one.is_lasting
         ]
 
-    def bring_back(self, kept: Iterable[KeptSession], away_s: float, role_of: Callable[[str], Role | None]) -> None:
+    def bring_back(
+        self, kept: Iterable[KeptSession], away_s: float, role_of: Callable[[str], Role | None],
+        mark_of: Callable[[str], str],
+    ) -> None:  # fmt: skip
         """Restore sessions of an earlier run.
 
         Args:
             kept: what `kept` gave.
             away_s: seconds since then.
             role_of: the role of a user; None: there is no such user any more.
+            mark_of: the mark of the account of a name, as `kept` had it.
         """
         now = self._clock()
         for one in kept:
             role = role_of(one.guest_of or one.name)
             if role is None:
                 self._note_end(one, Ending.REMOVED)
+            elif one.mark != mark_of(one.guest_of or one.name):
+                self._note_end(one, Ending.NEW_PASSWORD)
+                continue
             if role is None or len(self._by_key) >= MOST_SESSIONS:
                 continue
             session = Session(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -18,6 +19,13 @@ class User:
     password_hash: str
     tokens: tuple[tuple[str, str], ...] = ()
     """API tokens: (what it is for, SHA-256 in hexadecimal digits)."""
+    since_ns: int = 0
+    """When the account was made, on the wall clock: another account of the same name is another person."""
+
+    @property
+    def mark(self) -> str:
+        """Tells this account with this password from every other, also from a later one of the same name."""
+        return hashlib.sha256(f"{self.name}\0{self.password_hash}".encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class UserStore(Protocol):

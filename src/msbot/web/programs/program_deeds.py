@@ -33,7 +33,7 @@ class ProgramDeeds:
     async def mine(self, session: Session) -> Sequence[ProgramRecord]:
         """The person's programs, the one changed last first."""
         self._accounts.require(session, Right.OPERATE)
-        return await self._shelf.of(session.name)
+        return await self._shelf.of(session.owner)
 
     async def source(self, session: Session, name: str, number: int | None = None) -> ProgramSource:
         """A program of the person, or an earlier version of it; an example that the person has not changed.
@@ -45,7 +45,7 @@ class ProgramDeeds:
             return ProgramSource(examples()[name])
         self._accounts.require(session, Right.OPERATE)
         try:
-            return await self._shelf.source(session.name, name, number)
+            return await self._shelf.source(session.owner, name, number)
         except NotThere:
             if number is None and name in examples():
                 return ProgramSource(examples()[name])
@@ -54,25 +54,25 @@ class ProgramDeeds:
     async def versions(self, session: Session, name: str) -> Sequence[ProgramVersion]:
         """The stored versions of a program, the newest first."""
         self._accounts.require(session, Right.OPERATE)
-        return await self._shelf.versions(session.name, name)
+        return await self._shelf.versions(session.owner, name)
 
     async def keep(self, session: Session, name: str, source: ProgramSource) -> int:
         """Keep a program; returns its version."""
         self._accounts.require(session, Right.OPERATE)
         self._check_writing(session)
         check_program(name, source)
-        return await self._shelf.keep(session.name, name, source)
+        return await self._shelf.keep(session.owner, name, source)
 
     async def remove(self, session: Session, name: str) -> None:
         """Forget a program with all its versions."""
         self._accounts.require(session, Right.OPERATE)
         self._check_writing(session)
-        await self._shelf.remove(session.name, name)
+        await self._shelf.remove(session.owner, name)
 
     async def share(self, session: Session, name: str) -> str:
         """The word by which every signed-in person may read a program."""
         self._accounts.require(session, Right.OPERATE)
-        return await self._shelf.share(session.name, name)
+        return await self._shelf.share(session.owner, name)
 
     async def shared(self, session: Session, word: str) -> tuple[str, str, ProgramSource]:
         """Owner, name and source of a program that somebody shares."""
@@ -82,7 +82,7 @@ class ProgramDeeds:
     async def invite(self, session: Session, name: str, guests: int) -> tuple[str, Ticket]:
         """Make a ticket by which so many devices run a program without an account; returns the path of its link."""
         self._accounts.require(session, Right.OPERATE)
-        kept = {program.name for program in await self._shelf.of(session.name)}
+        kept = {program.name for program in await self._shelf.of(session.owner)}
         is_example = name in examples() and name not in kept
         path = f"/program?name={name}" if is_example else f"/program?shared={await self.share(session, name)}"
         word, ticket = self._accounts.guests.invite(session, path, guests)
