@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from itertools import chain, islice
 
 from msbot.agent.client_table import ServedLink
 from msbot.agent.gate import Gate
 from msbot.agent.relays import Relays
 from msbot.link import ChoosyLink, Peer
+
+MOST_PLACES = 1024
+"""Places of parts that are remembered, also when their connections have broken."""
 
 
 def put_known_peers_first(port: ServedLink, gate: Gate, relays: Relays) -> None:
@@ -30,6 +33,7 @@ class PeersOfAgent:
         self._port = port
         self._gate = gate
         self._relays = relays
+        self._places: dict[Hashable, None] = {}
 
     @property
     def strangers(self) -> int:
@@ -39,6 +43,22 @@ class PeersOfAgent:
     def knows(self, peer: Peer) -> bool:
         """See `KnownPeers`; a client with its key in every header that shares its address counts by that address."""
         return peer in self._port.clients or peer in self._port.keyed or self._relays.has(self._port.link, peer)
+
+    def has_a_part(self, origin: Hashable) -> bool:
+        """See `KnownPeers`."""
+        if origin not in self._places:
+            link = self._port.link
+            for proxy, peer in self._port.members.items():
+                if link.origin(peer) == origin and self._gate.is_settled(proxy.info):
+                    self._remember(origin)
+                    return True
+            return False
+        return True
+
+    def _remember(self, origin: Hashable) -> None:
+        if len(self._places) >= MOST_PLACES:
+            del self._places[next(iter(self._places))]
+        self._places[origin] = None
 
     def first(self, most: int) -> Iterable[Peer]:
         """See `KnownPeers`: relays, then clients with a place, then those that came last."""

@@ -85,6 +85,9 @@ class KnownPeers(Protocol):
     def knows(self, peer: Peer) -> bool:
         """Whether that peer has a session."""
 
+    def has_a_part(self, origin: Hashable) -> bool:
+        """Whether a peer with a place in the robot is, or was lately, at that origin (`Link.origin`)."""
+
     def first(self, most: int) -> Iterable[Peer]:
         """The peers whose packets go before those of strangers, at most so many: those with a place in the robot
         first."""

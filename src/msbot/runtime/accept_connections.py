@@ -15,6 +15,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from msbot.runtime.connection_pace import ConnectionPace
 from msbot.runtime.tally import Tally
 
 if TYPE_CHECKING:
@@ -25,11 +26,14 @@ _log = logging.getLogger(__name__)
 PAUSE_S = 0.5
 """Pause after the system had no descriptor or memory for another connection."""
 
-PER_TURN = 64
-"""Connections accepted before the rest of the loop gets its turn."""
+PER_TURN = 8
+"""Connections that begin before the rest of the loop gets its turn: a negotiation of TLS takes a millisecond or two."""
+LOOKED_AT = 64
+"""Connections that are accepted in a turn, those included that are closed at once."""
 
 EXHAUSTED = "connection waits: the system has no more file descriptors"
 BROKEN = "connection broke before it was accepted"
+TOO_FAST = "connection closed: strangers make too many in a second"
 
 _NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
@@ -37,18 +41,23 @@ _NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 class Acceptor:
     """Hands over every connection made to a listening socket."""
 
-    def __init__(self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally) -> None:
+    def __init__(
+        self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally,
+        *, pace: ConnectionPace | None = None,
+    ) -> None:  # fmt: skip
         """Begin at once, in the running loop.
 
         Args:
             listening: the socket; the caller closes it, after `stop`.
             take: gets each connection as a non-blocking socket.
             dropped: where failures are counted.
+            pace: which connections are taken at all; None: all.
         """
         listening.setblocking(False)
         self._listening = listening
         self._take = take
         self._dropped = dropped
+        self._pace_of_strangers = pace
         self._loop = asyncio.get_running_loop()
         self._pause: asyncio.TimerHandle | None = None
         self._listen()
@@ -65,9 +74,10 @@ class Acceptor:
         self._loop.add_reader(self._listening, self._accept)
 
     def _accept(self) -> None:
-        for _ in range(PER_TURN):
+        taken = 0
+        for _ in range(LOOKED_AT):
             try:
-                connection, _ = self._listening.accept()
+                connection, address = self._listening.accept()
             except BlockingIOError:
                 return
             except OSError as error:
@@ -80,9 +90,25 @@ class Acceptor:
                     return
                 self._dropped.count(BROKEN)
                 continue
+            if not self._is_taken(address):
+                connection.close()
+                continue
             connection.setblocking(False)
             _send_at_once(connection)
             self._take(connection)
+            taken += 1
+            if taken == PER_TURN:
+                return
+
+    def _is_taken(self, address: object) -> bool:
+        if self._pace_of_strangers is None or not isinstance(address, tuple):
+            return True
+        if self._pace_of_strangers.takes(address[0], self._loop.time()):
+            return True
+        if TOO_FAST not in self._dropped:
+            _log.warning("strangers make too many connections: some are closed at once, latest from %s", address[0])
+        self._dropped.count(TOO_FAST)
+        return False
 
 
 class ProtocolAcceptor:
@@ -96,6 +122,7 @@ class ProtocolAcceptor:
         dropped: where failures are counted.
         tls: the certificate; None: none.
         handshake_s: how long the negotiation may take.
+        pace: which connections are taken at all; None: all.
     """
 
     def __init__(
@@ -106,17 +133,19 @@ class ProtocolAcceptor:
         *,
         tls: ssl.SSLContext | None = None,
         handshake_s: float = 60.0,
+        pace: ConnectionPace | None = None,
     ) -> None:
         self._listening = listening
         self._make = make
         self._dropped = dropped
         self._tls = tls
         self._handshake_s = handshake_s if tls else None
+        self._pace = pace
         self._beginning: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         """Accept until cancelled; a connection that has no protocol by then is closed."""
-        acceptor = Acceptor(self._listening, self._take, self._dropped)
+        acceptor = Acceptor(self._listening, self._take, self._dropped, pace=self._pace)
         try:
             await asyncio.get_running_loop().create_future()
         finally:

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable, Coroutine
 from typing import TypeVar
 
+from msbot.runtime.returned_memory import give_memory_back
+
 _T = TypeVar("_T")
 
 
@@ -15,6 +17,7 @@ def run_to_end(main: Coroutine[object, object, _T]) -> _T:
 
     The loop that Windows gets from `asyncio.run` cannot watch a socket (`add_reader`), which links live on.
     """
+    give_memory_back()
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         return runner.run(main)
 

@@ -35,6 +35,7 @@ from starlette.types import Lifespan
 from msbot.errors import ConfigError
 from msbot.link.net import WebSocketServerLink
 from msbot.runtime.accept_connections import ProtocolAcceptor
+from msbot.runtime.connection_pace import ConnectionPace
 from msbot.runtime.given_file import LARGEST_PEM, read_given
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.log_limiter import write_by_root_alone
@@ -49,6 +50,7 @@ from msbot.web.api.problems import tell_problems
 from msbot.web.call_pace import CallPace
 from msbot.web.connections import HEAD_S, Connections, WatchedConnection
 from msbot.web.content_policy import mark_page_scripts
+from msbot.web.known_addresses import KnownAddresses
 from msbot.web.late_websocket import LateWebSocket, websocket_protocol
 from msbot.web.open_pages import OpenPages
 from msbot.web.page_errors import say_errors_once
@@ -67,6 +69,8 @@ NEXT_PORTS = 20
 """Ports from that one on which are tried before any free one is taken."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANY_HOST = ("0.0.0.0", "::")
+CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S = 60.0, 120.0
+"""Connections a second from one address where nobody is signed in, and from all such addresses."""
 LATE_PATHS = ("/api", "/openapi", "/metrics")
 """Of what is made when it is needed: the API, its description, and the page that shows it."""
 MAX_MESSAGE = 1024 * 1024
@@ -133,6 +137,7 @@ class WebServer:
     def __init__(self, service: Service, settings: WebSettings) -> None:
         self._service = service
         self.connections = Connections()
+        self._known = KnownAddresses()
         self._tls = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
         self._socket = _bind(settings)
         self.host = settings.host
@@ -188,6 +193,7 @@ class WebServer:
             Tally(),
             tls=self._tls,
             handshake_s=HEAD_S,
+            pace=ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, self._known.knows),
         )
         accepting = asyncio.ensure_future(self._accept(acceptor))
         try:
@@ -239,6 +245,7 @@ class WebServer:
             CallPace(PageSockets(PageTurns(app)), LATE_PATHS, STOP_PATH, time.monotonic),
             service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
             beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None, api=app,
+            signed_in=self._known.note,
         )  # fmt: skip
         return uvicorn.Config(
             guard,

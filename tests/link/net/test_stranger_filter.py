@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import socket
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from itertools import islice
 
@@ -36,6 +36,9 @@ class Known:
 
     def knows(self, peer: Peer) -> bool:
         return peer in self.peers
+
+    def has_a_part(self, origin: Hashable) -> bool:
+        return any(isinstance(peer, tuple) and peer[0] == origin for peer in self.peers)
 
     def first(self, most: int) -> Iterable[Peer]:
         return islice(self.peers, most)

@@ -14,11 +14,12 @@ from collections.abc import Hashable, Iterable
 
 from msbot.errors import LinkDown
 from msbot.link.byte_frames import MAX_PACKET, TcpReceiver, encode_tcp
-from msbot.link.contract import LinkInfo, Peer, Signal
+from msbot.link.contract import KnownPeers, LinkInfo, Peer, Signal
 from msbot.link.net.connection_budget import MAX_CONNECTIONS, ConnectionBudget
 from msbot.link.net.host_address import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot.link.stream_link import Stream, StreamLink
 from msbot.runtime.accept_connections import Acceptor
+from msbot.runtime.connection_pace import ConnectionPace
 
 logger = logging.getLogger(__name__)
 
@@ -36,6 +37,9 @@ RECONNECT_S = 0.5
 
 CONNECT_S = 3.0
 """Time for one attempt; in a network that swallows packets, the system would wait for minutes."""
+
+CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S = 100.0, 200.0
+"""Connections a second from one address where no part with a place is, and from all such addresses."""
 
 KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}
 """Socket options: the silent loss of a peer (power, cable) is noticed after 25 s at the latest."""
@@ -121,6 +125,11 @@ class TcpServerLink(StreamLink):
         self._opening: set[asyncio.Task[object]] = set()
         self._count = 0
         self._listening: socket.socket | None = None
+        self._pace: ConnectionPace | None = None
+
+    def put_first(self, known: KnownPeers) -> None:
+        """See `ChoosyLink`; to be said before it is opened."""
+        self._pace = ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, known.has_a_part)
 
     @property
     def port(self) -> int:
@@ -148,7 +157,7 @@ class TcpServerLink(StreamLink):
         self._listening = await self._listen(loop)
         # The socket is closed here, too: asyncio forgets it when this is cancelled while the server starts.
         with self._listening:
-            acceptor = Acceptor(self._listening, self._take, self.counters.dropped)
+            acceptor = Acceptor(self._listening, self._take, self.counters.dropped, pace=self._pace)
             self._tell(Signal.LINK_UP, None, "opened")
             try:
                 await loop.create_future()

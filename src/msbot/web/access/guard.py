@@ -101,12 +101,13 @@ class AccessGuard:
         beat: the answer to open pages that ask whether the robot is there.
         is_tls: whether it is served by TLS: browsers are told to ask for that always.
         api: the application that describes the API, for the page about it; None: `app`.
+        signed_in: gets the address from which somebody who is signed in has come.
     """
 
     def __init__(
         self, app: ASGIApp, accounts: Accounts, hosts: Iterable[str], *, cookies: CookieNames,
         owns: Callable[[str, Session | None], bool], beat: Callable[[], bytes], is_tls: bool = False,
-        api: ASGIApp | None = None,
+        api: ASGIApp | None = None, signed_in: Callable[[str], None] = lambda _: None,
     ) -> None:  # fmt: skip
         self._app = app
         self._api = api or app
@@ -115,6 +116,7 @@ class AccessGuard:
         self._cookies = cookies
         self._owns = owns
         self._beat = beat
+        self._signed_in = signed_in
         self._headers = (*HEADERS, STRICT_TRANSPORT) if is_tls else HEADERS
         self.refused = Tally()
         """Requests that were not let through, by reason in words."""
@@ -131,6 +133,8 @@ class AccessGuard:
             await self._answer_beat(send, headers)
             return
         session = None if refusal else self._session_of(path, headers)
+        if session is not None:
+            self._signed_in((scope.get("client") or ("",))[0])
         if refusal is None:
             refusal = self._check(scope, path, headers, session)
         if refusal is not None:
