@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import sqlite3
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 from random import Random
+from typing import get_args
 
 import pytest
 
@@ -20,7 +21,22 @@ from fuzz.mutate import mutate_case, mutate_octets
 from fuzz.targets import TARGETS
 from fuzz.targets.parser import file_of
 from fuzz.targets.parsers import PARSERS, samples_of
+from fuzz.targets.part import ANSWERS, honest_answer
 from fuzz.virtual import play
+from msbot.errors import RemoteProtocolError
+from msbot.part import Message
+from msbot.part.join.plug import (
+    LEAST_DESCRIPTION,
+    NO_BINDING,
+    DescriptionMessage,
+    Notice,
+    NoticeKind,
+    ProfileMessage,
+    Reply,
+    Request,
+    decode_reply,
+    decode_request,
+)
 
 EXECUTIONS = {
     "agent": 20,
@@ -48,6 +64,33 @@ def test_a_short_run_finds_nothing(name: str, tmp_path: Path) -> None:
     assert report.findings == {}
     assert report.executions == EXECUTIONS[name]
     assert len(report.seen) > 5
+
+
+def test_the_harness_of_the_part_knows_every_message_between_a_part_and_the_inventory() -> None:
+    """Each has a length that tells what it is, so that octets of all lengths are all of them."""
+    text = DescriptionMessage(text="x" * LEAST_DESCRIPTION)
+    asked = {type(request): request for request in (*_read(decode_request), text)}
+    assert set(asked) == set(get_args(Request))
+    answers = [honest_answer(request.encode()) for request in asked.values()]
+    assert sum(answer is not None for answer in answers) > 3
+    assert {type(decode_reply(octets)) for octets in ANSWERS} == set(get_args(Reply))
+    notices = [found for octets in ANSWERS if isinstance(found := decode_reply(octets), Notice)]
+    assert {notice.kind for notice in notices} == set(NoticeKind)
+
+
+def _read(decode: Callable[[bytes], Message]) -> Iterator[Message]:
+    for length in range(700):
+        with suppress(RemoteProtocolError):
+            yield decode(bytes(length))
+
+
+def test_the_beat_of_a_part_that_has_stopped_is_answered_by_the_harness() -> None:
+    stop = Notice(number=1, binding=NO_BINDING, kind=NoticeKind.STOP).encode()
+    profile = ProfileMessage(index=1, message="MSBOT_MASTER", name="MSBOT_V1", id="X", dof="8-4-2021", make="M")
+    case = (Step("profile", profile.encode()), Step("honest"), Step("answer", stop), Step("honest"))
+    seen, finding = run_case(TARGETS["part"], case)
+    assert finding is None
+    assert any(words.startswith("active") for words in seen)
 
 
 class Fragile:

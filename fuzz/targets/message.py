@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from random import Random
+from types import ModuleType
 from typing import Annotated
 
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part import HelloWorld, Message
+from msbot.part.join import plug, trouble
 from msbot.part.join.plug import (
-    Beat,
-    BeatReply,
     ClaimMessage,
     ConfigurationMessage,
-    ConfigurationRequest,
     PortBinding,
     ProfileMessage,
     Setting,
@@ -24,8 +23,10 @@ from msbot.part.join.plug import (
     decode_reply,
     decode_request,
 )
+from msbot.part.messages import hello, standard
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.wire_types import AtMost, Octets, float32, float64, int8, int16, int64, uint8, uint16, uint64
+from msbot.pnp.fed_agents import messages
 
 
 class Numbers(Message):
@@ -57,10 +58,15 @@ def _numbers(small: int, negative: int, real: float) -> Numbers:
     return Numbers(a=small, b=negative, c=True, d=small, e=real, f=-small // 2, g=1.5, h=2**64 - 1)
 
 
-CLASSES: tuple[type[Message], ...] = (
-    Numbers, Nested, HelloWorld, ProfileMessage, ClaimMessage, VerdictMessage, Beat, BeatReply,
-    ConfigurationRequest, ConfigurationMessage,
-)  # fmt: skip
+def message_classes(*modules: ModuleType) -> list[type[Message]]:
+    """The messages that these modules define."""
+    found = (
+        one for module in modules for one in vars(module).values() if getattr(one, "__module__", "") == module.__name__
+    )
+    return [one for one in found if isinstance(one, type) and issubclass(one, Message)]
+
+
+CLASSES: tuple[type[Message], ...] = (Numbers, Nested, *message_classes(hello, standard, plug, trouble, messages))
 SAMPLES: tuple[bytes, ...] = (
     Nested(
         numbers=[_numbers(1, -2, 1e300), _numbers(0, 0, 0.0)], words=["ä", ""], table=[[1, -2], []], name="x",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable
 from random import Random
+from typing import assert_never
 
 from fuzz.bounds import hold
 from fuzz.case import Case, Step, Violation
@@ -28,15 +29,21 @@ from msbot.part.join.plug import (
     ClaimMessage,
     ConfigurationMessage,
     ConfigurationRequest,
+    DescriptionMessage,
+    NatureMessage,
     Notice,
     NoticeKind,
     PortBinding,
     ProfileMessage,
     Proof,
+    SealedChallenge,
+    SealedProof,
     Setting,
+    StoppedBeat,
     VerdictMessage,
     decode_request,
 )
+from msbot.part.join.trouble import TroublePiece
 from msbot.part.messages.wire_types import uint32
 from msbot.space import MemorySpace
 from msbot.xrce.messages import STREAM_BEST_EFFORT
@@ -122,9 +129,9 @@ class PartWorld:
         if self.is_honest:
             self.answer(honest_answer(body))
 
-    def answer(self, answer: bytes) -> None:
-        """Answer the last request, or the last but some."""
-        if self._requests:
+    def answer(self, answer: bytes | None) -> None:
+        """Answer the last request; None: with silence."""
+        if self._requests and answer is not None:
             self._write(self.replier, self._requests[-1][0] + answer)
 
     def do(self, step: Step) -> None:
@@ -185,17 +192,20 @@ class PartWorld:
         self.check()
 
 
-def honest_answer(body: bytes) -> bytes:
-    """What an honest inventory says."""
-    match decode_request(body):
-        case ClaimMessage() | Proof():
+def honest_answer(body: bytes) -> bytes | None:
+    """What an honest inventory says; None: nothing."""
+    match request := decode_request(body):
+        case ClaimMessage() | Proof() | SealedProof():
             return VerdictMessage(lease=7, configuration_version=HONEST_VERSION, beat_period_ms=250).encode()
-        case Beat(lease=lease):
+        case Beat(lease=lease) | StoppedBeat(lease=lease):
             return BeatReply(configuration_version=HONEST_VERSION if lease == 7 else 0).encode()
         case ConfigurationRequest():
             # Topics of its own: the agent keeps the type that a topic was first created with.
             return _configuration(HONEST_VERSION, out="honest one", into="honest two").encode()
-    raise AssertionError
+        case NatureMessage() | DescriptionMessage() | TroublePiece():
+            return None
+        case _:  # mypy says so if a request has come that is not here
+            assert_never(request)
 
 
 class PartTarget:
@@ -248,17 +258,16 @@ class PartTarget:
         return play(main(), TURNS) | reader.take()
 
 
-_ANSWERS = (
+ANSWERS = (
     VerdictMessage(lease=7, configuration_version=9, beat_period_ms=250).encode(),
     VerdictMessage(lease=8, configuration_version=1, beat_period_ms=0).encode(),
     VerdictMessage(lease=0, configuration_version=1, beat_period_ms=1000, reason=4).encode(),
     BeatReply(configuration_version=9).encode(),
     BeatReply(configuration_version=0).encode(),
     Challenge(nonce=bytes(16)).encode(),
+    SealedChallenge(nonce=bytes(16)).encode(),
     Notice(number=9, binding=1, kind=NoticeKind.PARTNER_LOST).encode(),
-    Notice(number=1, binding=NO_BINDING, kind=NoticeKind.IDENTIFY).encode(),
-    Notice(number=1, binding=NO_BINDING, kind=NoticeKind.STOP).encode(),
-    Notice(number=1, binding=NO_BINDING, kind=NoticeKind.GO).encode(),
+    *(Notice(number=1, binding=NO_BINDING, kind=kind).encode() for kind in NoticeKind),
     _configuration(9).encode(),
     _configuration(0).encode(),
 )
@@ -272,8 +281,8 @@ def _step(random: Random) -> Step:
         case 2 | 3 | 4:
             return Step("honest")
         case 5 | 6:
-            octets = random.choice(_ANSWERS)
-            return Step("answer", mutate_octets(random, octets, _ANSWERS) if random.random() < 0.5 else octets)
+            octets = random.choice(ANSWERS)
+            return Step("answer", mutate_octets(random, octets, ANSWERS) if random.random() < 0.5 else octets)
         case 7:
             return Step("answer", _large(random))
         case 8:
