@@ -24,7 +24,8 @@ from msbot.errors import LinkDown
 from msbot.link.can.sim import names as bus_names
 from msbot.link.net import SocketPeer, WebSocketServerLink
 from msbot.link.visitor import Visitor
-from msbot.master import stop_persistence, stop_socket
+from msbot.master import stop_socket
+from msbot.master.stop_on_disk import BrokenRecord, StopFile
 from msbot.master.stop_socket import StopSocket
 from msbot.operations.arguments import read_arguments
 from msbot.operations.rights import Role
@@ -112,10 +113,11 @@ def _stop_request(octets: bytes) -> Iterable[str]:
 
 
 def _stop_record(octets: bytes) -> Iterable[str]:
-    record = stop_persistence._read(file_of(octets, ".json", folder="stop"))
-    if record is None:
-        raise Violation("the file is there")
-    return (f"{record.holds}",)
+    try:
+        record = StopFile(file_of(octets, ".json", folder="stop")).read()
+    except BrokenRecord:
+        return ("broken",)
+    return (f"{record and record.holds}",)
 
 
 def _status_file(octets: bytes) -> Iterable[str]:

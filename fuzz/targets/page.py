@@ -25,9 +25,9 @@ from msbot.web.access.guard import AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.admin import make_admin_api
 from msbot.web.api.metrics import make_metrics
-from msbot.web.api.operation_routes import make_stop_api
 from msbot.web.api.problems import tell_problems
 from msbot.web.api.routes import make_api
+from msbot.web.api.stop_call import make_stop_api
 from msbot.web.service import Service
 from tests.web.rig import Rig, show
 

@@ -7,13 +7,22 @@ from pathlib import Path
 
 import pytest
 
+from msbot.errors import ConfigError
 from msbot.master import StopKeeper, stop_file
+from msbot.master.stop_on_disk import StopFile
 from msbot.pnp import MemoryStore, StopRecord
 
 STOP = StopRecord(3, True, "ann", "fire", 5)
 
 
 def keep(keeper: StopKeeper, record: StopRecord) -> str:
+    """Keep a record, the last one; gives the trouble."""
+    trouble = kept(keeper, record)
+    keeper.close()
+    return trouble
+
+
+def kept(keeper: StopKeeper, record: StopRecord) -> str:
     """Keep a record; gives the trouble."""
     done = threading.Event()
     found: list[str] = []
@@ -24,7 +33,6 @@ def keep(keeper: StopKeeper, record: StopRecord) -> str:
 
     keeper.keep(record, tell)
     assert done.wait(30)
-    keeper.close()
     return found[0]
 
 
@@ -59,6 +67,62 @@ def test_a_file_that_cannot_be_read_means_stop(tmp_path: Path) -> None:
     record = StopKeeper(MemoryStore(), path).load()
     assert record.holds
     assert str(path) in record.reason
+
+
+def test_a_file_that_cannot_be_read_counts_more_than_an_older_go_of_the_database(tmp_path: Path) -> None:
+    path = tmp_path / "stop.json"
+    path.write_text("{half")
+    database = MemoryStore()
+    database.stop = StopRecord(5, False, "bob")
+    record = StopKeeper(database, path).load()
+    assert record.holds
+    assert record.is_newer_than(database.stop)
+
+
+def test_without_a_thread_a_robot_does_not_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(ConfigError, match="no thread can be started"):
+        StopKeeper(MemoryStore(), tmp_path / "stop.json")
+
+
+def test_after_the_start_no_further_thread_is_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keeper = StopKeeper(MemoryStore(), tmp_path / "stop.json")
+    monkeypatch.setattr(threading.Thread, "start", None)
+    assert keep(keeper, STOP) == ""
+
+
+def test_a_failure_that_nobody_thought_of_is_said_and_the_next_stop_is_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_file: StopFile, _record: StopRecord) -> None:
+        raise failures.pop(0)
+
+    path = tmp_path / "stop.json"
+    keeper = StopKeeper(MemoryStore(), path)
+    failures: list[Exception] = [KeyError("odd"), MemoryError(), MemoryError()]
+    with monkeypatch.context() as broken:
+        broken.setattr(StopFile, "write", fail)
+        assert "STOP is not stored" in kept(keeper, STOP)
+        assert "no memory" in kept(keeper, STOP)
+    assert kept(keeper, STOP) == ""
+    assert StopKeeper(MemoryStore(), path).load() == STOP
+
+
+def test_a_lack_of_memory_is_mended_by_what_was_set_aside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keeper, write, tries = StopKeeper(MemoryStore(), tmp_path / "stop.json"), StopFile.write, []
+
+    def once(file: StopFile, record: StopRecord) -> None:
+        tries.append(record)
+        if len(tries) == 1:
+            raise MemoryError
+        write(file, record)
+
+    monkeypatch.setattr(StopFile, "write", once)
+    assert kept(keeper, STOP) == ""
+    assert len(tries) == 2
 
 
 def test_nothing_was_ever_said(tmp_path: Path) -> None:

@@ -82,8 +82,20 @@ def test_stop_said_twice_is_one_stop_by_the_first_who_said_it() -> None:
     stop.confirm(b"AA", 1, 10.1)
     stop.say("bob", "again", [AA, BB], 11.0, 2_000)
     status = stop.status()
-    assert (status.by, status.since_ns, status.number, status.silent) == ("ann", 1_000, 1, ("BB",))
+    assert (status.by, status.since_ns, status.number, status.first, status.silent) == ("ann", 1_000, 2, 1, ("BB",))
     assert len(status.confirmed) == 1
+
+
+def test_whoever_says_stop_again_says_nothing_new_and_the_stop_has_a_number_of_its_own() -> None:
+    stop = EmergencyStop()
+    assert stop.say("ann", "", [AA], 1.0, 1)
+    assert not stop.say("ann", "", [AA], 1.1, 2)
+    assert stop.say("bob", "", [AA], 1.2, 3)
+    assert not stop.say("bob", "", [AA], 1.3, 4)
+    assert (stop.latest, stop.number) == (4, 1)
+    stop.go("ann")
+    stop.say("ann", "", [AA], 2.0, 5)
+    assert (stop.latest, stop.number) == (5, 5)
 
 
 def test_go_ends_it_and_the_next_one_has_another_number() -> None:
@@ -106,6 +118,19 @@ def test_a_stop_from_before_goes_on() -> None:
         5,
         ("AA",),
     )
+    assert not stop.confirm(b"AA", 7, 1.1), "its GO may have been said without being stored; the part knows it as over"
+    assert stop.confirm(b"AA", 8, 1.2)
+
+
+def test_a_number_that_was_said_while_stop_held_is_not_used_again_after_a_restart() -> None:
+    stop = said(AA)
+    stop.say("bob", "", [AA], 1.0, 1)
+    after = EmergencyStop(stop.record)
+    assert after.latest == after.number == 3
+    stop.go("ann")
+    after = EmergencyStop(stop.record)
+    after.say("ann", "", [AA], 1.0, 1)
+    assert after.latest == 3
 
 
 @given(st.lists(st.tuples(st.integers(0, 9), st.booleans()), min_size=2, max_size=2))
@@ -120,7 +145,7 @@ class Plain:
     """The same by a list of all that has happened since STOP was said, read from its beginning each time."""
 
     def __init__(self) -> None:
-        self.number = 0
+        self.number = self.latest = 0
         self.holds = False
         self.by, self.reason, self.at_ns = "", "", 0
         self.happened: list[tuple[str, str, float]] = []
@@ -142,7 +167,7 @@ class Plain:
             if what in ("confirmed", "gone"):
                 waiting = [one for one in waiting if one[0] != who]
         return StopStatus(
-            stopped=self.holds, number=self.number, by=self.by, reason=self.reason,
+            stopped=self.holds, number=self.latest, first=self.number, by=self.by, reason=self.reason,
             since_ns=self.at_ns if self.holds else None, confirmed=tuple(confirmed),
             silent=tuple(name for name, _ in waiting), also_by=tuple(also), trouble="", is_stored=True,
         )  # fmt: skip
@@ -162,8 +187,9 @@ def test_whatever_is_said_the_status_is_what_its_history_says(seed: int) -> None
         if act == "say":
             by, asked = random.choice(people), random.sample(names, 2)
             stop.say(by, f"because {step}", [(one.encode(), one) for one in asked], now, step)
+            plain.latest += 1
             if not plain.holds:
-                plain.number, plain.holds, plain.happened = plain.number + 1, True, []
+                plain.number, plain.holds, plain.happened = plain.latest, True, []
                 plain.by, plain.reason, plain.at_ns = by, f"because {step}", step
             plain.happened += [("also", by, now), *(("asked", one, now) for one in asked)]
         elif act == "tell":

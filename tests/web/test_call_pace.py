@@ -11,9 +11,9 @@ from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
 from msbot.web.access.accounts import Accounts
+from msbot.web.access.guard import STOP_PATH
 from msbot.web.access.sessions import Session
 from msbot.web.access.users import MemoryUsers, User
-from msbot.web.api.operation_routes import STOP_PATH
 from msbot.web.call_pace import (
     ADDRESS,
     ADDRESS_BURST,

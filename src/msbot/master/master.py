@@ -13,6 +13,7 @@ import random as random_module
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -29,6 +30,7 @@ from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.fed_agents.service import AgentsService
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.services import InventoryService
+from msbot.runtime.in_any_case import in_any_case
 from msbot.runtime.sentence import counted, said
 from msbot.runtime.task_errors import ungrouped
 from msbot.space import MemorySpace, Space
@@ -42,6 +44,10 @@ AGENTS_KEY = 0x4D734D03
 
 STORED_S = 2.0
 """Longest time that a person who says STOP waits until it is stored."""
+TELL_S = 0.1
+"""Parts are not told the same STOP again within this time, however often it is said: notices would displace beats."""
+STORE_S = 1.0
+"""Nor is it stored again."""
 
 
 @runtime_checkable
@@ -116,14 +122,18 @@ class Master:
         self._witnesses: list[Callable[[PartInfo], Sequence[str]]] = []
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
         self._speech_listeners: list[Callable[[bool, str, str], object]] = []
+        self._epoch_ns = epoch_ns
         self._keeper = StopKeeper(store, stop_file, is_shared=is_shared)
         self._stop = EmergencyStop(self._keeper.load())
         self._kept = self._stop.record
-        """The latest record of STOP that was handed over for storing."""
+        """The latest record of STOP of which it is known whether it is stored."""
         self._stop_trouble = ""
         self._stop_is_stored = asyncio.Event()
         self._stop_is_stored.set()
-        self._epoch_ns = epoch_ns
+        self._told_at = self._stored_at = -inf
+        """When parts were told of STOP last, and when it was handed over for storing."""
+        if self._stop.holds:
+            self._keep_stop()
         self.ready = asyncio.Event()
         """Set when the robot's own services answer and every link is open."""
         self._serving = False
@@ -248,7 +258,7 @@ class Master:
     @property
     def stop(self) -> StopStatus:
         """The state of STOP: who said it and when, which parts have confirmed it after how many ms, which have not."""
-        is_stored = self._kept == self._stop.record
+        is_stored = not self._kept.is_newer_than(self._stop.record) and not self._stop.record.is_newer_than(self._kept)
         return self._stop.status(is_stored=is_stored, trouble=self._stop_trouble if is_stored else "")
 
     def say_stop(self, by: str, reason: str = "") -> StopStatus:
@@ -256,25 +266,45 @@ class Master:
 
         On a CAN bus this is a frame with priority over all others; the inventory also tells every part again and again
         until it has confirmed. `until_stop_is_stored` waits until STOP is stored.
-        """
-        for link in self.agent.links:
-            if isinstance(link, SaysStop):
-                # A bus that is down now carries no orders to move either; a relay is told again with its next beat.
-                with contextlib.suppress(LinkDown, LinkFull):
-                    link.send_stop()
-        self._inventory.stop_all(by, reason, self._epoch_ns())
-        return self._stop_said(by, reason)
 
-    def say_go(self, by: str) -> int:
+        However often it is said, it holds; but parts are told, and it is stored, a few times a second at most.
+        """
+        now = self._clock()
+        held = self._stop.holds
+        tell = not held or now - self._told_at >= TELL_S
+        if tell:
+            self._told_at = now
+            for link in self.agent.links:
+                if isinstance(link, SaysStop):
+                    in_any_case(_say_on, link)
+        is_news = self._inventory.stop_all(by, reason, self._epoch_ns(), tell=tell)
+        if not held or self._stop_trouble or now - self._stored_at >= STORE_S:
+            self._keep_stop()
+        return self._stop_said(by, reason, is_news=is_news)
+
+    def say_go(self, by: str, number: int | None = None) -> int:
         """End STOP; returns how many parts were told.
 
+        Args:
+            by: who says it.
+            number: of the latest STOP that this person knows of; None: whichever holds.
+
         Raises:
-            ConfigError: nobody said STOP.
+            ConfigError: nobody said STOP, or somebody has said another one since.
         """
         if not self._stop.holds:
             raise ConfigError(said("nobody said STOP: there is nothing to end"))
+        if number is not None and number < self._stop.latest:
+            raise ConfigError(
+                said(
+                    "STOP {number} is not the latest: STOP {latest} was said since; see why, and say GO again",
+                    number=number,
+                    latest=self._stop.latest,
+                )
+            )
         told = self._inventory.go_all(by)
-        self._stop_said(by, "")
+        self._keep_stop()
+        self._stop_said(by, "", is_news=True)
         return told
 
     async def until_stop_is_stored(self, timeout_s: float = STORED_S) -> StopStatus:
@@ -284,7 +314,8 @@ class Master:
                 await self._stop_is_stored.wait()
         return self.stop
 
-    def _stop_said(self, by: str, reason: str) -> StopStatus:
+    def _keep_stop(self) -> None:
+        self._stored_at = self._clock()
         self._stop_is_stored.clear()
         loop = asyncio.get_running_loop()
 
@@ -293,20 +324,22 @@ class Master:
                 loop.call_soon_threadsafe(self._stop_stored, record, trouble)
 
         self._keeper.keep(self._stop.record, stored)
+
+    def _stop_said(self, by: str, reason: str, *, is_news: bool) -> StopStatus:
         status = self.stop
         for speech_listener in self._speech_listeners:
-            speech_listener(status.stopped, by, reason)
-        for listener in self._stop_listeners:
-            listener(status)
+            in_any_case(speech_listener, status.stopped, by, reason)
+        for listener in self._stop_listeners if is_news else ():
+            in_any_case(listener, status)
         return status
 
     def _stop_stored(self, record: StopRecord, trouble: str) -> None:
         self._kept, self._stop_trouble = record, trouble
-        if record == self._stop.record:
+        if not self._stop.record.is_newer_than(record):
             self._stop_is_stored.set()
 
     def on_stop(self, listener: Callable[[StopStatus], object]) -> None:
-        """Call the listener after every STOP and GO."""
+        """Call the listener after every GO, and every STOP that tells something new: not when a person repeats it."""
         self._stop_listeners.append(listener)
 
     def on_stop_said(self, listener: Callable[[bool, str, str], object]) -> None:
@@ -364,6 +397,12 @@ class Master:
     def _stop_said_at_agent(self, agent: str, words: str) -> None:
         if not self._stop.holds:
             self.say_stop("somebody at the robot", f"{words}, at agent {agent}")
+
+
+def _say_on(link: SaysStop) -> None:
+    # A bus that is down now carries no orders to move either; a relay is told again with its next beat.
+    with contextlib.suppress(LinkDown, LinkFull):
+        link.send_stop()
 
 
 def _keys_of(blueprint: Blueprint, store: PartStore, dice: random_module.Random) -> Keys | None:

@@ -2,33 +2,34 @@
 
 Both always get the latest record, and at the start of a master the newer one counts. So STOP still holds after `kill
 -9`, after a restore of an older backup (the file is newer) and after a change of computer (the database comes along).
-The file is written, synchronised and renamed in a thread of its own: neither a slow disk nor a database that does not
-answer delays the STOP itself. Only when the file cannot be written, or other masters share the robot, does the database
-have to confirm.
+Only when the file cannot be written, or other masters share the robot, does the database have to confirm.
+
+Neither a slow disk nor a database that does not answer delays STOP itself: a thread of its own writes. What it needs it
+has from the start of the master on: the thread, the open file with its room on the disk (`stop_on_disk`), and memory.
 """
 
 from __future__ import annotations
 
-import errno
 import hashlib
-import json
 import logging
-import os
-import secrets
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from threading import Condition, Thread
+from time import monotonic
 
+from msbot.errors import ConfigError
+from msbot.master.stop_on_disk import BrokenRecord, StopFile
 from msbot.pnp import PartStore
 from msbot.pnp.emergency_stop import StopRecord
-from msbot.runtime.json_reading import read_json
+from msbot.runtime.sentence import said
 from msbot.runtime.user_folders import state_folder
 
-RESERVED = 3
-"""Most file descriptors that writing the file needs at the same time."""
 DATABASE_S = 5.0
 """How long the database may take to confirm, when there is no file."""
+LOOK_S = 0.25
+"""Period in which it is looked, meanwhile, whether something newer is to be stored."""
+SPARE_OCTETS = 1024 * 1024
+"""Memory that is set free when the process can get no more."""
 
 _log = logging.getLogger(__name__)
 
@@ -55,23 +56,37 @@ class StopKeeper:
         path: the file; None: there is no file, and the store treats STOP like everything else.
         is_shared: whether another master, perhaps on another computer, may take over the robot: then STOP counts as
             stored only when the database has it.
+
+    Raises:
+        ConfigError: the system gives this process no thread.
     """
 
     def __init__(self, store: PartStore, path: Path | None = None, *, is_shared: bool = False) -> None:
         self._is_shared = is_shared
         self._store = store
-        self._path = path
+        self._file = None if path is None else StopFile(path)
         self._changed = Condition()
         self._waiting: StopRecord | None = None
         self._done: Callable[[StopRecord, str], None] = lambda _record, _trouble: None
-        self._thread: Thread | None = None
         self._is_closing = False
-        self._reserve = _Reserve()
+        self._spare = b""
+        self._thread: Thread | None = None
+        if self._file is not None:
+            self._thread = self._started()
 
     def load(self) -> StopRecord:
         """The stored record, the newer one of file and database; an empty one if nobody ever said STOP."""
         kept = self._store.kept_stop() or StopRecord()
-        in_file = None if self._path is None else _read(self._path)
+        if self._file is None:
+            return kept
+        try:
+            in_file = self._file.read()
+        except (OSError, BrokenRecord) as error:
+            # Nobody knows what it said, so the robot starts stopped.
+            _log.warning("%s cannot be read (%s): the robot starts with STOP", self._file.path, error)
+            number = max(kept.number, kept.latest, getattr(error, "number", 0)) + 1
+            why = said("the file {path} with the last STOP cannot be read", path=str(self._file.path))
+            return StopRecord(number, True, "msbot", why, 0)
         return in_file if in_file is not None and in_file.is_newer_than(kept) else kept
 
     def keep(self, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
@@ -83,14 +98,11 @@ class StopKeeper:
                 another thread.
         """
         self._store.keep_stop(record)
-        if self._path is None:
+        if self._file is None:
             done(record, "")
             return
         with self._changed:
             self._waiting, self._done = record, done
-            if self._thread is None:
-                self._thread = Thread(target=self._serve, name="msbot STOP keeper", daemon=True)
-                self._thread.start()
             self._changed.notify()
 
     def close(self, timeout_s: float = 2.0) -> None:
@@ -100,99 +112,81 @@ class StopKeeper:
             self._changed.notify()
         if self._thread is not None:
             self._thread.join(timeout_s)
-        self._reserve.free()
+
+    # The thread
+
+    def _started(self) -> Thread:
+        thread = Thread(target=self._serve, name="msbot STOP keeper", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError:
+            raise ConfigError(
+                said("no thread can be started, and without one STOP cannot be stored: end other programs")
+            ) from None
+        return thread
 
     def _serve(self) -> None:
+        assert self._file is not None
+        self._prepare(self._file)
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._waiting is not None or self._is_closing)
                 record, self._waiting = self._waiting, None
                 done = self._done
             if record is None:
-                return
-            trouble = self._store_it(record)
-            if trouble:
-                _log.warning("%s", trouble)
-            done(record, trouble)
+                break
+            self._store_and_tell(self._file, record, done)
+        self._file.close()
 
-    def _write_at_any_price(self, path: Path, record: StopRecord) -> None:
+    def _prepare(self, file: StopFile) -> None:
+        """Have everything that the next STOP will need."""
         try:
-            _write(path, record)
-        except OSError as error:
-            if error.errno not in (errno.EMFILE, errno.ENFILE):
-                raise
-            self._reserve.free()
-            try:
-                _write(path, record)
-            finally:
-                self._reserve.fill()
+            self._spare = self._spare or bytes(SPARE_OCTETS)
+            file.prepare()
+        except (OSError, MemoryError) as error:
+            _log.debug("what STOP will need cannot be had now: %s", error)
 
-    def _store_it(self, record: StopRecord) -> str:
+    def _store_and_tell(self, file: StopFile, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
+        """Store a record, and say what came of it, whatever happens: the thread is there for the next one, too."""
+        trouble = "STOP is not stored: this computer has no memory left"
+        for _ in range(2):
+            try:
+                trouble = self._store_it(file, record)
+                if trouble:
+                    _log.warning("%s", trouble)
+                break
+            except MemoryError:
+                self._spare = b""
+            except Exception as error:
+                _log.exception("STOP could not be stored")
+                trouble = said("STOP is not stored: {error}", error=str(error))
+                break
+        try:
+            done(record, trouble)
+        except Exception:
+            _log.exception("nobody could be told about STOP")
+        if not self._spare or trouble:
+            self._prepare(file)
+
+    def _store_it(self, file: StopFile, record: StopRecord) -> str:
         """Why the record is stored nowhere, in words; "" = it is."""
         words = "STOP" if record.holds else "the end of STOP"
-        assert self._path is not None
         try:
-            self._write_at_any_price(self._path, record)
+            file.write(record)
         except OSError as error:
-            if self._store.is_kept(DATABASE_S):
+            if self._is_in_database():
                 return ""
-            return f"{words} is not stored: {self._path} cannot be written ({error.strerror}), nor can the database"
-        if self._is_shared and not self._store.is_kept(DATABASE_S):
+            return f"{words} is not stored: {file.path} cannot be written ({error.strerror}), nor can the database"
+        if self._is_shared and not self._is_in_database():
             return f"{words} is stored on this computer only: a master that takes over does not know of it"
         return ""
 
-
-class _Reserve:
-    """File descriptors reserved for the file of STOP, so that it can be written when the process has no others left."""
-
-    def __init__(self) -> None:
-        self._held: list[int] = []
-        self.fill()
-
-    def fill(self) -> None:
-        """Reserve them again, as far as there are any."""
-        try:
-            while len(self._held) < RESERVED:
-                self._held.append(os.open(os.devnull, os.O_RDONLY))
-        except OSError as error:
-            _log.debug("no descriptor can be held for STOP: %s", error)
-
-    def free(self) -> None:
-        """Release them for the moment."""
-        while self._held:
-            os.close(self._held.pop())
-
-
-def _write(path: Path, record: StopRecord) -> None:
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    try:
-        with os.fdopen(descriptor, "w") as stream:
-            json.dump(asdict(record), stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
-    if os.name == "posix":
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)  # so that the new name survives a loss of power, too
-        finally:
-            os.close(folder)
-
-
-def _read(path: Path) -> StopRecord | None:
-    try:
-        content = read_json(path.read_text())
-        return StopRecord(
-            int(content["number"]), bool(content["holds"]), str(content["by"]), str(content["reason"]),
-            int(content["at_ns"]),
-        )  # fmt: skip
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
-        # Nobody knows what it said, so the robot starts stopped.
-        _log.warning("%s cannot be read (%s): the robot starts with STOP", path, error)
-        return StopRecord(1, True, "msbot", f"the file {path} with the last STOP cannot be read", 0)
+    def _is_in_database(self) -> bool:
+        """Whether the database confirms; not waited for when there is a newer record."""
+        until = monotonic() + DATABASE_S
+        while (now := monotonic()) < until and self._waiting is None:
+            if self._store.is_kept(LOOK_S):
+                return True
+            if monotonic() - now < LOOK_S / 2:  # it has just failed
+                return False
+        return False

@@ -41,6 +41,25 @@ def read_arguments(operation: Operation, given: object) -> dict[str, object]:
     }
 
 
+def usable_arguments(operation: Operation, given: object) -> dict[str, object]:
+    """The same for an operation that nothing odd refuses: a text that is too long is cut, whatever is wrong dropped.
+
+    Args:
+        operation: the operation to carry out.
+        given: whatever has come.
+    """
+    named = given if isinstance(given, Mapping) else {}
+    return {argument.passed_as: _usable(operation.name, argument, named) for argument in operation.arguments}
+
+
+def _usable(do: str, argument: Argument, given: Mapping[object, object]) -> object:
+    value = given.get(argument.name)
+    try:
+        return _read(do, argument, value[: argument.longest] if isinstance(value, str) else value)
+    except ConfigError:
+        return argument.default
+
+
 def _read(do: str, argument: Argument, value: object) -> object:
     if value is None:
         if argument.is_needed:

@@ -15,7 +15,7 @@ from msbot.config import Blueprint, Library, blueprint_mark
 from msbot.errors import ConfigError, DatabaseBusy, MsbotError
 from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
-from msbot.operations.arguments import read_arguments
+from msbot.operations.arguments import read_arguments, usable_arguments
 from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.bus_objects import BusObjects
 from msbot.operations.by_hand import ByHand
@@ -47,6 +47,9 @@ from msbot.runtime.sentence import said
 
 TOLD_AS_SAID: Final = ("stop", "go")
 """Operations that are told when they are said, because people have other ways to say them, too."""
+
+SOMEBODY: Final = "somebody"
+"""Who says STOP without a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +118,8 @@ class Operations:
             )
         asker = user_of_computer(who) if isinstance(who, str) else who
         asker.require(row.right)
-        given, about = read_arguments(row, arguments), {}
+        given = usable_arguments(row, arguments) if row.drops_odd else read_arguments(row, arguments)
+        about: dict[str, object] = {}
         if row.right_for_others is not None and not asker.may(row.right_for_others):
             own = await self.undoing.check_own(asker, row.right_for_others, given)
             given["edit"] = own.id  # what was checked, and not what somebody changes meanwhile
@@ -260,6 +264,9 @@ async def perform(operations: Operations, request: Mapping[str, object]) -> dict
             raise ConfigError(
                 said("there is no operation {do!r}; there are {operations}", do=do, operations=", ".join(OPERATIONS))
             )
+        if OPERATIONS[do].drops_odd:
+            who = who if isinstance(who, str) and who else SOMEBODY
+            arguments = usable_arguments(OPERATIONS[do], arguments)
         if not isinstance(who, str) or not who:
             raise ConfigError(said("{do}: it is not said who asks for it", do=do))
         if not isinstance(arguments, dict):

@@ -85,6 +85,9 @@ class Operation(NamedTuple):
     right_for_others: Right | None = None
     """The right needed to act on changes by others; without it only on one's own settings. None: no difference."""
 
+    drops_odd: bool = False
+    """Whether an argument that is too long, of the wrong kind or unknown is cut or dropped, and refuses nothing."""
+
     @property
     def is_question(self) -> bool:
         """Whether it only asks: everybody who may see the robot may ask, and nobody notes who did."""

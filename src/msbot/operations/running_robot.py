@@ -12,7 +12,7 @@ from msbot.master import Master
 from msbot.operations.part_names import one_part, uid_of
 from msbot.pnp import PartInfo
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
-from msbot.registry.edits.editing import Making
+from msbot.registry.edits.editing import Making, NotedLine
 from msbot.runtime.sentence import said
 
 _T = TypeVar("_T")
@@ -131,10 +131,16 @@ class RunningRobot:
         self.configure(edit.slots)
         return edit
 
-    def note(self, kind: EditKind, words: str, who: str) -> None:
+    def note(self, kind: EditKind, words: str, who: str) -> NotedLine:
         """Record something that changed nothing in the database; nobody waits for it."""
-        if self.registry is not None and self.robot is not None:
-            self.registry.edits.note(self.robot, kind, words, who)
+        if self.registry is None or self.robot is None:
+            return NotedLine()
+        return self.registry.edits.note(self.robot, kind, words, who)
+
+    def note_again(self, line: NotedLine, words: str) -> None:
+        """Have that line say something else."""
+        if self.registry is not None:
+            self.registry.edits.note_again(line, words)
 
     def later(self, work: Coroutine[object, object, None]) -> None:
         """Do something in the event loop that nobody waits for."""

@@ -185,10 +185,12 @@ _ROWS = (
     Operation(
         "stop", "STOP: all parts go to their safe states.",
         (Argument("reason", default="", longest=1000, help="Why, for the people who see it."),),
-        Right.STOP, Where.RUNNING, Kept.LINE, "stop", "POST /stop",
+        Right.STOP, Where.RUNNING, Kept.LINE, "stop", "POST /stop", drops_odd=True,
     ),
     Operation(
-        "go", "End STOP: the parts may work again.", (),
+        "go", "End STOP: the parts may work again.",
+        (Argument("stop", ArgumentKind.WHOLE, least=1, most=2**53, option="--stop", shown_as="NUMBER",
+                  help="The latest STOP that you know of: if another was said since, nothing ends. Left out: any."),),
         Right.ARRANGE, Where.RUNNING, Kept.LINE, "go", "POST /go",
     ),
     Operation("stop_report", "Who said STOP, which parts have confirmed it, and which have not."),

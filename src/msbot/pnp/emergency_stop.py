@@ -1,14 +1,21 @@
 """STOP as the robot's users see it: which one holds, who has confirmed it, and who has not. Pure.
 
-A STOP has a number, counted by the robot from 1 and never used again; GO ends the STOP of that number. Every part that
-holds a slot when STOP is said, or gets one while it holds, is asked to confirm; only a beat that carries the number
-does so (`msbot.part.join.plug.StoppedBeat`). A part that falls silent stays among those that have not confirmed: what
-it drives may still move. A part that says goodbye has set its ports to their safe values by itself.
+A STOP has a number, counted by the robot from 1; GO ends the STOP of that number. Whoever says STOP while one holds
+says one more, with a number of its own. Parts need not be told of it: they go on confirming the first. But a GO that
+names an earlier number ends nothing, because whoever said it did not know of the later STOP.
+
+A master that starts while STOP holds gives it a new number. A GO may have reached the parts without being stored, and
+they do not obey a STOP that they know to be over.
+
+Every part that holds a slot when STOP is said, or gets one while it holds, is asked to confirm; only a beat that
+carries the number does so (`msbot.part.join.plug.StoppedBeat`). A part that falls silent stays among those that have
+not confirmed: what it drives may still move. A part that says goodbye has set its ports to their safe values by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from msbot.runtime.lazy_dataclass import dataclass
 
@@ -29,6 +36,8 @@ class StopRecord:
     reason: str = ""
     at_ns: int = 0
     """When STOP was said, nanoseconds since 1970."""
+    latest: int = 0
+    """The number of the STOP said last while this one holds; 0: nobody said another."""
 
     def is_newer_than(self, other: StopRecord) -> bool:
         """Whether this record describes something later; a GO is later than its own STOP."""
@@ -52,7 +61,7 @@ class StopStatus:
     stopped: bool = False
     """Whether STOP holds."""
     number: int = 0
-    """Which STOP, counted from 1; 0 = nobody ever said STOP."""
+    """The STOP that was said last, counted from 1, which a GO names; 0 = nobody ever said STOP."""
     by: str = ""
     """Who said STOP; once it is over, who said GO."""
     reason: str = ""
@@ -69,6 +78,8 @@ class StopStatus:
     """Whether this status is stored; False without `trouble`: it is being stored."""
     also_by: tuple[str, ...] = ()
     """Who else has said STOP while it held, since this master has run."""
+    first: int = 0
+    """The number of the STOP that parts confirm: the first of those that hold."""
 
     @property
     def told(self) -> int:
@@ -92,6 +103,9 @@ class EmergencyStop:
 
     def __init__(self, record: StopRecord | None = None) -> None:
         self.record = record or StopRecord()
+        if self.record.holds:
+            number = max(self.record.number, self.record.latest) + 1
+            self.record = replace(self.record, number=number, latest=number)
         self._waiting: dict[bytes, tuple[str, float]] = {}
         """Part -> its name, and when it was asked to confirm."""
         self._also_by: list[str] = []
@@ -104,11 +118,18 @@ class EmergencyStop:
 
     @property
     def number(self) -> int:
-        """The number of the STOP that holds, or of the latest one."""
+        """The number of the STOP that parts confirm, or that is over."""
         return self.record.number
 
-    def say(self, by: str, reason: str, parts: Iterable[tuple[bytes, str]], now: float, at_ns: int) -> None:
-        """Say STOP; one that already holds keeps its number, and parts that have not confirmed are asked again.
+    @property
+    def latest(self) -> int:
+        """The number of the STOP that was said last."""
+        return max(self.record.number, self.record.latest)
+
+    def say(self, by: str, reason: str, parts: Iterable[tuple[bytes, str]], now: float, at_ns: int) -> bool:
+        """Say STOP; parts go on confirming one that already holds, and those that have not are asked again.
+
+        False: that person has said STOP already, and it holds.
 
         Args:
             by: who says it.
@@ -117,12 +138,17 @@ class EmergencyStop:
             now: the robot's clock, seconds.
             at_ns: the wall clock, nanoseconds since 1970.
         """
-        if not self.holds:
-            self.record = StopRecord(self.number + 1, True, by, reason, at_ns)
-        elif by != self.record.by and by not in self._also_by and len(self._also_by) < MOST_NAMES:
-            self._also_by.append(by)
+        number, is_news = self.latest + 1, not self.holds
+        if is_news:
+            self.record = StopRecord(number, True, by, reason, at_ns, number)
+        else:
+            self.record = replace(self.record, latest=number)
+            if by != self.record.by and by not in self._also_by and len(self._also_by) < MOST_NAMES:
+                self._also_by.append(by)
+                is_news = True
         for identity, name in parts:
             self.tell(identity, name, now)
+        return is_news
 
     def tell(self, identity: bytes, name: str, now: float) -> None:
         """A part that holds a slot has been told of the STOP that holds."""
@@ -152,7 +178,7 @@ class EmergencyStop:
 
     def go(self, by: str) -> int:
         """End the STOP that holds; returns its number."""
-        self.record = StopRecord(self.number, False, by, "", self.record.at_ns)
+        self.record = StopRecord(self.number, False, by, "", self.record.at_ns, self.latest)
         self._waiting.clear()
         self._confirmed.clear()
         self._also_by.clear()
@@ -163,7 +189,7 @@ class EmergencyStop:
         record = self.record
         return StopStatus(
             stopped=record.holds,
-            number=record.number,
+            number=self.latest,
             by=record.by,
             reason=record.reason,
             since_ns=record.at_ns if record.holds else None,
@@ -172,4 +198,5 @@ class EmergencyStop:
             is_stored=is_stored,
             trouble=trouble,
             also_by=tuple(self._also_by),
+            first=record.number,
         )

@@ -24,6 +24,7 @@ from msbot.pnp.master_service import STATUS_TIMEOUT_S
 from msbot.pnp.model import Configuration, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.requests import RequestHandler, verdict_message
+from msbot.runtime.in_any_case import in_any_case
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 
 LONGEST_BEST_EFFORT = 512
@@ -143,16 +144,21 @@ class InventoryService:
             if loop.time() >= self._inventory.timer():
                 self._inventory.handle_timer(loop.time())
 
-    def stop_all(self, by: str, reason: str, at_ns: int) -> None:
+    def stop_all(self, by: str, reason: str, at_ns: int, *, tell: bool = True) -> bool:
         """Say STOP to all parts, and to those that join before `go_all`.
+
+        False: that person has said it already, and it holds.
 
         Args:
             by: who says it.
             reason: why; may be empty.
             at_ns: the wall clock, nanoseconds since 1970.
+            tell: whether to tell the parts, who may have been told a moment ago.
         """
-        self.stop.say(by, reason, self._inventory.members(), asyncio.get_running_loop().time(), at_ns)
-        self._tell_all(plug.NoticeKind.STOP)
+        is_news = self.stop.say(by, reason, self._inventory.members(), asyncio.get_running_loop().time(), at_ns)
+        if tell:
+            self._tell_all(plug.NoticeKind.STOP)
+        return is_news
 
     def go_all(self, by: str) -> int:
         """End STOP; returns how many parts that hold a slot were told."""
@@ -296,10 +302,10 @@ class InventoryService:
     def _tell_all(self, kind: plug.NoticeKind) -> None:
         elsewhere = self._elsewhere
         if elsewhere is not None:
-            elsewhere.tell_stop()  # one message for all parts of an agent
+            in_any_case(elsewhere.tell_stop)  # one message for all parts of an agent
         for client_key in list(self._askers):
             if elsewhere is None or not elsewhere.has(client_key):
-                self._notify(client_key, kind, self.stop.number)
+                in_any_case(self._notify, client_key, kind, self.stop.number)
 
     def _notify(self, client_key: int, kind: plug.NoticeKind, number: int = 0, binding: int = plug.NO_BINDING) -> bool:
         return self._tell(client_key, plug.Notice(number=number & 0xFFFFFFFF, binding=binding, kind=kind))

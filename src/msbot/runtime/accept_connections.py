@@ -1,7 +1,8 @@
 """Accepts connections in the event loop, and pauses when the system is out of file descriptors or memory.
 
 While a process has no file descriptor left, asyncio's own servers retry in a tight loop and log every failure. Here a
-failure is counted once per pause and logged once, and everything else keeps running.
+failure is counted once per pause and logged once, and everything else keeps running. A listener that must not be
+locked out, because STOP comes that way, reserves descriptors for such a time.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import asyncio
 import contextlib
 import errno
 import logging
+import os
 import socket
 from collections.abc import Callable
 from functools import partial
@@ -35,6 +37,7 @@ EXHAUSTED = "connection waits: the system has no more file descriptors"
 BROKEN = "connection broke before it was accepted"
 TOO_FAST = "connection closed: strangers make too many in a second"
 
+_NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
 _NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -42,8 +45,8 @@ class Acceptor:
     """Hands over every connection made to a listening socket."""
 
     def __init__(
-        self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally,
-        *, pace: ConnectionPace | None = None,
+        self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally, *,
+        pace: ConnectionPace | None = None, reserved: int = 0, make_room: Callable[[], object] = lambda: None,
     ) -> None:  # fmt: skip
         """Begin at once, in the running loop.
 
@@ -52,6 +55,8 @@ class Acceptor:
             take: gets each connection as a non-blocking socket.
             dropped: where failures are counted.
             pace: which connections are taken at all; None: all.
+            reserved: descriptors that are held for connections that come when the process has no others left.
+            make_room: called then, to close what is needed least.
         """
         listening.setblocking(False)
         self._listening = listening
@@ -60,14 +65,41 @@ class Acceptor:
         self._pace_of_strangers = pace
         self._loop = asyncio.get_running_loop()
         self._pause: asyncio.TimerHandle | None = None
+        self._most_reserved = reserved
+        self._reserved: list[int] = []
+        self._make_room = make_room
+        self._refilling: asyncio.TimerHandle | None = None
+        self._reserve()
         self._listen()
 
     def stop(self) -> None:
         """Stop accepting."""
         self._loop.remove_reader(self._listening)
-        if self._pause is not None:
-            self._pause.cancel()
-            self._pause = None
+        for timer in (self._pause, self._refilling):
+            if timer is not None:
+                timer.cancel()
+        self._pause = self._refilling = None
+        while self._reserved:
+            os.close(self._reserved.pop())
+
+    def _reserve(self) -> None:
+        """Hold the descriptors again that were used; what must wait for others to be closed is tried again."""
+        self._refilling = None
+        try:
+            while len(self._reserved) < self._most_reserved:
+                self._reserved.append(os.open(os.devnull, os.O_RDONLY))
+        except OSError:
+            self._refilling = self._loop.call_later(PAUSE_S, self._reserve)
+
+    def _use_reserve(self) -> bool:
+        """Set a reserved descriptor free; False: there is none."""
+        if not self._reserved:
+            return False
+        os.close(self._reserved.pop())
+        self._make_room()
+        if self._refilling is None:
+            self._refilling = self._loop.call_later(PAUSE_S, self._reserve)
+        return True
 
     def _listen(self) -> None:
         self._pause = None
@@ -85,6 +117,8 @@ class Acceptor:
                     if EXHAUSTED not in self._dropped:
                         _log.warning("no more connections can be accepted for now: %s", error.strerror)
                     self._dropped.count(EXHAUSTED)
+                    if error.errno in _NO_DESCRIPTOR and self._use_reserve():
+                        continue
                     self._loop.remove_reader(self._listening)
                     self._pause = self._loop.call_later(PAUSE_S, self._listen)
                     return
@@ -123,6 +157,8 @@ class ProtocolAcceptor:
         tls: the certificate; None: none.
         handshake_s: how long the negotiation may take.
         pace: which connections are taken at all; None: all.
+        reserved: see `Acceptor`.
+        make_room: see `Acceptor`.
     """
 
     def __init__(
@@ -134,7 +170,11 @@ class ProtocolAcceptor:
         tls: ssl.SSLContext | None = None,
         handshake_s: float = 60.0,
         pace: ConnectionPace | None = None,
+        reserved: int = 0,
+        make_room: Callable[[], object] = lambda: None,
     ) -> None:
+        self._reserved = reserved
+        self._make_room = make_room
         self._listening = listening
         self._make = make
         self._dropped = dropped
@@ -145,7 +185,14 @@ class ProtocolAcceptor:
 
     async def run(self) -> None:
         """Accept until cancelled; a connection that has no protocol by then is closed."""
-        acceptor = Acceptor(self._listening, self._take, self._dropped, pace=self._pace)
+        acceptor = Acceptor(
+            self._listening,
+            self._take,
+            self._dropped,
+            pace=self._pace,
+            reserved=self._reserved,
+            make_room=self._make_room,
+        )
         try:
             await asyncio.get_running_loop().create_future()
         finally:

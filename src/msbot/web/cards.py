@@ -44,7 +44,7 @@ def no_wear(_client_key: int) -> SessionWear | None:
 def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -> StopState:
     """STOP as pages and API show it."""
     return StopState(
-        stopped=status.stopped, by=status.by, reason=status.reason,
+        stopped=status.stopped, number=status.number, by=status.by, also_by=list(status.also_by), reason=status.reason,
         since_s=None if status.since_ns is None else max(epoch_ns() - status.since_ns, 0) / 1e9,
         confirmed=[StopConfirmed(part=one.part, ms=one.ms) for one in status.confirmed],
         silent=list(status.silent), trouble=status.trouble,

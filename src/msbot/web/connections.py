@@ -25,6 +25,8 @@ MOST_HEAD = 64 * 1024
 """Octets of a request's address and headers; browsers send about one thousand."""
 MOST_PER_ADDRESS = 300
 """A class behind one router has one address; each browser opens up to seven connections."""
+RESERVED = 4
+"""File descriptors that are held for connections that come when the process has no others left: one may bring STOP."""
 MOST = 600
 """Connections in all; never more than half of the file descriptors that the process may have."""
 
@@ -64,6 +66,10 @@ class Connections:
             return False
         self._open[connection] = address
         return True
+
+    def make_room(self) -> None:
+        """Close the connection that has been idle longest, if there is one: the process has no descriptor left."""
+        self._drop_idle(list(self._open))
 
     def active(self, connection: WatchedConnection) -> None:
         """Note that something came from a connection."""

@@ -45,10 +45,10 @@ from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.late_routes import LateRoutes
-from msbot.web.api.operation_routes import make_stop_api
 from msbot.web.api.problems import tell_problems
+from msbot.web.api.stop_call import make_stop_api
 from msbot.web.call_pace import CallPace
-from msbot.web.connections import HEAD_S, Connections, WatchedConnection
+from msbot.web.connections import HEAD_S, RESERVED, Connections, WatchedConnection
 from msbot.web.content_policy import mark_page_scripts
 from msbot.web.known_addresses import KnownAddresses
 from msbot.web.late_websocket import LateWebSocket, websocket_protocol
@@ -194,6 +194,8 @@ class WebServer:
             tls=self._tls,
             handshake_s=HEAD_S,
             pace=ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, self._known.knows),
+            reserved=RESERVED,
+            make_room=self.connections.make_room,
         )
         accepting = asyncio.ensure_future(self._accept(acceptor))
         try:

@@ -11,8 +11,9 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
+from msbot.web.access.guard import STOP_PATH
 from msbot.web.api.late_routes import LateRoutes
-from msbot.web.api.operation_routes import STOP_PATH, make_stop_api
+from msbot.web.api.stop_call import make_stop_api
 from msbot.web.service import Service
 
 

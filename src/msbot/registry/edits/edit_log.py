@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, Self
 
-from sqlalchemy import ColumnElement, Connection, Row, delete, select
+from sqlalchemy import ColumnElement, Connection, Row, delete, select, update
 
 from msbot.registry.blueprint import blueprint_snapshot as snapshot
 from msbot.registry.database.tables import edits
@@ -75,6 +75,11 @@ def record(
     connection.execute(delete(edits).where(edits_of(author.robot_id), edits.c.id <= number - EDITS_KEPT))
     found = connection.execute(select(edits).where(edits.c.id == number)).one()
     return _edit(found)
+
+
+def reword(connection: Connection, number: int, words: str) -> None:
+    """Have one line of the list say something else."""
+    connection.execute(update(edits).where(edits.c.id == number).values(words=words, said=to_json(words)))
 
 
 def read_edits(connection: Connection, robot_id: int | None, limit: int) -> list[EditRecord]:

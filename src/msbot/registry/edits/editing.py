@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 from sqlalchemy import Connection
 
 from msbot.registry.database.storage import Storage
-from msbot.registry.edits.edit_log import Author, read_edits, record
+from msbot.registry.edits.edit_log import Author, read_edits, record, reword
 from msbot.registry.records import EditKind, EditRecord, RobotRecord
 
 Making = Callable[[Connection, Author], EditRecord]
 """Makes a change and records it: `places.swap`, `slot_values.set_value` and so on, with their arguments bound."""
+
+
+@dataclass(slots=True)
+class NotedLine:
+    """A line of the list that may still be waiting to be stored."""
+
+    number: int | None = None
+    """None: it is not stored (yet)."""
 
 
 class Edits:
@@ -44,12 +53,23 @@ class Edits:
         author = Author(None if robot is None else robot.id, who, self._storage.epoch_ns())
         return lambda connection: making(connection, author)
 
-    def note(self, robot: RobotRecord, kind: EditKind, words: str, who: str) -> None:
+    def note(self, robot: RobotRecord, kind: EditKind, words: str, who: str) -> NotedLine:
         """Record something a person did that changed nothing in the database, as soon as it can be stored."""
         making = self._by(robot, who, partial(record, kind=kind, words=words))
+        line = NotedLine()
 
         def write(connection: Connection) -> None:
-            making(connection)
+            line.number = making(connection).id
+
+        self._storage.writer.put(write)
+        return line
+
+    def note_again(self, line: NotedLine, words: str) -> None:
+        """Have a line say something else, as soon as that can be stored: the same was done again."""
+
+        def write(connection: Connection) -> None:
+            if line.number is not None:
+                reword(connection, line.number, words)
 
         self._storage.writer.put(write)
 

@@ -309,6 +309,8 @@ def _most_of(path: str, session: Session | None) -> int:
 
 
 def _check_length(path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:
+    if path == STOP_PATH and session is not None:
+        return None
     length = headers.get("content-length", "0")
     if not length.isascii() or not length.isdigit() or len(length) > LONGEST_NUMBER:
         return 400, "the header content-length is not a number"

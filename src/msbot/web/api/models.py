@@ -26,6 +26,17 @@ class Done(Model):
     """Wires that would fit the new slot of a part that described itself."""
 
 
+class StopDone(Done):
+    """STOP was said."""
+
+    stop: int
+    """Its number, for GO."""
+    stored: bool
+    """Whether it survives a restart of the master."""
+    trouble: Said = ""
+    """Why it would not; empty: it would."""
+
+
 class Me(Model):
     """Who is signed in."""
 
@@ -178,7 +189,11 @@ class StopState(Model):
     """The state of STOP."""
 
     stopped: bool = False
+    number: int = 0
+    """The STOP that was said last; a GO names it."""
     by: str = ""
+    also_by: list[str] = Field(default_factory=list)
+    """Who else has said STOP while it held."""
     reason: Said = ""
     since_s: float | None = None
     """How long it has held."""

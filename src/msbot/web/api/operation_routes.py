@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import Awaitable, Callable
-from functools import partial
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path
+from fastapi import APIRouter, Path
 from pydantic import Field, create_model
 
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
-from msbot.web.api.answers import PROBLEMS
 from msbot.web.api.models import Done, Model, Scalar
 from msbot.web.api.session import SignedIn
+from msbot.web.api.stop_call import STOP
 from msbot.web.service import Service, done_of
 
 _TYPES: dict[ArgumentKind, object] = {
@@ -29,57 +27,13 @@ _TYPES: dict[ArgumentKind, object] = {
 }
 
 
-STOP = OPERATIONS["stop"]
 PREFIX = "/api"
-STOP_PATH = PREFIX + STOP.call.split()[1]
-
-
-MOST_PRESSES = 64
-"""Presses of STOP that are known again; a page says one again for as long as it is open and has no answer."""
-
-LONGEST_PRESS = 64
-"""Longest name of a press, in characters; a longer one is none."""
-
-
-def make_stop_api(service: Service) -> APIRouter:
-    """The call of STOP alone: it is there before all others, and never waits until they are.
-
-    A page whose answer is late says its STOP again, under the same name of the press. What was heard already is not
-    said once more: somebody may have said GO in between.
-    """
-    router = APIRouter(prefix=PREFIX, responses=PROBLEMS)
-    path = STOP.call.split()[1]
-    say = _call_of(STOP, path, service)
-    heard: dict[tuple[str, str], asyncio.Task[Done]] = {}
-
-    def ended(named: tuple[str, str], saying: asyncio.Task[Done]) -> None:
-        """What was not said may be tried again; it is told to who waits, if somebody still does."""
-        if saying.cancelled() or saying.exception() is not None:
-            heard.pop(named, None)
-
-    async def call(press: str | None, **given: Any) -> Done:  # noqa: ANN401 - as in `_call_of`
-        if press is None or len(press) > LONGEST_PRESS:  # no name is a reason to refuse a STOP
-            return await say(**given)
-        named = (given["session"].name, press)
-        if named not in heard:
-            heard[named] = asyncio.ensure_future(say(**given))
-            heard[named].add_done_callback(partial(ended, named))
-            while len(heard) > MOST_PRESSES:
-                del heard[next(iter(heard))]
-        return await asyncio.shield(heard[named])
-
-    header = Annotated[str | None, Header(alias="X-Stop-Press", include_in_schema=False)]
-    parameters = [*signature(say).parameters.values(), _parameter("press", header, None)]
-    call.__signature__ = Signature(parameters, return_annotation=Done)  # type: ignore[attr-defined]
-    call.__doc__ = STOP.summary
-    router.add_api_route(path, call, methods=["POST"], name=STOP.name, response_model=Done)
-    return router
 
 
 def add_operations(router: APIRouter, service: Service) -> None:
     """Add every other operation that has a call: names in the path, the other arguments in the body."""
     for operation in OPERATIONS.values():
-        if operation.call and operation is not STOP:
+        if operation.call and operation is not STOP:  # `stop_call`
             _add(router, service, operation)
 
 

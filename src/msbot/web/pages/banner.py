@@ -32,14 +32,19 @@ def show_banner(page: Page, banner: ui.column) -> None:
                     with ui.element("div").classes("ms-banner bad row spread").props("role=alert"):
                         stop_words.append(ui.html("", sanitize=False).style("flex:1;min-width:min(18rem,100%)"))
                         if page.may(Right.ARRANGE):
-                            ui.button(page.say("Go on"), on_click=lambda: page.act("go")).props("outline dense")
+                            ui.button(page.say("Go on"), on_click=go_on).props("outline dense")
                 for words in (robot.trouble, robot.stop.trouble, *robot.faults):
                     if words:
                         with ui.element("div").classes("ms-banner warn").props("role=alert"):
                             ui.label(page.say(words))
         if robot.stop.stopped and stop_words:
             set_html(stop_words[-1], stop_html(page, robot.stop))
+            seen[0] = robot.stop.number
 
+    async def go_on() -> None:
+        await page.act("go", stop=seen[0])  # not a STOP that came since this person has looked
+
+    seen = [0]
     stop_words: list[ui.html] = []
     page.every_look(show)
 

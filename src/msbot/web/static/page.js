@@ -103,12 +103,15 @@ const msbot = (() => {
       const done = await answer.json();
       if (answer.ok) {
         const ms = Math.round(performance.now() - began);
-        say("ms-stop-says", `${words("told")} (${ms} ms)`, "good");
-        stopTimer = setTimeout(stopSaid, 6000);
+        const told = `${words("told")} (${ms} ms)`;
+        if (done.stored) say("ms-stop-says", told, "good");
+        else say("ms-stop-says", `${told} ${words("unstored")}`, "warn");
+        stopTimer = setTimeout(stopSaid, done.stored ? 6000 : 30000);
         return;
       }
       isSaying = false;
-      say("ms-stop-says", `${words("refused")} ${done.error}`, "bad");
+      // 409: this press was obeyed before, and somebody has said GO since.
+      say("ms-stop-says", answer.status === 409 ? done.error : `${words("refused")} ${done.error}`, "bad");
     } catch {
       if (press !== stopPress) return;
       // It goes on trying: whoever pressed STOP means it, until the robot has heard it.
