@@ -46,6 +46,7 @@ def by_socket(robot: Robot) -> bool:
     return robot.tell("stop")["stored"] is True
 
 
+@pytest.mark.promise("A STOP that was answered as stored holds after kill -9, by whatever way it was said")
 def test_what_is_told_as_stored_holds_after_kill_9(robot: Robot) -> None:
     master = robot.master(page=True)
     for say in (by_api, by_socket) * ROUNDS:
@@ -97,6 +98,7 @@ def limited(master: Process, name: str, most: Callable[[], int]) -> Iterator[Non
     resource.prlimit(master.pid, which, before)
 
 
+@pytest.mark.promise("STOP is obeyed and truly told without threads, descriptors, memory or room on the disk")
 def test_the_first_stop_is_obeyed_and_truly_told_whatever_has_run_out(robot: Robot) -> None:
     master = robot.master(page=True)
     robot.parts("AA")
@@ -126,6 +128,7 @@ def test_the_first_stop_is_obeyed_and_truly_told_whatever_has_run_out(robot: Rob
     assert robot.tell("status")["stopped"]
 
 
+@pytest.mark.promise("Every request of who may say STOP is a STOP, and a GO ends none that its sayer did not know of")
 def test_every_request_of_who_may_say_it_is_a_stop(robot: Robot) -> None:
     robot.master(page=True)
     form, json_type = {"content-type": "application/x-www-form-urlencoded"}, {"content-type": "application/json"}
@@ -166,6 +169,7 @@ def test_every_request_of_who_may_say_it_is_a_stop(robot: Robot) -> None:
     assert robot.call("POST", "/go", {"stop": second})[0] == OK
 
 
+@pytest.mark.promise("STOP is never limited, and does no harm")
 def test_many_stops_of_one_person_are_one_line_and_push_nothing_out(robot: Robot) -> None:
     robot.master(page=True)
     assert robot.call("POST", "/parts/WXYZ/block", {"reason": "loud"})[0] == OK

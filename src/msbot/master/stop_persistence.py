@@ -28,6 +28,7 @@ DATABASE_S = 5.0
 """How long the database may take to confirm, when there is no file."""
 LOOK_S = 0.25
 """Period in which it is looked, meanwhile, whether something newer is to be stored."""
+NO_MEMORY = said("STOP is not stored: this computer has no memory left")
 SPARE_OCTETS = 1024 * 1024
 """Memory that is set free when the process can get no more."""
 
@@ -148,7 +149,7 @@ class StopKeeper:
 
     def _store_and_tell(self, file: StopFile, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
         """Store a record, and say what came of it, whatever happens: the thread is there for the next one, too."""
-        trouble = "STOP is not stored: this computer has no memory left"
+        trouble = NO_MEMORY
         for _ in range(2):
             try:
                 trouble = self._store_it(file, record)
@@ -170,15 +171,24 @@ class StopKeeper:
 
     def _store_it(self, file: StopFile, record: StopRecord) -> str:
         """Why the record is stored nowhere, in words; "" = it is."""
-        words = "STOP" if record.holds else "the end of STOP"
         try:
             file.write(record)
         except OSError as error:
             if self._is_in_database():
                 return ""
-            return f"{words} is not stored: {file.path} cannot be written ({error.strerror}), nor can the database"
+            return said(
+                "STOP is not stored: {path} cannot be written ({error}), nor can the database"
+                if record.holds
+                else "the end of STOP is not stored: {path} cannot be written ({error}), nor can the database",
+                path=str(file.path),
+                error=error.strerror or type(error).__name__,
+            )
         if self._is_shared and not self._is_in_database():
-            return f"{words} is stored on this computer only: a master that takes over does not know of it"
+            return said(
+                "STOP is stored on this computer only: a master that takes over does not know of it"
+                if record.holds
+                else "the end of STOP is stored on this computer only: a master that takes over does not know of it"
+            )
         return ""
 
     def _is_in_database(self) -> bool:

@@ -177,7 +177,7 @@ def test_a_stop_whose_answers_are_lost_is_said_again_and_is_over_with_go(page: P
             pass
     assert len(set(heard)) == 1
     page.unroute("**/api/stop")
-    expect(page.locator("#ms-stop-says")).to_contain_text("STOP is said to all parts.")
+    expect(page.locator("#ms-stop-says")).to_contain_text("somebody has ended it since: the robot may move")
     assert call(page, "POST", "/api/go", {}) == 400, "no STOP holds"
     expect(banner).to_have_count(0)
 
