@@ -28,7 +28,7 @@ DATABASE_S = 5.0
 """How long the database may take to confirm, when there is no file."""
 LOOK_S = 0.25
 """Period in which it is looked, meanwhile, whether something newer is to be stored."""
-NO_MEMORY = said("STOP is not stored: this computer has no memory left")
+NO_MEMORY: str = said("STOP is not stored: this computer has no memory left")
 SPARE_OCTETS = 1024 * 1024
 """Memory that is set free when the process can get no more."""
 
@@ -149,7 +149,7 @@ class StopKeeper:
 
     def _store_and_tell(self, file: StopFile, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
         """Store a record, and say what came of it, whatever happens: the thread is there for the next one, too."""
-        trouble = NO_MEMORY
+        trouble: str = NO_MEMORY
         for _ in range(2):
             try:
                 trouble = self._store_it(file, record)
