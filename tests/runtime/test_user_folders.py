@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from msbot.agent.status_files import find_files, leave_word, status_folder
 from msbot.errors import ConfigError
 from msbot.runtime.user_folders import (
     check_owner,
@@ -27,6 +28,37 @@ def test_the_folder_is_the_runtime_folder_or_a_temporary_one_of_the_user(
     assert running_folder() == tmp_path / "msbot"
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     assert running_folder() == Path(tempfile.gettempdir()) / f"msbot-{os.getuid()}"
+
+
+def test_a_squatted_folder_blinds_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Anybody can make `/tmp/msbot-UID` before the user does: programs meet in the home, and go on meeting there."""
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    squatted = tmp_path / f"msbot-{os.getuid()}"
+    for kind in ("a folder", "a file", "a link"):
+        if kind == "a folder":
+            squatted.mkdir()
+            squatted.chmod(0o777)
+        elif kind == "a file":
+            squatted.touch()
+        else:
+            squatted.symlink_to(tmp_path)
+        place = running_folder()
+        assert place.parent == tmp_path / "home/.local/state/msbot"
+        file = leave_word(status_folder(), 4711)
+        assert [one.path for one in find_files(status_folder())] == [file.path]
+        if kind == "a folder":
+            squatted.rmdir()
+        else:
+            squatted.unlink()
+        assert running_folder() == place, "who starts when the squatter is gone finds who runs"
+        file.path.unlink()
+    assert [one.getMessage() for one in caplog.records] == [
+        f"{squatted} is not yours alone: {place} is used in its place"
+    ]
 
 
 def test_what_survives_a_restart_follows_the_desktop_rules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ form in a catalogue and puts the same values into it, so no translation ever has
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Final
 
 JsonSentence = str | dict[str, object]
@@ -69,6 +69,14 @@ def without(text: str, names: Collection[str], instead: str) -> str:
         name: instead if name in names else without(value, names, instead) if isinstance(value, str) else value
         for name, value in text.values.items()
     }
+    return Sentence(text.form, values)
+
+
+def changed(text: str, change: Callable[[str], str]) -> str:
+    """The text with `change` made to every plain text in it."""
+    if not isinstance(text, Sentence):
+        return change(text)
+    values = {name: changed(value, change) if isinstance(value, str) else value for name, value in text.values.items()}
     return Sentence(text.form, values)
 
 

@@ -7,7 +7,9 @@ elsewhere, they are still found there.
 
 from __future__ import annotations
 
+import logging
 import os
+import platform
 import stat
 import sys
 import tempfile
@@ -16,6 +18,10 @@ from pathlib import Path
 from msbot.errors import ConfigError
 
 APP = "msbot"
+
+_log = logging.getLogger(__name__)
+_told: set[Path] = set()
+"""Folders of which a warning was given."""
 
 
 def state_folder() -> Path:
@@ -41,13 +47,38 @@ def running_folder() -> Path:
     """Where this user's running programs leave information for each other: `$XDG_RUNTIME_DIR/msbot`.
 
     If that variable is not set, it is a folder among the temporary files. The choice of `platformdirs` would not do: it
-    depends on who is logged in at the moment, so programs could miss each other.
+    depends on who is logged in at the moment, so programs could miss each other. Anybody can make a folder of that name
+    first: then it is one in the user's home, for this computer (homes may be shared), and stays so, that programs which
+    start when the other one is gone find those that run.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime and Path(runtime).is_dir():
         return Path(runtime) / APP
     owner = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    return Path(tempfile.gettempdir()) / f"{APP}-{owner}"
+    usual = Path(tempfile.gettempdir()) / f"{APP}-{owner}"
+    instead = Path.home() / ".local" / "state" / APP / f"running-{platform.node() or 'here'}"
+    if not _is_somebody_elses(usual):
+        return instead if instead.is_dir() else usual
+    try:
+        instead.mkdir(mode=0o700, parents=True, exist_ok=True)
+        check_owner(instead)
+    except (OSError, ConfigError) as error:
+        _log.warning("%s is not yours alone, and there is no other place: %s", usual, error)
+        return usual
+    if usual not in _told:
+        _told.add(usual)
+        _log.warning("%s is not yours alone: %s is used in its place", usual, instead)
+    return instead
+
+
+def _is_somebody_elses(folder: Path) -> bool:
+    try:
+        check_owner(folder)
+    except FileNotFoundError:
+        return False
+    except (OSError, ConfigError):
+        return True
+    return False
 
 
 def check_owner(folder: Path) -> None:

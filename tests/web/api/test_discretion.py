@@ -1,4 +1,4 @@
-"""Client keys and addresses of parts are shown to teachers only, in whatever text they stand (issue 11, point 14)."""
+"""Client keys, addresses and UIDs of parts are shown to teachers only, in whatever text they stand."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import pytest
 
 from msbot.operations.rights import Role
 from msbot.registry import JournalEntry
-from msbot.runtime.sentence import from_json, to_json
+from msbot.runtime.sentence import from_json, said, to_json
 from msbot.web.access.sessions import Session
-from msbot.web.api.session import journal_for, parts_for, words_for
+from msbot.web.api.bus_lines import FrameLine
+from msbot.web.api.models import Done, EditLine
+from msbot.web.api.private_octets import PrivateOctets
+from msbot.web.api.session import done_for, edits_for, journal_for, parts_for, words_for
 from msbot.web.cards import part_line
 from msbot.web.records import journal_line
 from tests.pnp.robot import Rig
@@ -57,12 +60,47 @@ def texts(rig: Rig, session: Session) -> list[str]:
 
 @pytest.mark.parametrize("role", [Role.VIEWER, Role.STUDENT])
 def test_students_read_no_address_anywhere(role: Role) -> None:
-    said = "\n".join(texts(story(), Session("ann", role, 0.0, 0.0)))
-    assert [address for address in ADDRESSES.values() if address in said] == []
-    assert "another part with the same UID is active" in said
-    assert "newcomer" in said
+    told = "\n".join(texts(story(), Session("ann", role, 0.0, 0.0)))
+    assert [address for address in ADDRESSES.values() if address in told] == []
+    assert [uid for uid in uids() if uid in told] == []
+    assert "another part with the same UID is active" in told
+    assert "newcomer" in told
 
 
 def test_a_teacher_reads_them() -> None:
-    said = "\n".join(texts(story(), Session("tom", Role.TEACHER, 0.0, 0.0)))
-    assert [address for address in ADDRESSES.values() if address not in said] == []
+    told = "\n".join(texts(story(), Session("tom", Role.TEACHER, 0.0, 0.0)))
+    assert [address for address in ADDRESSES.values() if address not in told] == []
+    assert uids()
+    assert [uid for uid in uids() if uid not in told] == []
+
+
+def uids() -> set[str]:
+    return {info.uid.hex() for info in story().inventory.view(0.0) if info.uid}
+
+
+UID = "00112233445566aa"
+
+
+@pytest.mark.parametrize(
+    "notation",
+    ["101#00112233445566AA", "101#0311223344", "103##1FF5566AA0000", "18DA00F1#AA00FF112233", "101#3344556600000000"],
+)
+def test_a_frame_with_a_piece_of_a_uid_is_shown_without_its_data_to_all_but_teachers(notation: str) -> None:
+    row = FrameLine(number=1, age_s=0.0, sender="x", text=f"  {notation.partition('#')[0]}  [8] {notation[4:]}", node=1,
+                    plain=[], about=["a claim"], words=[f"claim with UID {UID}"], notation=notation)  # fmt: skip
+    other = row.model_copy(update={"notation": "101#C010000000000000", "text": "  101  [2] C0 10", "words": [UID]})
+    hidden, shown = PrivateOctets([UID, "0000000000000001", ""]).frames([row, other])
+    assert (hidden.text.split()[1:], hidden.notation, hidden.words) == (["…"], "", [])
+    assert (shown.text, shown.notation, shown.words) == (other.text, other.notation, ["…"])
+    assert PrivateOctets([]).frames([row])[0].text == row.text
+    log = f"(1.000000) can0 {notation}\n(1.1) can0 101#C010\n"
+    assert PrivateOctets([UID]).lines(log) == "(1.1) can0 101#C010\n"
+
+
+def test_what_people_have_changed_and_what_went_wrong_names_no_uid_to_students() -> None:
+    words = said("{part} ({number}, {uid})", part="ABCD", number="ABCD", uid=said("UID {uid}", uid=UID))
+    line = EditLine(number=1, at_ms=1, who="tom", kind="block", slot="", words=words, undone=False, undoable=True)
+    for role in Role:
+        session = Session("ann", role, 0.0, 0.0)
+        found = [edits_for(session, [line])[0].words, done_for(session, Done(words=words)).words]
+        assert [UID in text for text in found] == [role >= Role.TEACHER] * 2

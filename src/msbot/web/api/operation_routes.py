@@ -13,7 +13,7 @@ from pydantic import Field, create_model
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
 from msbot.web.api.models import Done, Model, Scalar
-from msbot.web.api.session import SignedIn
+from msbot.web.api.session import SignedIn, done_for
 from msbot.web.api.stop_call import STOP
 from msbot.web.service import Service, done_of
 
@@ -50,9 +50,10 @@ def _call_of(operation: Operation, path: str, service: Service) -> Callable[...,
 
     async def call(**given: Any) -> Done:  # noqa: ANN401 - its signature is made below
         body: Model | None = given.pop("body", None)
-        who = service.asker(given.pop("session"))
+        session = given.pop("session")
+        who = service.asker(session)
         named = {} if body is None else {argument.name: getattr(body, argument.passed_as) for argument in in_body}
-        return done_of(await service.operations.do(operation.name, who=who, **given, **named))
+        return done_for(session, done_of(await service.operations.do(operation.name, who=who, **given, **named)))
 
     parameters = [_parameter("session", SignedIn)]
     for name in in_path:

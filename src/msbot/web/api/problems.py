@@ -13,6 +13,8 @@ from msbot.web.access.accounts import NotAllowed, SignedOut
 from msbot.web.access.attempts import SignInRefused
 from msbot.web.access.guard import is_left
 from msbot.web.access.passwords import TooManyHashes
+from msbot.web.access.sessions import Session
+from msbot.web.api.session import words_for
 from msbot.web.language import language_of
 
 _log = logging.getLogger(__name__)
@@ -43,7 +45,9 @@ def tell_problems(app: FastAPI) -> None:
 
     async def known(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, MsbotError)
-        return JSONResponse({"error": language_of(request).say(str(error))}, status_of(error))
+        session = request.scope.get("state", {}).get("session")
+        words = words_for(session, str(error)) if isinstance(session, Session) else str(error)
+        return JSONResponse({"error": language_of(request).say(words)}, status_of(error))
 
     async def invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

@@ -37,7 +37,17 @@ from msbot.web.api.models import (
 )
 from msbot.web.api.operation_routes import PREFIX, add_operations
 from msbot.web.api.program_routes import add_programs
-from msbot.web.api.session import Name, SignedIn, journal_for, lanes_for, parts_for, slots_for, words_for
+from msbot.web.api.session import (
+    Name,
+    SignedIn,
+    edits_for,
+    journal_for,
+    lanes_for,
+    octets_for,
+    parts_for,
+    slots_for,
+    words_for,
+)
 from msbot.web.service import Service
 
 
@@ -145,12 +155,12 @@ def _add_reads(router: APIRouter, service: Service) -> None:
 
     @router.get("/bus/frames")
     async def frames(
-        session: SignedIn,  # noqa: ARG001
+        session: SignedIn,
         after: Annotated[int, Query(ge=0, le=2**53)] = 0,
         limit: Annotated[int, Query(ge=1, le=1000)] = 200,
     ) -> list[FrameLine]:
         """The newest frames with a number above `after`, oldest first."""
-        return views.frame_lines(after, limit)
+        return octets_for(session, service).frames(views.frame_lines(after, limit))
 
     @router.get("/library")
     async def library(
@@ -197,9 +207,9 @@ def _add_slots(router: APIRouter, service: Service) -> None:
 
 def _add_robot(router: APIRouter, service: Service) -> None:
     @router.get("/edits")
-    async def edits(session: SignedIn, limit: Annotated[int, Query(ge=1, le=1000)] = 100) -> list[EditLine]:  # noqa: ARG001
+    async def edits(session: SignedIn, limit: Annotated[int, Query(ge=1, le=1000)] = 100) -> list[EditLine]:
         """What people changed, newest first."""
-        return await service.edits(limit)
+        return edits_for(session, await service.edits(limit))
 
     @router.get("/blueprint")
     async def blueprint(session: SignedIn) -> Response:  # noqa: ARG001

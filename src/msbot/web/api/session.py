@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import Depends, Path, Request
 
@@ -11,7 +11,11 @@ from msbot.operations.rights import Right
 from msbot.runtime.sentence import said, without
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
-from msbot.web.api.models import JournalLine, PartLine, SlotCard, TimelineLane
+from msbot.web.api.models import Done, EditLine, JournalLine, PartLine, Robot, SlotCard, TimelineLane
+from msbot.web.api.private_octets import PrivateOctets, without_uids
+
+if TYPE_CHECKING:
+    from msbot.web.service import Service
 
 PRIVATE = frozenset({"address", "addresses"})
 """Values of sentences that only teachers read."""
@@ -35,8 +39,27 @@ def session_of(request: Request) -> Session:
 
 
 def words_for(session: Session, text: str) -> str:
-    """What the robot says, without the addresses of parts, unless a teacher asks: who knows them can pretend."""
-    return text if session.may(Right.ARRANGE) else without(text, PRIVATE, ELSEWHERE)
+    """What the robot says, without addresses and UIDs of parts, unless a teacher asks: who knows them can pretend."""
+    return text if session.may(Right.ARRANGE) else without_uids(without(text, PRIVATE, ELSEWHERE))
+
+
+def octets_for(session: Session, service: Service, robot: Robot | None = None) -> PrivateOctets:
+    """What is left out of frames for somebody: what tells parts apart, of the robot now and of one of the past."""
+    if session.may(Right.ARRANGE):
+        return PrivateOctets(())
+    slots = () if robot is None else robot.slots
+    parts = (*service.views.parts(), *(card.part for card in slots if card.part is not None))
+    return PrivateOctets({part.uid for part in parts})
+
+
+def done_for(session: Session, done: Done) -> Done:
+    """What was done, in words for whoever asked for it."""
+    return done.model_copy(update={"words": words_for(session, done.words)})
+
+
+def edits_for(session: Session, lines: Sequence[EditLine]) -> list[EditLine]:
+    """The same for what people have changed."""
+    return [line.model_copy(update={"words": words_for(session, line.words)}) for line in lines]
 
 
 def parts_for(session: Session, parts: Sequence[PartLine]) -> list[PartLine]:
@@ -48,6 +71,7 @@ def parts_for(session: Session, parts: Sequence[PartLine]) -> list[PartLine]:
             update={
                 "part": NEWCOMER if part.part == part.address else part.part,
                 "client_key": "",
+                "uid": "",
                 "address": "",
                 "duplicates": [],
                 "reason": words_for(session, part.reason),

@@ -105,7 +105,7 @@ class _Table:
     def _pause(self) -> None:
         """Keep what the server still has of the past, for filtering at leisure."""
         if self._paused.value:
-            self._rows = self._page.sight.frame_lines(0, KEPT_ROWS)
+            self._rows = self._page.frame_lines(KEPT_ROWS)
         self._show(force=True)
 
     def _show(self, *, force: bool = False) -> None:
@@ -113,7 +113,7 @@ class _Table:
             return
         words = str(self._find.value or "").casefold().split()
         if not self._paused.value:
-            self._rows = self._page.sight.frame_lines(0, KEPT_ROWS if words else ROWS)
+            self._rows = self._page.frame_lines(KEPT_ROWS if words else ROWS)
         rows = [row for row in self._rows if all(word in _text_of(row) for word in words)][-ROWS:]
         heads = [self._page.say(title) for title in ("No.", "Age", "Sender", "Frame", "What it says")]
         lines = [(row, _colour_of(row)) for row in reversed(rows)]
@@ -134,7 +134,8 @@ class _Table:
         number = event.args
         # The row may have left the table between the click and now.
         shown = next((row for row in self._rows if row.number == number), None)
-        row = shown or self._page.sight.frame_line(int(number))
+        found = None if shown else self._page.sight.frame_line(int(number))
+        row = shown or (found and self._page.private_octets().frames([found])[0])
         if row is None:
             return
         identifier, _, data = row.text.strip().partition("  ")
@@ -187,4 +188,4 @@ def _colour_of(row: FrameLine) -> str:
 
 
 def _download(page: Page, name: str, lines: Callable[[Sight], str]) -> None:
-    ui.download.content(lines(page.sight), name)
+    ui.download.content(page.private_octets().lines(lines(page.sight)), name)

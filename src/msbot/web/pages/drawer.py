@@ -113,8 +113,10 @@ def _state(page: Page, slot: str) -> None:
         part = card.part
         rows = [(page.say("part number"), f"{card.shown_number} {page.say(card.type_name)}".strip())]
         if part is not None:
-            rows += [(page.say("part"), part.part), (page.say("UID"), part.uid or "–")]
-            if page.may(Right.ARRANGE) and not is_past:  # knowing them lets somebody impersonate that part
+            rows += [(page.say("part"), part.part)]
+            if page.may(Right.ARRANGE):  # knowing these lets somebody impersonate that part
+                rows += [(page.say("UID"), part.uid or "–")]
+            if page.may(Right.ARRANGE) and not is_past:
                 rows += [(page.say("address"), part.address), (page.say("session"), part.client_key)]
             rows += [] if is_past else [(page.say("beats"), f"{part.beats}")]
             rows += [

@@ -22,8 +22,10 @@ from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.web.access.accounts import SignedOut
 from msbot.web.access.sessions import Session
+from msbot.web.api.bus_lines import FrameLine
 from msbot.web.api.models import Done
-from msbot.web.api.session import words_for
+from msbot.web.api.private_octets import PrivateOctets
+from msbot.web.api.session import octets_for, words_for
 from msbot.web.html import render
 from msbot.web.language import COOKIE as LANGUAGE_COOKIE
 from msbot.web.language import Language, language_of, languages
@@ -94,6 +96,14 @@ class Page:
     def say(self, text: str, **values: object) -> str:
         """A text in the person's language; students read no addresses of parts in it."""
         return self.language.say(words_for(self.session, text), **values)
+
+    def private_octets(self) -> PrivateOctets:
+        """What the person does not see of frames."""
+        return octets_for(self.session, self.service, self.sight.robot())
+
+    def frame_lines(self, limit: int) -> list[FrameLine]:
+        """The newest frames, oldest first, as the person may see them."""
+        return self.private_octets().frames(self.sight.frame_lines(0, limit))
 
     def number(self, value: float, form: str = "") -> str:
         """A number as the person's language writes it; `form` as in `format`."""

@@ -103,7 +103,9 @@ class _Quiz:
     def _ask(self) -> None:
         self._row, self._question = None, None
         if self._source.value == OF_THE_BUS:
-            self._row, self._question = _of_the_bus(self._page.sight.frame_lines(0, ROWS), self._random)
+            self._row, self._question = _of_the_bus(
+                [row for row in self._page.frame_lines(ROWS) if row.notation], self._random
+            )
         else:
             self._question = next(self._made)
         say = self._page.say
