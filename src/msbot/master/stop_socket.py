@@ -224,7 +224,8 @@ class StopSocket:
                     _log.warning("a GO was not obeyed: it came while this program stood still, and nobody waits for it")
                     self._close(line)
                     return
-                self._master.say_go(who)
+                stop = request.get("stop")
+                self._master.say_go(who, None if stop is None else int(stop))
         except ConfigError as error:
             self._answer(line, {"meant": True, "error": str(error)})
             return

@@ -11,12 +11,13 @@ from msbot.cli.options import robot_options, stop_group_option
 
 
 @click.command("go")
+@click.option("--stop", "number", type=click.IntRange(1), help="End this STOP, and none that was said after it.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @stop_group_option
 @robot_options
-def command(db: str | None, robot: str | None, *, as_json: bool, stop_group: str | None) -> None:
+def command(db: str | None, robot: str | None, *, number: int | None, as_json: bool, stop_group: str | None) -> None:
     """End STOP at one robot: its parts may work again. Where several run, say which one."""
-    answer = say_go(Meant(db, robot, stop_group))
+    answer = say_go(Meant(db, robot, stop_group), number)
     if as_json:
         click.echo(json.dumps({"stopped": answer["stopped"], "stored": answer["stored"]}))
         return

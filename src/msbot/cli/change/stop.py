@@ -67,7 +67,17 @@ def _as_json(reached: Reached, said: Reached, meant: Meant) -> dict[str, object]
     """What holds for all robots together, and for each."""
     found = together(reached.answers)
     names = ["told", "confirmed", "silent", "stored", *(name for name in ("left_out",) if found.get(name))]
-    of_one = ("robot", "serial_number", "database", "stop_group", "stopped", "told", "not_confirmed", "stored")
+    of_one = (
+        "robot",
+        "serial_number",
+        "database",
+        "stop_group",
+        "stopped",
+        "number",
+        "told",
+        "not_confirmed",
+        "stored",
+    )
     robots = [
         {name: one.get(name) for name in of_one} | {"go": go_command(one, reached.answers, meant)}
         for one in reached.answers
@@ -80,7 +90,7 @@ def _as_json(reached: Reached, said: Reached, meant: Meant) -> dict[str, object]
 def _show_status(reached: Reached, meant: Meant, *, as_json: bool) -> None:
     status = together(reached.answers)
     if as_json:
-        click.echo(json.dumps({name: status[name] for name in ("stopped", "by", "since")}))
+        click.echo(json.dumps({name: status[name] for name in ("stopped", "number", "by", "since")}))
         return
     stopped = [one for one in reached.answers if one["stopped"]]
     if not stopped:
@@ -89,7 +99,8 @@ def _show_status(reached: Reached, meant: Meant, *, as_json: bool) -> None:
         since, why = one["since"], f": {one['reason']}" if one["reason"] else ""
         assert isinstance(since, int | float)
         where = f" at {robot_label(one)}" if len(reached.answers) > 1 else ""
-        click.echo(f"STOP{where} since {datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}, said by {one['by']}{why}")
+        at = f"{datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}"
+        click.echo(f"STOP {one['number']}{where} since {at}, said by {one['by']}{why}")
         for line in _lines([one], meant, among=reached.answers):
             click.echo(line)
     if reached.silent:

@@ -70,22 +70,27 @@ def say_stop(meant: Meant, reason: str) -> Reached:
     return reached if reached.answers else _by_the_ordinary_way("stop", {"reason": reason}, meant, "NOT delivered")
 
 
-def say_go(meant: Meant) -> Answer:
+def say_go(meant: Meant, number: int | None = None) -> Answer:
     """Say GO to the one robot that is meant.
 
+    Args:
+        meant: which.
+        number: the latest STOP that this person knows of; None: the one that holds when the command asks.
+
     Raises:
-        ConfigError: several could be meant, nobody said STOP, or no master accepts it.
+        ConfigError: several could be meant, nobody said STOP, another one was said since, or no master accepts it.
     """
     found = _ask("status", meant).answers
     if len(found) > 1:
         ways = "; ".join(f"{robot_label(one)}: {go_command(one, found, meant)}" for one in found)
         raise ConfigError(f"{len(found)} masters run here: say with --robot or --db which one may go on: {ways}")
     if not found:
-        return _by_the_ordinary_way("go", {}, meant, "NOT delivered").answers[0]
+        return _by_the_ordinary_way("go", {"stop": number}, meant, "NOT delivered").answers[0]
     (one,) = found  # to this one alone: another master may stand still, and would find it later
     # By its serial number, too: robots of one name may share a database.
     only = Meant(str(one["database"]), str(one["robot"]), str(one.get("stop_group") or ""))
-    answers = _ask("go", only, serial_number=one.get("serial_number")).answers
+    known = one.get("number") if number is None else number
+    answers = _ask("go", only, serial_number=one.get("serial_number"), stop=known).answers
     if not answers:
         raise ConfigError("NOT delivered: the master has ended meanwhile")
     return answers[0]
@@ -131,7 +136,7 @@ def silent_words(silent: Sequence[SilentMaster]) -> str:
     return f"{', '.join(map(str, silent))}: {'it runs and does' if len(silent) == 1 else 'they run and do'} not answer"
 
 
-def _ask(do: str, meant: Meant, reason: str = "", *, serial_number: object = None) -> Reached:
+def _ask(do: str, meant: Meant, reason: str = "", *, serial_number: object = None, stop: object = None) -> Reached:
     """The answers of the masters that are meant, and which may be meant and run here without an answer.
 
     Raises:
@@ -146,6 +151,7 @@ def _ask(do: str, meant: Meant, reason: str = "", *, serial_number: object = Non
         "robot": meant.robot,
         "database": meant.database,
         "serial_number": serial_number,
+        "stop": stop,
     }
     answers, silent = ask_masters(request, group=meant.in_group)
     if not answers and silent:
