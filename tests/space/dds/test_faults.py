@@ -111,11 +111,11 @@ async def test_no_interface_at_all() -> None:
 
 
 def test_the_network_is_chosen_by_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    lo = NetworkInterface("lo", is_up=True, is_loopback=True, multicast=False, has_address=True)
-    eth = NetworkInterface("eth0", is_up=True, is_loopback=False, multicast=True, has_address=True)
-    ppp = NetworkInterface("ppp0", is_up=True, is_loopback=False, multicast=False, has_address=True)
-    down = NetworkInterface("eth1", is_up=False, is_loopback=False, multicast=True, has_address=True)
-    bare = NetworkInterface("eth2", is_up=True, is_loopback=False, multicast=True, has_address=False)
+    lo = NetworkInterface("lo", is_up=True, is_loopback=True, multicast=False, address="10.0.0.7")
+    eth = NetworkInterface("eth0", is_up=True, is_loopback=False, multicast=True, address="10.0.0.7")
+    ppp = NetworkInterface("ppp0", is_up=True, is_loopback=False, multicast=False, address="10.0.0.7")
+    down = NetworkInterface("eth1", is_up=False, is_loopback=False, multicast=True, address="10.0.0.7")
+    bare = NetworkInterface("eth2", is_up=True, is_loopback=False, multicast=True)
     assert choose(None, [lo, eth]).words == "the network"
     assert choose(None, [lo, eth]).config is None
     alone = choose(None, [lo, down, bare])

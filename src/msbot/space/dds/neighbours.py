@@ -55,7 +55,7 @@ class Neighbours:
             changed: called with every endpoint that appears.
         """
         self._library = library
-        self._own = domain.guid[:12]
+        self._own = {domain.guid[:12]}
         self._waiter = waiter
         self._changed = changed
         self._by_topic: dict[str, dict[Guid, Neighbour]] = {}
@@ -76,10 +76,9 @@ class Neighbours:
         """The endpoints on a topic."""
         return iter(self._by_topic.get(name, {}).values())
 
-    def reads(self, participant: bytes, topic: str) -> bool:
-        """Whether a program, known by the first 12 octets of its GUIDs, has a reader of a topic."""
-        peers = self._by_topic.get(topic, {})
-        return any(guid[:12] == participant and not peer.is_writer for guid, peer in peers.items())
+    def leave_out(self, participant: bytes) -> None:
+        """That participant is this program's, too."""
+        self._own.add(participant)
 
     def close(self) -> None:
         """Stop listening."""
@@ -99,7 +98,7 @@ class Neighbours:
             info = self._infos[index]
             if not info.valid_data or info.instance_state != ALIVE:
                 self._forget(guid)
-            elif guid[:12] != self._own:
+            elif guid[:12] not in self._own:
                 self._remember(guid, found, is_writer)
         calls.dds_return_loan(reader, self._samples, count)
 

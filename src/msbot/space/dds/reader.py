@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections import deque
 from collections.abc import Callable
 from ctypes import byref, c_int32
 
 from msbot.errors import RemoteProtocolError
 from msbot.space.contract import Guid, Qos, Sample, Topic
-from msbot.space.dds import services
 from msbot.space.dds.crossing import Crossing
 from msbot.space.dds.library import DdsLibrary, Matched, Missed
 from msbot.space.dds.neighbours import Neighbours
@@ -25,14 +22,6 @@ REQUESTED_STATUSES = SUBSCRIPTION_MATCHED | REQUESTED_INCOMPATIBLE | SAMPLE_LOST
 
 MAX_PEERS = 1024
 """Writers in other programs whose samples are numbered; beyond, the numbers start over."""
-
-INTRODUCTION_S = 1.0
-"""The longest time that a request waits for its requester's reader to be discovered."""
-MAX_EARLY = 64
-"""How many requests may wait for that."""
-
-AskerOf = Callable[[bytes], Guid | None]
-"""Maps the 8 octets in front of a reply to the requester in this process, or to None."""
 
 
 class Peer:
@@ -127,87 +116,6 @@ class Inlet(Crossing):
             del self._peers[publication]
             if isinstance(self.reader, SelectiveReader):
                 self.reader.forget(peer.guid)
-
-
-class RequestInlet(Inlet):
-    """Takes requests: the requester's identity precedes the body.
-
-    A requester may discover this side a moment before this side discovers the requester's reader, and an answer would
-    be lost. So its first requests wait until that reader is known, for `INTRODUCTION_S` at most.
-    """
-
-    __slots__ = ("_early", "_replies", "_unanswerable")
-
-    def __init__(self, *arguments: object) -> None:
-        super().__init__(*arguments)  # type: ignore[arg-type]
-        self._replies = services.reply_topic(self.name)
-        self._early: deque[tuple[bytes, float, Sample]] = deque()
-        self._unanswerable = 0
-
-    def troubles(self) -> tuple[str, ...]:
-        """As of every reader, and how many requests came that nobody could answer."""
-        found = super().troubles()
-        if self._unanswerable:
-            words = f"{self.name}: SERVICE: {self._unanswerable} requests came from a DDS that cannot get the replies"
-            found = (*found, f"{words}: set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp there")
-        return found
-
-    def tell_early(self) -> None:
-        """Pass on requests that need not wait any longer."""
-        early, now = self._early, asyncio.get_running_loop().time()
-        while early and (early[0][1] <= now or self._neighbours.reads(early[0][0], self._replies)):
-            self._accept(early.popleft()[2])
-
-    def take(self, most: int = BATCH) -> None:
-        """Pass on requests with their identity beside them."""
-        for publication, octets in self._serialiser.take(self.entity, most) or ():
-            peer = self._peers.get(publication) or self._meet(publication)
-            if not services.has_header(peer.guid):
-                self._unanswerable += 1
-                continue
-            parts = services.split(octets)
-            if parts is None:
-                self.counts.refused += 1
-                continue
-            requester, number, body = parts
-            sample = Sample(body, services.foreign(requester), number)
-            if peer.number or (not self._early and self._neighbours.reads(peer.guid[:12], self._replies)):
-                peer.number += 1
-                self._accept(sample)
-            else:
-                self._wait(peer.guid[:12], sample)
-
-    def _wait(self, participant: bytes, sample: Sample) -> None:
-        loop = asyncio.get_running_loop()
-        if len(self._early) >= MAX_EARLY:
-            self._early.popleft()
-            self.counts.lost += 1
-        self._early.append((participant, loop.time() + INTRODUCTION_S, sample))
-        loop.call_later(INTRODUCTION_S, self.tell_early)
-
-
-class ReplyInlet(Inlet):
-    """Takes replies: the identity of the request precedes the body."""
-
-    __slots__ = ("_asker_of",)
-
-    def __init__(self, *arguments: object, asker_of: AskerOf) -> None:
-        super().__init__(*arguments)  # type: ignore[arg-type]
-        self._asker_of = asker_of
-
-    def take(self, most: int = BATCH) -> None:
-        """Pass on replies to requesters of this process, and ignore all others."""
-        for publication, octets in self._serialiser.take(self.entity, most) or ():
-            parts = services.split(octets)
-            if parts is None:
-                self.counts.refused += 1
-                continue
-            requester, number, body = parts
-            asker = self._asker_of(requester)
-            if asker is not None:
-                peer = self._peers.get(publication) or self._meet(publication)
-                peer.number += 1
-                self._accept(Sample(body, peer.guid, peer.number, (asker, number)))
 
 
 class DdsReader:

@@ -4,7 +4,8 @@ Theory of operation. Every writer and reader exists in memory, with the same rul
 `MemorySpace`, and once more in the library for each name that the topic has in DDS. Readers in the library do not hear
 writers of the same participant, so nothing arrives twice. A sample goes out only while another program reads it (or if
 it is kept for late readers); a sample that comes in is handed to the reader in memory. So the robot keeps working when
-the network fails. One thread waits (`waiter`), everything else happens on the event loop.
+the network fails. One thread waits (`waiter`), everything else happens on the event loop. Services have a participant
+of their own (`services`).
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from msbot.errors import ConfigError
 from msbot.space import service_names
@@ -29,15 +30,19 @@ from msbot.space.dds.library import ANY_STATE
 from msbot.space.dds.native_qos import reader_qos, writer_qos
 from msbot.space.dds.neighbours import Neighbour, Neighbours, obstacle
 from msbot.space.dds.raw_type import Serialiser
-from msbot.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet, ReplyInlet, RequestInlet
+from msbot.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet
 from msbot.space.dds.waiter import Waiter
-from msbot.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet, ServiceWriter
+from msbot.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet
 from msbot.space.dds_topics import DdsTopic, DdsTopicsOf, as_it_is
-from msbot.space.memory import MemorySpace
+from msbot.space.memory import MemorySpace, MemoryWriter
 from msbot.space.readers import MemoryReader
+from msbot.space.rtps.driver import RtpsDriver
 
 RETRY_S = 0.005
 """How soon a write is retried for which a slow peer had no room."""
+
+SERVICE_DEPTH = 64
+"""Requests or replies of one writer that wait for peers at most."""
 
 logger = logging.getLogger(__name__)
 
@@ -78,7 +83,9 @@ class DdsSpace:
         self._outlets: dict[Outlet, DdsWriter] = {}
         self._inlets: dict[Inlet, DdsReader] = {}
         self._by_name: dict[tuple[int, str], dict[Outlet | Inlet, None]] = {}
-        self._askers: dict[bytes, Guid] = {}
+        self._rtps: dict[int, RtpsDriver] = {}
+        self._requesters: dict[int, services.Requesters] = {}
+        self._service_ends: dict[services.ServiceEnd, None] = {}
         self._late: dict[Outlet, None] = {}
         self._retry: asyncio.TimerHandle | None = None
         self._told: set[str] = set()
@@ -106,6 +113,8 @@ class DdsSpace:
         """See `SharedSpace.endpoints`."""
         for crossing in (*self._outlets, *self._inlets):
             yield crossing.as_endpoint()
+        for end in self._service_ends:
+            yield end.as_endpoint()
 
     def on_endpoints(self, listener: Callable[[], object]) -> None:
         """See `SharedSpace.on_endpoints`."""
@@ -115,19 +124,15 @@ class DdsSpace:
         """Make a writer and match it with every compatible reader, here and elsewhere."""
         topic = self._place(topic)
         memory = self._memory.writer(topic, qos, guid)
-        service = qos.service
-        if service and not service_names.crosses(topic.name):
-            return memory  # DDS could not express whom it is for
+        if qos.service:
+            return self._service_writer(topic, qos, memory, owner)
         outlets, notes = [], []
         for dds_topic in self._dds_topics_of(topic):
             try:
                 outlets.append((self._open_outlet(topic, dds_topic, qos), dds_topic.outward))
             except ConfigError as error:
                 notes.append(self._tell(str(error)))
-        if service and service_names.is_request(topic.name):
-            self._askers[services.short(guid)] = guid
-        make = ServiceWriter if service else DdsWriter
-        writer = make(memory, tuple(outlets), tuple(notes), self._close_writer)
+        writer = DdsWriter(memory, tuple(outlets), tuple(notes), self._close_writer)
         for outlet in writer.outlets:
             outlet.owner = owner
             self._outlets[outlet] = writer
@@ -140,8 +145,8 @@ class DdsSpace:
         """Make a reader; kept samples of writers here are delivered at once, those of writers elsewhere soon."""
         topic = self._place(topic)
         memory = self._memory.reader(topic, qos, deliver)
-        if qos.service and not service_names.crosses(topic.name):
-            return memory
+        if qos.service:
+            return self._service_reader(topic, qos, memory, owner)
         inlets, notes = [], []
         for dds_topic in self._dds_topics_of(topic):
             try:
@@ -165,6 +170,8 @@ class DdsSpace:
         if self._retry is not None:
             self._retry.cancel()
         self._waiter.close()
+        for driver in self._rtps.values():
+            driver.close()
         for domain in self._domains.values():
             domain.close()
         self._domains.clear()
@@ -175,10 +182,11 @@ class DdsSpace:
         return replace(topic, domain=self._domain) if topic.domain == 0 and self._domain else topic
 
     def _domain_of(self, topic: Topic) -> Domain:
-        domain = self._domains.get(topic.domain)
-        if domain is None:
-            domain = self._domains[topic.domain] = Domain(self._library, self._network, topic.domain)
-            self._neighbours_in(domain)
+        return self._domains.get(topic.domain) or self._join(topic.domain)
+
+    def _join(self, number: int) -> Domain:
+        domain = self._domains[number] = Domain(self._library, self._network, number)
+        self._neighbours_in(domain)
         return domain
 
     def _in_dds(self, qos: Qos, dds_topic: DdsTopic) -> Qos:
@@ -214,17 +222,12 @@ class DdsSpace:
             raise ConfigError(f"topic {dds_topic.name}: DDS makes no reader for it ({self._library.words(entity)})")
         calls.dds_set_status_mask(entity, REQUESTED_STATUSES)
         condition = calls.dds_create_readcondition(entity, ANY_STATE)
-        make: Callable[..., Inlet] = Inlet
-        if qos.service:
-            is_request = service_names.is_request(topic.name)
-            make = RequestInlet if is_request else partial(ReplyInlet, asker_of=self._askers.get)
-        return make(
+        return Inlet(
             self._library, self._serialiser, entity, condition, dds_topic.name, dds_topic.type_name, qos,
             self._neighbours[domain.number], memory, dds_topic.inward, domain.number,
         )  # fmt: skip
 
     def _close_writer(self, writer: DdsWriter) -> None:
-        self._askers.pop(services.short(writer.guid), None)
         for outlet in writer.outlets:
             outlet.close()
             self._late.pop(outlet, None)
@@ -255,6 +258,72 @@ class DdsSpace:
         if not namesakes:
             del self._by_name[endpoint.domain, endpoint.name]
 
+    # Services.
+
+    def _service_writer(self, topic: Topic, qos: Qos, memory: MemoryWriter, owner: Owner) -> Writer:
+        if not service_names.crosses(topic.name):
+            return memory  # nobody in DDS could tell whom it is for
+        ends: list[services.RequestsOut | services.RepliesOut] = []
+        for dds_topic in self._dds_topics_of(topic):
+            common = self._service_in(topic.domain, owner)
+            told = self._told_of_service(dds_topic, qos)
+            if service_names.is_request(topic.name):
+                ends.append(services.RequestsOut(*common, guid=memory.guid, **told))
+            else:
+                ends.append(services.RepliesOut(*common, **told))
+        self._service_opened(ends)
+        return services.ServiceWriter(memory, tuple(ends), self._close_service)
+
+    def _service_reader(self, topic: Topic, qos: Qos, memory: MemoryReader, owner: Owner) -> Reader:
+        if not service_names.crosses(topic.name):
+            return memory
+        make = services.RequestsIn if service_names.is_request(topic.name) else services.RepliesIn
+        ends = [
+            make(*self._service_in(topic.domain, owner), reader=memory, **self._told_of_service(dds_topic, qos))
+            for dds_topic in self._dds_topics_of(topic)
+        ]
+        self._service_opened(ends)
+        return services.ServiceReader(memory, tuple(ends), self._close_service)
+
+    def _service_in(self, domain: int, owner: Owner) -> tuple[RtpsDriver, Neighbours, services.Requesters, Owner, int]:
+        """What every end of a service needs; the domain's participant for them is made when the first one is."""
+        joined = self._domains.get(domain) or self._join(domain)
+        driver = self._rtps.get(domain)
+        if driver is None:
+            driver = self._rtps[domain] = RtpsDriver(
+                domain,
+                self._network.addresses,
+                is_local=self._network.is_local,
+                peers=self._network.peers,
+                strangers=[joined.guid[:12]],
+            )
+            self._requesters[domain] = services.Requesters()
+            self._neighbours[domain].leave_out(driver.participant.prefix)
+            driver.participant.changed = partial(self._services_changed, domain)
+        return driver, self._neighbours[domain], self._requesters[domain], owner, domain
+
+    def _told_of_service(self, dds_topic: DdsTopic, qos: Qos) -> dict[str, Any]:
+        in_dds = self._in_dds(qos, dds_topic)
+        reliable = replace(in_dds, reliable=True, transient_local=False, depth=max(qos.depth, SERVICE_DEPTH))
+        return {"name": dds_topic.name, "type_name": dds_topic.type_name, "qos": reliable, "user_data": b""}
+
+    def _service_opened(self, ends: Iterable[services.ServiceEnd]) -> None:
+        self._service_ends.update(dict.fromkeys(ends))
+        self._endpoints_changed()
+
+    def _close_service(self, ends: tuple[services.ServiceEnd, ...]) -> None:
+        for end in ends:
+            if end in self._service_ends:
+                del self._service_ends[end]
+                if self._domains:
+                    end.close()
+        self._endpoints_changed()
+
+    def _services_changed(self, domain: int) -> None:
+        for end in self._service_ends:
+            if end.domain == domain:
+                end.changed()
+
     # Slow peers.
 
     def _try_again(self, outlet: Outlet) -> None:
@@ -278,16 +347,12 @@ class DdsSpace:
         )
 
     def _appeared(self, domain: int, other: Neighbour) -> None:
-        """Report once why a newcomer and an endpoint of ours do not match; release requests that waited for it."""
+        """Report once why a newcomer and an endpoint of ours do not match."""
         for mine in tuple(self._by_name.get((domain, other.topic), ())):
             if isinstance(mine, Inlet) is other.is_writer:
                 reason = obstacle(mine.type_name, mine.qos, other, writes=not other.is_writer)
                 if reason is not None:
                     self._tell(f"{mine.name}: {reason}")
-        if not other.is_writer and service_names.is_reply(other.topic):
-            for mine in tuple(self._by_name.get((domain, services.request_topic(other.topic)), ())):
-                if isinstance(mine, RequestInlet):
-                    mine.tell_early()
 
     def _tell(self, words: str) -> str:
         if words not in self._told and len(self._told) < 256:

@@ -8,7 +8,6 @@ from ctypes import byref
 
 from msbot.errors import RemoteProtocolError
 from msbot.space.contract import Guid, Qos, Topic
-from msbot.space.dds import services
 from msbot.space.dds.crossing import Crossing
 from msbot.space.dds.library import TIMEOUT, DdsLibrary, Matched
 from msbot.space.dds.neighbours import Neighbours
@@ -160,23 +159,3 @@ class DdsWriter:
             outlet.counts.refused += 1
         else:
             outlet.write(converted)
-
-
-class ServiceWriter(DdsWriter):
-    """A writer of requests or replies, whose identity precedes the body in DDS."""
-
-    __slots__ = ()
-
-    def write(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int:
-        """Send a request, or answer one: a requester in this process in memory, one elsewhere in DDS."""
-        number = self._memory.write(payload, related)
-        if related is None:
-            requester, request = services.short(self.guid), number
-        elif services.is_foreign(related[0]):
-            requester, request = related[0][:8], related[1]
-        else:
-            return number
-        for outlet, _ in self._outlets:
-            # We may discover the other side's reader a moment after the other side has discovered ours.
-            outlet.write(services.with_header(requester, request, payload))
-        return number
