@@ -116,7 +116,7 @@ class Own(Message):
         (lambda: form_of(Own, "std_msgs/Float32", {"a": "data * 0"}), "'data * 0': a factor of 0 leaves nothing"),
         (lambda: form_of(Own, "std_msgs/String", {"a": "data"}), "a number goes with a number and a text with a text"),
         (
-            lambda: topic_name("my light"),
+            lambda: topic_name("ROVER", "my light"),
             "topic 'my light' cannot be in ROS 2: names consist of letters, digits, _ and",
         ),
     ],
@@ -127,5 +127,7 @@ def test_what_is_wrong_is_said(call: Callable[[], object], words: str) -> None:
 
 
 def test_names() -> None:
-    assert topic_name("arm/light_1") == "rt/arm/light_1"
+    assert topic_name("ROVER", "arm/light_1") == "rt/ROVER/arm/light_1"
+    assert topic_name("rover 2", "/arm/light_1") == "rt/arm/light_1"
+    assert topic_name("2 rovers", "light") == "rt/_2_rovers/light"
     assert ros_class("std_msgs/Bool") is ros_class("std_msgs/msg/Bool") is ROS_TYPES["std_msgs::msg::dds_::Bool_"]

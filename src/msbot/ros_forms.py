@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from msbot import ros2
+from msbot.config.ros_names import is_topic, topic_of
 from msbot.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot.part import Message
 from msbot.part.messages.message import Field, fields_of
@@ -51,19 +52,21 @@ ROS_TYPES: dict[str, type[Message]] = {
 """The known message types of ROS 2 by their names in DDS."""
 
 _NAME = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(msg/)?(?P<type>[A-Z][A-Za-z0-9]*)")
-_TOPIC = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _PATH = re.compile(r"(?P<path>[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*)(\s*\*\s*(?P<factor>\d+(\.\d+)?([eE]-?\d+)?))?")
 
 
-def topic_name(topic: str) -> str:
-    """A topic as ROS 2 has it in DDS.
+def topic_name(robot: str, topic: str) -> str:
+    """A topic of a robot as ROS 2 has it in DDS.
 
     Raises:
         ConfigError: ROS 2 does not take the name.
     """
-    if not _TOPIC.fullmatch(topic):
-        raise ConfigError(f"topic {topic!r} cannot be in ROS 2: names consist of letters, digits, _ and /")
-    return f"rt/{topic}"
+    if not is_topic(topic):
+        raise ConfigError(
+            f"topic {topic!r} cannot be in ROS 2: names consist of letters, digits, _ and /; "
+            'ros_topic = "..." gives it another name there'
+        )
+    return topic_of(robot, topic)
 
 
 def ros_class(name: str) -> type[Message]:

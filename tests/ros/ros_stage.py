@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
+from msbot.config.ros_names import topic_of
 from msbot.operations.dispatch import Operations
 from msbot.part import Message
 from msbot.ros import discovery_info
@@ -99,9 +100,10 @@ class RosStage:
         return [str(node.name) for node in decode(self._told[-1], SINCE_IRON)[1]]
 
     def listen(self, topic: str, message: type[_M], *, late: bool = False) -> Callable[[], list[_M]]:
-        """What comes on a topic from now on; `late`: also what was kept for who comes later."""
+        """What comes on a topic of the robot, or with `/` in front of all; `late`: also what was kept."""
+        name = topic_of(self.stage.master.blueprint.robot.name, topic)
         came: list[bytes] = []
-        self.space.reader(Topic(f"rt/{topic}", message.type_name), Qos(transient_local=late), self._keep(came))
+        self.space.reader(Topic(name, message.type_name), Qos(transient_local=late), self._keep(came))
         return lambda: [message.decode(payload) for payload in came]
 
     async def ask(self, node: str, service: str, request: Message | bytes, reply: type[_M]) -> _M:

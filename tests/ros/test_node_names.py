@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.ros.node_names import LONGEST, NodeName, node_named, robot_node, slot_nodes
+from msbot.config.ros_names import LONGEST
+from msbot.ros.node_names import NodeName, node_named, robot_node, slot_nodes
 
 WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 

@@ -104,12 +104,14 @@ def test_the_description_is_there_for_who_comes_later_and_the_clock_is_the_robot
         ros = RosStage(stage, description="<robot name='r'/>")
         await asyncio.sleep(1)
         assert [one.data for one in ros.listen("robot_description", String, late=True)()] == ["<robot name='r'/>"]
+        nobody = ros.listen("/clock", Clock)
         clock = ros.listen("clock", Clock)
         began = stage.now()
         await asyncio.sleep(0.95)
         times = [one.clock.sec + one.clock.nanosec / 1e9 for one in clock()]
         assert len(times) in (9, 10)
         assert began <= times[0] < times[-1] <= stage.now()
+        assert nobody() == []  # other robots have their own
         ros.end()
 
     play(tmp_path, scene, WITH_CLOCK)
@@ -143,7 +145,7 @@ def test_parameters_are_listed_described_and_read(tmp_path: Path) -> None:
 def test_setting_a_parameter_is_msbot_set(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         ros = RosStage(stage)
-        events = ros.listen("parameter_events", ParameterEvent)
+        events = ros.listen("/parameter_events", ParameterEvent)
         await asyncio.sleep(0.1)
 
         async def put(*wanted: Parameter) -> list[SetParametersResult]:

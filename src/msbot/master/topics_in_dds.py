@@ -27,7 +27,7 @@ def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -
 
 
 def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> DdsTopicsOf:
-    """The names of each topic of a robot.
+    """The names of each topic of a robot; in ROS 2 they are in its namespace, unless its blueprint says otherwise.
 
     Raises:
         ConfigError: ROS 2 has no form for a topic that should be shared with it; the text names topic and remedy.
@@ -35,7 +35,7 @@ def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> Dds
     known: dict[str, tuple[DdsTopic, ...]] = {}
     for binding in blueprint.bindings:
         if binding.topic not in known:
-            known[binding.topic] = _dds_topics(binding, library, partition)
+            known[binding.topic] = _dds_topics(binding, library, partition, blueprint.robot.name)
 
     def find(topic: Topic) -> tuple[DdsTopic, ...]:
         return known.get(topic.name) or (DdsTopic(topic.name, topic.type_name),)
@@ -43,7 +43,7 @@ def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> Dds
     return find
 
 
-def _dds_topics(binding: Binding, library: Library, partition: str) -> tuple[DdsTopic, ...]:
+def _dds_topics(binding: Binding, library: Library, partition: str, robot: str) -> tuple[DdsTopic, ...]:
     wish = binding.in_dds
     partitions = (partition, EVERYBODY) if wish.export else None
     found = [DdsTopic(binding.topic, binding.type_name, partitions)]
@@ -52,7 +52,7 @@ def _dds_topics(binding: Binding, library: Library, partition: str) -> tuple[Dds
 
         try:
             form = form_of(message_class(library.messages[binding.type_name]), wish.ros_type, dict(wish.ros_fields))
-            name = topic_name(binding.topic)
+            name = topic_name(robot, wish.ros_topic or binding.topic)
         except ConfigError as error:
             raise ConfigError(f'the binding of "{binding.topic}" with ros = true: {error}') from None
         found.append(DdsTopic(name, form.theirs.type_name, (EVERYBODY,), form.outward, form.inward))

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 
+from msbot.config.ros_names import LONGEST, ros_word
 from msbot.runtime.lazy_dataclass import dataclass
-
-LONGEST = 255
-"""Longest name or namespace (rmw_dds_common)."""
-
-_NOT_IN_A_WORD = re.compile(r"[^A-Za-z0-9_]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +24,6 @@ class NodeName:
     def topics(self) -> str:
         """What its own topics and services begin with in DDS, behind `rt`, `rq` or `rr`."""
         return str(self)
-
-
-def ros_word(text: str) -> str:
-    """The text as a word that ROS 2 accepts: letters, digits and underscores, no digit in front."""
-    word = _NOT_IN_A_WORD.sub("_", text)[:LONGEST]
-    return word if word and not word[0].isdigit() else f"_{word}"[:LONGEST]
 
 
 def node_named(text: str) -> NodeName:

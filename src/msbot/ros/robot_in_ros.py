@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from msbot.config import Blueprint
+from msbot.config.ros_names import topic_of
 from msbot.master import Master
 from msbot.operations.dispatch import Operations
 from msbot.part import Message
@@ -25,9 +26,9 @@ from msbot.ros2 import Clock, DiagnosticArray, String
 from msbot.space import OwnEndpoint, Owner, Qos, SharedSpace, Topic, Writer
 
 DIAGNOSTICS_S = 1.0
-"""Period of `/diagnostics`, as usual in ROS."""
+"""Period of the topic `diagnostics`, as usual in ROS."""
 CLOCK_S = 0.1
-"""Period of `/clock`."""
+"""Period of the topic `clock`."""
 
 TEN = Qos(depth=10, partitions=EVERYBODY)
 
@@ -131,7 +132,9 @@ class RobotInRos:
 
     def _writer(self, topic: str, message: type[Message], qos: Qos) -> Writer:
         owner = Owner(participant=str(self._robot))
-        return self._space.writer(Topic(f"rt/{topic}", message.type_name), qos, secrets.token_bytes(16), owner)
+        wanted = self._master.blueprint.ros.global_topics
+        name = topic_of(self._master.blueprint.robot.name, f"/{topic}" if topic in wanted else topic)
+        return self._space.writer(Topic(name, message.type_name), qos, secrets.token_bytes(16), owner)
 
     async def _diagnose(self) -> None:
         writer = self._writer("diagnostics", DiagnosticArray, TEN)

@@ -212,6 +212,16 @@ WRONG = [
     ),
     (
         "[[slot]]",
+        "[[binding]]\nros = true\nros_topic = '/my light'\n[[slot]]",
+        "line 9, binding[0].ros_topic: ROS 2 takes no topic of that name: names consist of letters, digits, _ and /",
+    ),
+    (
+        "[robot]",
+        "[ros]\nglobal_topics = ['/clock', '/tf']\n[robot]",
+        'line 2, ros.global_topics: "tf" is none of "clock", "diagnostics", "robot_description"',
+    ),
+    (
+        "[[slot]]",
         "[[binding]]\nexport = 1\n[[slot]]",
         "line 8, binding[0].export: must be true or false, without quotes",
     ),

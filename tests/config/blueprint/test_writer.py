@@ -107,7 +107,13 @@ def test_a_topic_that_nobody_publishes_or_nobody_hears_comes_back(tmp_path: Path
             "HelloWorld",
             SlotPort("AA", "out"),
             (),
-            in_dds=InDds(export=True, ros=True, ros_type="std_msgs/msg/String", ros_fields=(("message", "data"),)),
+            in_dds=InDds(
+                export=True,
+                ros=True,
+                ros_type="std_msgs/msg/String",
+                ros_fields=(("message", "data"),),
+                ros_topic="/say",
+            ),
         ),
     )
     blueprint = replace(BARE, bindings=halves)

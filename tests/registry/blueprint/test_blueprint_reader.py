@@ -22,7 +22,9 @@ def test_the_sample_comes_back(registry: Registry, blueprint: Blueprint, library
 
 def test_all_of_a_blueprint_comes_back(registry: Registry) -> None:
     options = Options(explain=True, free_topics=("chat",), authentication="key")
-    shown = InDds(export=True, ros=True, ros_type="geometry_msgs/msg/Vector3", ros_fields=(("b", "y"), ("a", "x")))
+    shown = InDds(
+        export=True, ros=True, ros_type="geometry_msgs/msg/Vector3", ros_fields=(("b", "y"), ("a", "x")), ros_topic="/x"
+    )
     bindings = tuple(replace(binding, in_dds=shown) for binding in ROBOT.bindings)
     timing = Timing("fast", 0.25, 0.5, 7, 1.0)
     whole = replace(ROBOT, timing=timing, options=options, bindings=bindings)

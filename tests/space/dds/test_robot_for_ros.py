@@ -57,24 +57,24 @@ async def test_a_ros_node_finds_the_part_and_reads_and_sets_its_parameters(tmp_p
             wishes = json.dumps({"parameters": [["period_s", {"type": 3, "double_value": 0.5}],
                                                 ["period_s", {"type": 3, "double_value": 99.0}]]})  # fmt: skip
             async with program(
-                *NODE, "nodes", KNOB, "rt/power", "nodes", "/ROVER", "rt/robot_description",
-                "hear", "power", "Float32", "1",
-                "hear", "diagnostics", "DiagnosticArray", "1", "hear", "clock", "Clock", "1",
-                "hear", "robot_description", "String", "1",
+                *NODE, "nodes", KNOB, "rt/ROVER/power", "nodes", "/ROVER", "rt/ROVER/robot_description",
+                "hear", "ROVER/power", "Float32", "1",
+                "hear", "ROVER/diagnostics", "DiagnosticArray", "1", "hear", "ROVER/clock", "Clock", "1",
+                "hear", "ROVER/robot_description", "String", "1",
                 "call", KNOB, "list_parameters", '{"prefixes": [], "depth": 0}',
                 "call", KNOB, "set_parameters", wishes,
                 "call", KNOB, "get_parameters", '{"names": ["period_s"]}', "gone", KNOB,
             ) as node:  # fmt: skip
                 await node.says("get_parameters: ")
-                assert f"{KNOB} writes rt/power std_msgs::msg::dds_::Float32_" in node.lines
+                assert f"{KNOB} writes rt/ROVER/power std_msgs::msg::dds_::Float32_" in node.lines
                 assert (
                     f"{KNOB} reads rq{KNOB}/set_parametersRequest rcl_interfaces::srv::dds_::SetParameters_Request_"
                 ) in node.lines
-                assert "/ROVER writes rt/diagnostics diagnostic_msgs::msg::dds_::DiagnosticArray_" in node.lines
-                assert "/ROVER writes rt/robot_description std_msgs::msg::dds_::String_" in node.lines
-                told = json.loads((await node.says("diagnostics: ")).partition(" ")[2])
+                assert "/ROVER writes rt/ROVER/diagnostics diagnostic_msgs::msg::dds_::DiagnosticArray_" in node.lines
+                assert "/ROVER writes rt/ROVER/robot_description std_msgs::msg::dds_::String_" in node.lines
+                told = json.loads((await node.says("ROVER/diagnostics: ")).partition(" ")[2])
                 assert [(one["name"], one["level"]) for one in told["status"]] == [("ROVER", 0), ("ROVER: knob", 0)]
-                told = json.loads((await node.says("robot_description: ")).partition(" ")[2])
+                told = json.loads((await node.says("ROVER/robot_description: ")).partition(" ")[2])
                 assert told["data"] == EXAMPLE.with_name("rover.urdf").read_text()
                 assert '"period_s", "change"' in await node.says("list_parameters: ")
                 results = json.loads((await node.says("set_parameters: ")).partition(" ")[2])["results"]

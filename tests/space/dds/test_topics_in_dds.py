@@ -64,23 +64,35 @@ async def test_a_level_is_a_float32_for_ros_nodes_both_ways() -> None:
     with robot_space(parse_space("dds"), rover("ros = true"), LIBRARY) as robot:
         power = Topic("power", "Level")
         writer = robot.writer(power, RELIABLE, bytes(16))
-        async with program(*NODE, "echo", "power") as node:
+        async with program(*NODE, "echo", "ROVER/power") as node:
             await until(lambda: (writer.write(Level(percent=42.5).encode()), node.heard)[1])
             assert set(node.heard) == {"got 42.5"}
         robot.reader(power, RELIABLE, inbox)
-        async with program(*NODE, "pub", "power", "-7.25"):
+        async with program(*NODE, "pub", "ROVER/power", "-7.25"):
             await until(lambda: inbox.samples)
         assert Level.decode(inbox.payloads[0]) == Level(percent=-7.25)
         assert writer.troubles() == ()
+
+
+@pytest.mark.parametrize(
+    ("wish", "topic"),
+    [("", "rt/ROVER/power"), ('ros_topic = "arm/push"', "rt/ROVER/arm/push"), ('ros_topic = "/push"', "rt/push")],
+)
+async def test_a_topic_is_in_the_robots_namespace_unless_it_is_named_otherwise(wish: str, topic: str) -> None:
+    inbox = Inbox()
+    with robot_space(parse_space("dds"), rover(f"ros = true\n{wish}"), LIBRARY) as robot, DdsSpace() as node:
+        node.reader(Topic(topic, "std_msgs::msg::dds_::Float32_"), RELIABLE, inbox)
+        writer = robot.writer(Topic("power", "Level"), RELIABLE, bytes(16))
+        await until(lambda: (writer.write(Level(percent=1.0).encode()), inbox.samples)[1])
 
 
 async def test_a_message_of_ros_that_makes_no_sense_is_dropped_and_told() -> None:
     inbox = Inbox()
     with robot_space(parse_space("dds"), rover("ros = true"), LIBRARY) as robot, DdsSpace() as node:
         reader = robot.reader(Topic("power", "Level"), RELIABLE, inbox)
-        writer = node.writer(Topic("rt/power", "std_msgs::msg::dds_::Float32_"), RELIABLE, bytes(16))
+        writer = node.writer(Topic("rt/ROVER/power", "std_msgs::msg::dds_::Float32_"), RELIABLE, bytes(16))
         await until(lambda: (writer.write(b"\0"), reader.troubles())[1])
-        assert re.fullmatch(r"rt/power: \d+ samples of DDS peers made no sense", reader.troubles()[0])
+        assert re.fullmatch(r"rt/ROVER/power: \d+ samples of DDS peers made no sense", reader.troubles()[0])
         assert inbox.samples == []
 
 

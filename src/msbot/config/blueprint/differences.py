@@ -118,7 +118,7 @@ class _Topic:
         if self.in_dds.ros:
             fields = ", ".join(f"{ours} = {theirs}" for ours, theirs in self.in_dds.ros_fields)
             named = self.in_dds.ros_type and said("as {type}", type=self.in_dds.ros_type)
-            kind.append(joined(" ", filter(None, (said("in ROS 2"), named, fields))))
+            kind.append(joined(" ", filter(None, (said("in ROS 2"), self.in_dds.ros_topic, named, fields))))
         sources, targets = (", ".join(ends) or said("nobody") for ends in (self.sources, self.targets))
         return said("{sources} -> {targets} [{kind}]", sources=sources, targets=targets, kind=joined(", ", kind))
 

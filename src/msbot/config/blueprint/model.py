@@ -97,6 +97,8 @@ class InDds:
     """For example `std_msgs/msg/Float32`; empty: the usual one for the message type."""
     ros_fields: tuple[tuple[str, str], ...] = ()
     """Pairs of our field and theirs; empty: the usual ones."""
+    ros_topic: str = ""
+    """Its name in ROS 2, if not its own: in the robot's namespace, or with `/` in front one that robots share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +138,13 @@ class RosOptions:
     """How the robot shows itself to ROS 2 beyond its topics; no effect without a DDS data space."""
 
     urdf: str = ""
-    """The file with its description for `/robot_description`, relative to the blueprint's folder; empty: none."""
+    """The file with its description (`robot_description`), relative to the blueprint's folder; empty: none."""
     clock: bool = False
-    """Tell the robot's time on `/clock`."""
+    """Tell the robot's time on the topic `clock`."""
     parameters: str = "set"
     """`set`: ROS 2 nodes may set parameters of slots as a student may; `read`: they may only read them."""
+    global_topics: tuple[str, ...] = ()
+    """Those of `clock`, `diagnostics` and `robot_description` that have the names that robots share."""
 
 
 ROS_PARAMETERS = ("set", "read")

@@ -21,8 +21,9 @@ from msbot.config.blueprint.model import (
     Timing,
 )
 from msbot.config.library.library import Library, load_library
+from msbot.config.ros_names import GLOBAL_TOPICS, is_topic
 from msbot.config.toml.document import Document, parse_document, read_document
-from msbot.config.toml.problems import Problems
+from msbot.config.toml.problems import Problems, quoted
 from msbot.config.toml.table import Table
 from msbot.runtime.sentence import said
 
@@ -171,7 +172,13 @@ def _read_ros(table: Table) -> RosOptions:
         urdf=table.text("urdf", "rover.urdf"),
         clock=table.flag("clock", default=False),
         parameters=table.choice("parameters", list(ROS_PARAMETERS), default=ROS_PARAMETERS[0]),
+        global_topics=tuple(name.removeprefix("/") for name in table.names("global_topics", "/diagnostics")),
     )
+    for name in ros.global_topics:
+        if name not in GLOBAL_TOPICS:
+            table.problem(
+                said('"{value}" is none of {words}', value=name, words=quoted(GLOBAL_TOPICS)), "global_topics"
+            )
     table.finish()
     return ros
 
@@ -210,10 +217,13 @@ def _in_dds(table: Table) -> InDds:
         ros=table.flag("ros", default=False),
         ros_type=table.text("ros_type", "std_msgs/msg/Float32"),
         ros_fields=tuple((name, fields.text(name, "data")) for name in fields.present_keys()),
+        ros_topic=table.text("ros_topic", "/cmd_vel"),
     )
     fields.finish()
+    if found.ros_topic and not is_topic(found.ros_topic):
+        table.problem(said("ROS 2 takes no topic of that name: names consist of letters, digits, _ and /"), "ros_topic")
     if not found.ros:
-        for key in ("ros_type", "ros_fields"):
+        for key in ("ros_type", "ros_fields", "ros_topic"):
             if key in table:
                 table.problem(said("says how ROS 2 sees the topic: add ros = true"), key)
     return found

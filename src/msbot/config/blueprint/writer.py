@@ -75,6 +75,8 @@ def _ros(ros: RosOptions) -> Iterator[str]:
         value = getattr(ros, name)
         if value != getattr(RosOptions(), name):
             yield f"{name} = {toml_value(value)}"
+    if ros.global_topics:
+        yield f"global_topics = {_list(ros.global_topics)}"
 
 
 def _slot(slot: Slot, notes: Mapping[tuple[str, str], str]) -> Iterator[str]:
@@ -106,6 +108,8 @@ def _binding(binding: Binding, notes: Mapping[tuple[str, str], str]) -> Iterator
         yield "ros = true"
     if binding.in_dds.ros_type:
         yield f"ros_type = {toml_value(binding.in_dds.ros_type)}"
+    if binding.in_dds.ros_topic:
+        yield f"ros_topic = {toml_value(binding.in_dds.ros_topic)}"
     if binding.in_dds.ros_fields:
         pairs = ", ".join(f"{toml_key(ours)} = {toml_value(theirs)}" for ours, theirs in binding.in_dds.ros_fields)
         yield f"ros_fields = {{ {pairs} }}"

@@ -53,7 +53,7 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
         timing,
         Options(row.explain, tuple(row.free_topics), row.authentication),
         _own_library(connection, robot_id, row.in_dds.get(WRITTEN_LIBRARY, ())),
-        ros=RosOptions(**row.in_dds.get(ROBOT, {})),
+        ros=_ros_options(row.in_dds.get(ROBOT, {})),
     )
 
 
@@ -73,6 +73,10 @@ def _own_library(connection: Connection, robot_id: int, written: Sequence[str]) 
     ends = [Path(one).parts for one in written]
     others = [one for one in found if not any(Path(one).parts[-len(end) :] == end for end in ends if end)]
     return (*written, *others)
+
+
+def _ros_options(entry: Mapping[str, Any]) -> RosOptions:
+    return RosOptions(**{**entry, "global_topics": tuple(entry.get("global_topics", ()))})
 
 
 def _in_dds(found: tuple[Binding, ...], by_topic: Mapping[str, dict[str, Any]]) -> tuple[Binding, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import secrets
 import socket
 import time
@@ -84,7 +85,7 @@ class RtpsDriver:
                 self.participant.dropped.count(f"not sent: {error.strerror}")
         outbox.clear()
         due = self.participant.deadline()
-        if self._timer is None or due < self._timer.when():
+        if due < math.inf and (self._timer is None or due < self._timer.when()):
             if self._timer is not None:
                 self._timer.cancel()
             self._timer = self._loop.call_at(due, self._tick)

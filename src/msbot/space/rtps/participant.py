@@ -8,6 +8,7 @@ services are remembered. What is to be sent is left in `outbox`; whoever drives 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
 
@@ -139,6 +140,7 @@ class Participant:
         self._busy: set[ReliableWriter | ReliableReader] = set()
         """Those that may wait for a time."""
         self._next_check = now + LEASE_CHECK_S
+        self._has_left = False
         self._begin = now
         self._next_announcement = now
         self._tellers: dict[bytes, ReliableWriter] = {}
@@ -204,7 +206,8 @@ class Participant:
         self._busy.add(endpoint.writer)
 
     def leave(self) -> None:
-        """Tell everybody that it is gone."""
+        """Tell everybody that it is gone; it hears and does nothing more."""
+        self._has_left = True
         key = descriptions.write_participant_key(self.prefix)
         inline = Inline(None, _GONE, self.prefix + b"\x00\x00\x01\xc1")
         said = list(wire.data(wire.NOBODY, _SPDP_WRITER, 2, inline, key))
@@ -240,6 +243,8 @@ class Participant:
 
     def receive(self, datagram: bytes, source: Address, now: float) -> None:
         """A datagram has come."""
+        if self._has_left:
+            return
         self._now = now
         try:
             sender, found = wire.read(datagram)
@@ -253,6 +258,8 @@ class Participant:
 
     def deadline(self) -> float:
         """When `tick` has something to do."""
+        if self._has_left:
+            return math.inf
         found = min(self._next_announcement, self._next_check)
         for state in tuple(self._busy):
             time = state.deadline()
@@ -264,6 +271,8 @@ class Participant:
 
     def tick(self, now: float) -> None:
         """Do what is due."""
+        if self._has_left:
+            return
         self._now = now
         if self._next_announcement <= now:
             self._announce()

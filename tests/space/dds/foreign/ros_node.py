@@ -109,7 +109,7 @@ class Node:
             time.sleep(0.002)
 
     def hear(self, topic, type_name, count):
-        qos = {"robot_description": LATCHED, "clock": BEST_EFFORT}.get(topic, SERVICES)
+        qos = {"robot_description": LATCHED, "clock": BEST_EFFORT}.get(topic.rpartition("/")[2], SERVICES)
         cls = getattr(ros_types, type_name)
         heard = Topic(self.participant, f"rt/{topic}", cls)
         reader = DataReader(self.participant, heard, qos=qos)

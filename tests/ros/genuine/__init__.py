@@ -1,0 +1,1 @@
+"""Tests with genuine nodes of ROS 2."""

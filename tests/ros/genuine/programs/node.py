@@ -1,0 +1,229 @@
+"""A genuine node of ROS 2 that does what it is told: a line of JSON in, a line of JSON out.
+
+It runs with the Python of its own environment, and imports nothing of MsBOT.
+"""
+
+import importlib
+import json
+import sys
+import threading
+import time
+
+import rclpy
+from rclpy.action import ActionClient, ActionServer
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+GENEROUS_S = 20.0
+# A node of ours is told that nobody answers after this time, and nothing that works takes so long.
+
+
+def main(name: str, namespace: str = "/") -> None:
+    rclpy.init()
+    node = rclpy.create_node(name, namespace=namespace)
+    executor = MultiThreadedExecutor(4)
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    does = Does(node)
+    say({"ready": node.get_fully_qualified_name(), "rmw": rclpy.get_rmw_implementation_identifier()})
+    for line in sys.stdin:
+        wish = json.loads(line)
+        try:
+            number, do = wish.pop("id"), wish.pop("do")
+            say({"id": number, "answer": getattr(does, do)(**wish)})
+        except TimeoutError as error:
+            say({"id": number, "failed": str(error)})
+
+
+class Does:
+    """What can be asked of the node."""
+
+    def __init__(self, node) -> None:
+        self.node = node
+        self.kept = []
+        self.heard = {}
+
+    def call(self, type, name, request, times=1):
+        kind = class_of(type)
+        client = self.node.create_client(kind, name)
+        if not client.wait_for_service(GENEROUS_S):
+            raise TimeoutError(f"there is no service {name}")
+        took = []
+        for _ in range(times):
+            begun = time.perf_counter()
+            answer = wait(client.call_async(filled(kind.Request(), request)), name)
+            took.append(time.perf_counter() - begun)
+        self.node.destroy_client(client)
+        return {"response": plain(answer), "fastest_ms": 1e3 * min(took)}
+
+    def serve(self, type, name):
+        """A service that answers true, and tells what it was asked."""
+
+        def answer(request, response):
+            response.success = True
+            response.message = json.dumps(plain(request))
+            return response
+
+        self.kept.append(self.node.create_service(class_of(type), name, answer))
+
+    def send_goal(self, type, name, goal):
+        kind = class_of(type)
+        client = ActionClient(self.node, kind, name)
+        if not client.wait_for_server(GENEROUS_S):
+            raise TimeoutError(f"there is no action {name}")
+        feedback = []
+        sent = client.send_goal_async(filled(kind.Goal(), goal), lambda one: feedback.append(plain(one.feedback)))
+        handle = wait(sent, name)
+        result = wait(handle.get_result_async(), name)
+        client.destroy()
+        return {
+            "accepted": handle.accepted,
+            "status": result.status,
+            "result": plain(result.result),
+            "feedback": feedback,
+        }
+
+    def serve_action(self, type, name):
+        kind = class_of(type)
+
+        def carry_out(handle):
+            sequence = [0, 1]
+            while len(sequence) <= handle.request.order:
+                sequence.append(sequence[-1] + sequence[-2])
+                handle.publish_feedback(filled(kind.Feedback(), {"sequence": sequence}))
+            handle.succeed()
+            return filled(kind.Result(), {"sequence": sequence})
+
+        self.kept.append(ActionServer(self.node, kind, name, carry_out))
+
+    def listen(self, type, name, reliable=True, late=False):
+        came = self.heard[name] = []
+        self.kept.append(
+            self.node.create_subscription(
+                class_of(type), name, lambda one: came.append(plain(one)), qos(reliable, late)
+            )
+        )
+
+    def came(self, name, number=1):
+        deadline = time.monotonic() + GENEROUS_S
+        while len(self.heard[name]) < number:
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"{name}: {self.heard[name]}")
+            time.sleep(0.005)
+        return self.heard[name]
+
+    def came_so_far(self, name):
+        return self.heard[name]
+
+    def publish(self, type, name, message, reliable=True, late=False, period_s=None):
+        kind = class_of(type)
+        publisher = self.node.create_publisher(kind, name, qos(reliable, late))
+        self.kept.append(publisher)
+        if period_s is None:
+            publisher.publish(filled(kind(), message))
+        else:
+            self.kept.append(self.node.create_timer(period_s, lambda: publisher.publish(filled(kind(), message))))
+
+    def nodes(self, wanted=()):
+        """The nodes, once those are there."""
+        deadline = time.monotonic() + GENEROUS_S
+        while True:
+            found = sorted(f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces())
+            if set(wanted) <= set(found) or time.monotonic() > deadline:
+                return found
+            time.sleep(0.01)
+
+    def topics(self):
+        return dict(self.node.get_topic_names_and_types())
+
+    def services_of(self, name, namespace):
+        return dict(self.node.get_service_names_and_types_by_node(name, namespace))
+
+    def publishers(self, name, wanted=1):
+        return self._ends(self.node.get_publishers_info_by_topic, name, wanted)
+
+    def subscriptions(self, name, wanted=1):
+        return self._ends(self.node.get_subscriptions_info_by_topic, name, wanted)
+
+    def _ends(self, ask, name, wanted):
+        deadline = time.monotonic() + GENEROUS_S
+        while len(found := ask(name)) < wanted and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return [
+            {
+                "node": f"{one.node_namespace.rstrip('/')}/{one.node_name}",
+                "type": one.topic_type,
+                "hash": str(one.topic_type_hash),
+                "reliable": one.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+                "late": one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            }
+            for one in found
+        ]
+
+    def parameters(self, name):
+        """As `ros2 param list`."""
+        return list(wait(self._parameters(name).list_parameters(), name).result.names)
+
+    def get_parameters(self, name, names):
+        """As `ros2 param get`."""
+        return [plain(value) for value in wait(self._parameters(name).get_parameters(names), name).values]
+
+    def set_parameters(self, name, values):
+        """As `ros2 param set`."""
+        wanted = [Parameter(key, value=value) for key, value in values.items()]
+        return [plain(one) for one in wait(self._parameters(name).set_parameters(wanted), name).results]
+
+    def _parameters(self, name):
+        client = AsyncParameterClient(self.node, name)
+        self.kept.append(client)
+        if not client.wait_for_services(GENEROUS_S):
+            raise TimeoutError(f"{name} has no parameter services")
+        return client
+
+
+def qos(reliable, late):
+    return QoSProfile(
+        depth=10,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if late else DurabilityPolicy.VOLATILE,
+    )
+
+
+def wait(future, what):
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    if not done.wait(GENEROUS_S):
+        raise TimeoutError(f"{what} does not answer")
+    return future.result()
+
+
+def class_of(name):
+    package, kind, name = name.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
+def plain(value):
+    """A message as JSON has it."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, bytes):
+        return list(value)
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    return [plain(one) for one in value]
+
+
+def filled(message, values):
+    for name, value in values.items():
+        old = getattr(message, name)
+        setattr(message, name, filled(old, value) if isinstance(value, dict) else value)
+    return message
+
+
+def say(what):
+    print(json.dumps(what), flush=True)
+
+
+main(*sys.argv[1:])
