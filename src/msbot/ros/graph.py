@@ -3,7 +3,8 @@
 In ROS 2 a node is not a thing of DDS: each program publishes the list of its nodes with the GUIDs of their endpoints
 (topic `ros_discovery_info`, transient-local, only the last one counts). Here a part of the robot is a node, and so is
 every participant of a micro-ROS client. The list is published again when something has changed, once for all changes
-within `SETTLE_S` (longer with many).
+within `SETTLE_S` (longer with many). A node that does not say which parameters it has gets the service that says
+none, because `ros2 param list` waits for every node.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from msbot.ros import discovery_info
+from msbot.ros.bare_parameters import BareParameters, requests_of
 from msbot.ros.discovery_info import NodeInfo, encode, gid_octets_of, usual_gid_octets
 from msbot.ros.node_names import NodeName, node_named
 from msbot.space import Guid, OwnEndpoint, Qos, Reader, Sample, SharedSpace, Topic, Writer
@@ -57,6 +59,7 @@ class RosGraph:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._writers: dict[int, Writer] = {}
+        self._bare: dict[tuple[int, NodeName], BareParameters] = {}
         self._readers: list[Reader] = []
         self._told: dict[int, bytes] = {}
         self._size = 0
@@ -86,11 +89,15 @@ class RosGraph:
             writer.close()
         for reader in self._readers:
             reader.close()
+        for bare in self._bare.values():
+            bare.close()
         self._writers.clear()
         self._readers.clear()
+        self._bare.clear()
 
     def _tell(self) -> None:
         self._timer = None
+        self._see_to_parameters()
         nodes = self._nodes()
         for domain, participant in self._space.participants().items():
             mine = nodes.get(domain, [])
@@ -100,6 +107,27 @@ class RosGraph:
             if octets != self._told.get(domain):
                 self._told[domain] = octets
                 self._writer(domain).write(octets)
+
+    def _see_to_parameters(self) -> None:
+        """A node that does not list its parameters itself has none, and somebody must say so."""
+        answering = {id(bare.owner) for bare in self._bare.values()}
+        theirs = [endpoint for endpoint in self._space.endpoints() if id(endpoint.owner) not in answering]
+        first = next(iter(self._space.participants()), 0)
+        wanted = dict.fromkeys((first, name) for name in self._standing())
+        listing = set()
+        for endpoint in theirs:
+            if is_ros(endpoint.name):
+                name = self._node_of(endpoint)
+                if name is not None:
+                    wanted[endpoint.domain, name] = None
+                if not endpoint.is_writer:
+                    listing.add((endpoint.domain, endpoint.name))
+        wanted = {(domain, name): None for domain, name in wanted if (domain, requests_of(name)) not in listing}
+        for key in [key for key in self._bare if key not in wanted]:
+            self._bare.pop(key).close()
+        for domain, name in wanted:
+            if (domain, name) not in self._bare:
+                self._bare[domain, name] = BareParameters(self._space, name, domain)
 
     def _nodes(self) -> dict[int, list[NodeInfo]]:
         """The nodes in each domain, in the order in which they appeared."""

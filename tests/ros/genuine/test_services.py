@@ -94,6 +94,8 @@ async def test_a_board_serves_and_asks_nodes_of_both_kinds() -> None:
                 await asyncio.sleep(0.05)
             assert b'{"data": true}' in replies[0]
             assert "/switch" in await node.does("services_of", name="board", namespace="/")
+            # As `ros2 param list`: a board without parameters does not keep it waiting.
+            assert (await node.does("parameters", names=["/board", "/peer"]))["/board"] == []
 
 
 async def test_a_board_carries_out_an_action() -> None:

@@ -39,6 +39,7 @@ def last_nodes(inbox: Inbox) -> dict[str, tuple[int, int]]:
 
 
 async def test_nodes_come_and_go_with_their_endpoints() -> None:
+    """Each has a reader and a writer more: the service that says that it has no parameters."""
     heard = Inbox()
     with DdsSpace() as here, DdsSpace() as there:
         graph = RosGraph(here, environment=NOWHERE)
@@ -47,10 +48,10 @@ async def test_nodes_come_and_go_with_their_endpoints() -> None:
         here.writer(Topic("rt/unnamed", "T"), Qos(), bytes(15) + b"\1")
         writer = here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
         reader = here.reader(FLOAT, Qos(), Inbox(), KNOB)
-        await until(lambda: last_nodes(heard) == {"/garden/knob": (1, 1)})
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (2, 2)})
         assert heard.payloads == [heard.payloads[-1]]  # all of it was told at once
         reader.close()
-        await until(lambda: last_nodes(heard) == {"/garden/knob": (0, 1)})
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (1, 2)})
         writer.close()
         await until(lambda: heard.samples and last_nodes(heard) == {})
         assert len(heard.samples) == 3
@@ -64,7 +65,7 @@ async def test_a_requester_reads_the_replies_that_its_agent_reads_for_all() -> N
         there.reader(TOLD, LAST_ONE, heard)
         here.reader(Topic("rr/addReply", "R"), Qos(service=True), Inbox())
         here.writer(Topic("rq/addRequest", "Q"), Qos(service=True), bytes(16), KNOB)
-        await until(lambda: last_nodes(heard) == {"/garden/knob": (1, 1)})
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (2, 2)})
 
 
 async def test_nodes_up_to_humble_are_told_in_their_own_form() -> None:
@@ -137,8 +138,12 @@ async def test_a_micro_ros_client_is_a_node_for_a_ros_node_and_talks_to_it() -> 
                 assert sorted(line for line in node.lines if line.startswith("/garden/blinker ")) == [
                     "/garden/blinker reads rq/garden/blinker/get_parametersRequest "
                     "rcl_interfaces::srv::dds_::GetParameters_Request_",
+                    "/garden/blinker reads rq/garden/blinker/list_parametersRequest "
+                    "rcl_interfaces::srv::dds_::ListParameters_Request_",
                     "/garden/blinker writes rr/garden/blinker/get_parametersReply "
                     "rcl_interfaces::srv::dds_::GetParameters_Response_",
+                    "/garden/blinker writes rr/garden/blinker/list_parametersReply "
+                    "rcl_interfaces::srv::dds_::ListParameters_Response_",
                     "/garden/blinker writes rt/power std_msgs::msg::dds_::Float32_",
                 ]
                 assert '"double_value": 2.5' in await node.says("get_parameters: ")

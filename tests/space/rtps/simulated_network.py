@@ -9,9 +9,10 @@ from random import Random
 from msbot.space.contract import Guid, Qos
 from msbot.space.rtps import wire
 from msbot.space.rtps.descriptions import Address
-from msbot.space.rtps.participant import Endpoint, Participant
-from msbot.space.rtps.wire import Data, Inline
-from msbot.space.rtps.writer import Change
+from msbot.space.rtps.endpoint import RtpsEndpoint
+from msbot.space.rtps.participant import RtpsParticipant
+from msbot.space.rtps.wire import Inline, RtpsData
+from msbot.space.rtps.writer import RtpsSample
 
 GROUP = ("239.255.0.1", 7400)
 
@@ -24,21 +25,21 @@ class Network:
         self.sent = 0
         self.loss, self.disorder = loss, disorder
         self._random = Random(seed)
-        self._members: dict[Address, Participant] = {}
+        self._members: dict[Address, RtpsParticipant] = {}
         self._under_way: list[tuple[float, int, bytes, Address, Address]] = []
 
-    def join(self, number: int, vendor: bytes = wire.VENDOR) -> Participant:
+    def join(self, number: int, vendor: bytes = wire.VENDOR) -> RtpsParticipant:
         """A participant more."""
         address = (f"10.0.0.{number}", 7410)
         prefix = vendor + bytes((number,)) * 10
-        self._members[address] = made = Participant(prefix, addresses=(address,), group=GROUP, now=self.now)
+        self._members[address] = made = RtpsParticipant(prefix, addresses=(address,), group=GROUP, now=self.now)
         return made
 
-    def cut(self, participant: Participant) -> None:
+    def cut(self, participant: RtpsParticipant) -> None:
         """It is gone without a word."""
         self._members = {address: one for address, one in self._members.items() if one is not participant}
 
-    def inject(self, datagram: bytes, to: Participant, source: Address = ("10.0.0.99", 7410)) -> None:
+    def inject(self, datagram: bytes, to: RtpsParticipant, source: Address = ("10.0.0.99", 7410)) -> None:
         """A datagram of a stranger."""
         to.receive(datagram, source, self.now)
 
@@ -69,7 +70,7 @@ class Network:
             if one.deadline() <= self.now:
                 one.tick(self.now)
 
-    def _post(self, one: Participant, source: Address) -> None:
+    def _post(self, one: RtpsParticipant, source: Address) -> None:
         for datagram, target in one.outbox:
             self.sent += 1
             assert len(datagram) < 65_000
@@ -83,9 +84,9 @@ class Inbox:
     """What a reader has taken."""
 
     def __init__(self) -> None:
-        self.samples: list[tuple[Guid, Data]] = []
+        self.samples: list[tuple[Guid, RtpsData]] = []
 
-    def __call__(self, writer: Guid, data: Data) -> None:
+    def __call__(self, writer: Guid, data: RtpsData) -> None:
         self.samples.append((writer, data))
 
     @property
@@ -94,22 +95,24 @@ class Inbox:
         return [data.payload for _, data in self.samples]
 
 
-def reader(participant: Participant, topic: str = "rq/xRequest") -> tuple[Endpoint, Inbox]:
+def reader(participant: RtpsParticipant, topic: str = "rq/xRequest") -> tuple[RtpsEndpoint, Inbox]:
     """A reader on a topic of services."""
     inbox = Inbox()
     return participant.open_reader(topic, "X", Qos(depth=64), inbox), inbox
 
 
-def writer(participant: Participant, topic: str = "rq/xRequest", *, depth: int = 512, replies: str = "") -> Endpoint:
+def writer(
+    participant: RtpsParticipant, topic: str = "rq/xRequest", *, depth: int = 512, replies: str = ""
+) -> RtpsEndpoint:
     """A writer on it."""
     return participant.open_writer(topic, "X", Qos(depth=depth), replies=replies)
 
 
 def write(
-    network: Network, participant: Participant, endpoint: Endpoint, payload: bytes, *,
+    network: Network, participant: RtpsParticipant, endpoint: RtpsEndpoint, payload: bytes, *,
     readers: frozenset[Guid] | None = None, related: tuple[Guid, int] | None = None, plain: bytes | None = None,
 ) -> None:  # fmt: skip
     """Send a sample."""
     assert endpoint.writer is not None
-    change = Change(payload, Inline(related), readers, plain)
+    change = RtpsSample(payload, Inline(related), readers, plain)
     participant.write(endpoint, endpoint.writer.last + 1, change, network.now)

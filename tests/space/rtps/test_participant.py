@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 
 from msbot.space.contract import Qos
 from msbot.space.rtps import participant as room
-from msbot.space.rtps import wire
+from msbot.space.rtps import peers, wire, wire_reader
 from msbot.space.rtps.descriptions import read_endpoint, read_participant
+from msbot.space.rtps.endpoint import RtpsEndpoint
+from msbot.space.rtps.outbox import MAX_OUTBOX
 from msbot.space.rtps.participant import CYCLONE
-from msbot.space.rtps.wire import AckNack, Data, Gap, Heartbeat, NackFrag, Numbers
+from msbot.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
 from tests.space.rtps.simulated_network import Inbox, Network, reader, write, writer
 
 
@@ -22,7 +24,7 @@ def payload(number: int, size: int = 12) -> bytes:
     return b"\x00\x01\x00\x00" + number.to_bytes(4, "little") + bytes(size - 8)
 
 
-def matched(endpoint: room.Endpoint) -> bool:
+def matched(endpoint: RtpsEndpoint) -> bool:
     """Whether it has met another."""
     assert endpoint.writer is not None
     return any(proxy.has_begun or proxy.heard >= 0 for proxy in endpoint.writer.proxies.values())
@@ -149,7 +151,7 @@ def test_who_is_gone_is_forgotten(says_so: bool) -> None:
         network.run_for(0.1)
     else:
         network.cut(there)
-        network.run_for(room.LEASE_S + room.LEASE_CHECK_S + 0.1)
+        network.run_for(peers.LEASE_S + peers.LEASE_CHECK_S + 0.1)
     network.cut(there)
     assert out.writer is not None
     assert (here.peers, here.known, len(out.writer.proxies)) == (0, 0, 0)
@@ -196,7 +198,7 @@ def test_an_idle_pair_says_little() -> None:
     network.run_for(5)
     before = network.sent
     network.run_for(60)
-    assert network.sent - before <= 2 * (60 / room.ANNOUNCE_S + 1)
+    assert network.sent - before <= 2 * (60 / peers.ANNOUNCE_S + 1)
 
 
 def test_qos_and_types_that_do_not_fit_do_not_match() -> None:
@@ -215,7 +217,7 @@ def test_qos_and_types_that_do_not_fit_do_not_match() -> None:
 
 
 def test_more_participants_than_can_be_remembered_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "MAX_PARTICIPANTS", 3)
+    monkeypatch.setattr(peers, "MAX_PARTICIPANTS", 3)
     network = Network()
     members = [network.join(number) for number in range(1, 7)]
     network.run_for(3)
@@ -269,7 +271,7 @@ def test_octets_of_strangers_never_raise(data: st.DataObject) -> None:
         network.inject(bytes(changed[:end]), there, ("10.0.0.1", 7410))
         for one in (here, there):
             one.tick(network.now)
-            assert len(one.outbox) <= room.MAX_OUTBOX
+            assert len(one.outbox) <= MAX_OUTBOX
             one.outbox.clear()
 
 
@@ -277,7 +279,7 @@ def test_octets_of_strangers_never_raise(data: st.DataObject) -> None:
 def test_no_octets_are_too_odd_to_read(octets: bytes) -> None:
     from msbot.errors import RemoteProtocolError
 
-    for read in (wire.read, read_participant, read_endpoint):
+    for read in (wire_reader.read, read_participant, read_endpoint):
         for front in (b"", b"RTPS\x02\x03\x00\x00" + bytes(12), b"\x00\x03\x00\x00"):
             try:
                 read(front + octets)
@@ -294,10 +296,10 @@ sets = st.frozensets(st.integers(0, 255), max_size=20)
 def test_submessages_are_read_as_they_were_written(
     base: int, offsets: frozenset[int], one: bytes, other: bytes, count: int, final: bool
 ) -> None:
-    said = Numbers(base, tuple(base + offset for offset in sorted(offsets)))
+    said = NumberSet(base, tuple(base + offset for offset in sorted(offsets)))
     ack = AckNack(one, other, said, count, final)
-    beat = Heartbeat(one, other, base, base + 5, count, final)
-    near = Numbers(base & 0xFFFF, tuple((base & 0xFFFF) + offset for offset in sorted(offsets)))
+    beat = RtpsHeartbeat(one, other, base, base + 5, count, final)
+    near = NumberSet(base & 0xFFFF, tuple((base & 0xFFFF) + offset for offset in sorted(offsets)))
     nack = NackFrag(one, other, base, near, count)
     octets = (
         wire.header(b"p" * 12)
@@ -307,9 +309,9 @@ def test_submessages_are_read_as_they_were_written(
         + wire.gap(one, other, base, base, said.set)
         + b"".join(wire.data(one, other, base, wire.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"))
     )
-    sender, found = wire.read(octets)
+    sender, found = wire_reader.read(octets)
     assert sender == b"p" * 12
     assert [what for _, _, what in found] == [
         ack, beat, nack, Gap(one, other, base, said),
-        Data(one, other, base, wire.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"),
+        RtpsData(one, other, base, wire.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"),
     ]  # fmt: skip

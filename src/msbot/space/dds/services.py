@@ -21,9 +21,10 @@ from msbot.space.memory import MAX_TROUBLES, MemoryWriter
 from msbot.space.readers import MemoryReader
 from msbot.space.rtps import wire
 from msbot.space.rtps.driver import RtpsDriver
-from msbot.space.rtps.participant import CYCLONE, INTRODUCTION_S, Endpoint
-from msbot.space.rtps.wire import Data, Inline
-from msbot.space.rtps.writer import Change
+from msbot.space.rtps.endpoint import RtpsEndpoint
+from msbot.space.rtps.participant import CYCLONE, INTRODUCTION_S
+from msbot.space.rtps.wire import Inline, RtpsData
+from msbot.space.rtps.writer import RtpsSample
 
 HEADER_SIZE = 16
 _HEADER = Struct("<8sq")
@@ -101,7 +102,7 @@ class ServiceEnd:
     def __init__(
         self, driver: RtpsDriver, neighbours: Neighbours, requesters: Requesters, owner: Owner, domain: int
     ) -> None:
-        self.endpoint: Endpoint
+        self.endpoint: RtpsEndpoint
         self.domain = domain
         self.lost = self.refused = 0
         self._driver = driver
@@ -153,7 +154,7 @@ class RequestsOut(ServiceEnd):
     def write(self, body: bytes, number: int) -> None:
         """Send a request to every service that is known."""
         plain = encapsulated(with_header(self._short, number, body))
-        change = Change(encapsulated(body), wire.NOTHING, plain=plain)
+        change = RtpsSample(encapsulated(body), wire.NOTHING, plain=plain)
         self._driver.participant.write(self.endpoint, number, change, self._driver.now())
         self._driver.flush()
 
@@ -175,7 +176,7 @@ class RepliesIn(ServiceEnd):
         self.endpoint = self._driver.participant.open_reader(name, type_name, qos, self._take, user_data)
         self._driver.flush()
 
-    def _take(self, writer: Guid, data: Data) -> None:
+    def _take(self, writer: Guid, data: RtpsData) -> None:
         body = body_of(data.payload)
         if body is None:
             self.refused += 1
@@ -205,7 +206,7 @@ class RequestsIn(ServiceEnd):
         self.endpoint = self._driver.participant.open_reader(name, type_name, qos, self._take, user_data)
         self._driver.flush()
 
-    def _take(self, writer: Guid, data: Data) -> None:
+    def _take(self, writer: Guid, data: RtpsData) -> None:
         body = body_of(data.payload)
         if body is None:
             self.refused += 1
@@ -271,7 +272,7 @@ class RepliesOut(ServiceEnd):
         header = self._requesters.header_of(requester)
         plain = None if header is None else encapsulated(with_header(header, number, body))
         self._number += 1
-        change = Change(encapsulated(body), Inline(related), readers, plain)
+        change = RtpsSample(encapsulated(body), Inline(related), readers, plain)
         self._driver.participant.write(self.endpoint, self._number, change, self._driver.now())
         return True
 

@@ -8,7 +8,8 @@ from struct import error as StructError
 from msbot.errors import RemoteProtocolError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Guid, Qos
-from msbot.space.rtps.wire import END_OF_PARAMETERS, PROTOCOL, SENTINEL, VENDOR, Prefix, parameter, parameters
+from msbot.space.rtps.wire import END_OF_PARAMETERS, PROTOCOL, SENTINEL, VENDOR, Prefix, parameter
+from msbot.space.rtps.wire_reader import parameters
 
 Address = tuple[str, int]
 

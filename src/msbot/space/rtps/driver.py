@@ -10,7 +10,7 @@ import time
 from collections.abc import Collection
 
 from msbot.space.rtps.descriptions import Address
-from msbot.space.rtps.participant import Participant
+from msbot.space.rtps.participant import RtpsParticipant
 from msbot.space.rtps.wire import VENDOR, Prefix
 
 GROUP = "239.255.0.1"
@@ -52,7 +52,7 @@ class RtpsDriver:
         self._multicast = _open_multicast(port, addresses)
         self._group: Address = (GROUP, port)
         tried = [*peers, *(["127.0.0.1"] if is_local else [])]
-        self.participant = Participant(
+        self.participant = RtpsParticipant(
             VENDOR + secrets.token_bytes(10),
             addresses=tuple((address, own_port) for address in addresses),
             group=self._group,

@@ -14,7 +14,7 @@ from dataclasses import field
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Guid
 from msbot.space.rtps import wire
-from msbot.space.rtps.wire import AckNack, Data, Gap, Heartbeat, NackFrag, Numbers
+from msbot.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
 
 WINDOW = wire.MOST_BITS
 """How far ahead of the next sample others may be."""
@@ -26,7 +26,7 @@ FIRST_ASK_S = 0.02
 SLOWEST_ASK_S = 1.0
 """How long a question waits for its answer at first and at last."""
 
-Take = Callable[[Guid, Data], None]
+Take = Callable[[Guid, RtpsData], None]
 """Takes a whole sample, with the GUID of its writer."""
 Send = Callable[["WriterProxy", list[bytes]], None]
 
@@ -35,7 +35,7 @@ Send = Callable[["WriterProxy", list[bytes]], None]
 class Assembly:
     """A sample in fragments."""
 
-    data: Data
+    data: RtpsData
     octets: bytearray
     missing: set[int]
 
@@ -49,7 +49,7 @@ class WriterProxy:
     reliable: bool = True
     next: int | None = None
     """The sample that is to be passed on next; None: no HEARTBEAT has told it yet."""
-    ahead: dict[int, Data | None] = field(default_factory=dict)
+    ahead: dict[int, RtpsData | None] = field(default_factory=dict)
     """What came before its turn; None: it will not come."""
     parts: dict[int, Assembly] = field(default_factory=dict)
     last: int = 0
@@ -81,7 +81,7 @@ class ReliableReader:
         """A writer is gone."""
         self.proxies.pop(guid, None)
 
-    def heard_data(self, guid: Guid, data: Data, now: float) -> None:
+    def heard_data(self, guid: Guid, data: RtpsData, now: float) -> None:
         """A sample, or a fragment of one."""
         proxy = self.proxies.get(guid)
         if proxy is None or not self._is_wanted(proxy, data.number):
@@ -101,7 +101,7 @@ class ReliableReader:
         if proxy.next is not None and data.number > proxy.next and proxy.next_ask is None:
             self._ask(proxy, now)
 
-    def heard_beat(self, guid: Guid, beat: Heartbeat, now: float) -> None:
+    def heard_beat(self, guid: Guid, beat: RtpsHeartbeat, now: float) -> None:
         """A writer tells what it has."""
         proxy = self.proxies.get(guid)
         if proxy is None or not proxy.reliable or 0 <= proxy.beats - beat.count < 1 << 16:
@@ -180,22 +180,22 @@ class ReliableReader:
         proxy.asked += 1
         ids = self.guid[12:], proxy.guid[12:]
         if proxy.next is None:
-            out = [wire.acknack(AckNack(*ids, Numbers(1), proxy.asked, final=False))]
+            out = [wire.acknack(AckNack(*ids, NumberSet(1), proxy.asked, final=False))]
         else:
             missing = [
                 number
                 for number in range(proxy.next, min(proxy.last + 1, proxy.next + WINDOW))
                 if number not in proxy.ahead and number not in proxy.parts
             ]
-            out = [wire.acknack(AckNack(*ids, Numbers(proxy.next, tuple(missing)), proxy.asked, final=True))]
+            out = [wire.acknack(AckNack(*ids, NumberSet(proxy.next, tuple(missing)), proxy.asked, final=True))]
             for number, assembly in proxy.parts.items():
                 first = min(assembly.missing)
                 wanted = tuple(sorted(one for one in assembly.missing if one < first + WINDOW))
-                out.append(wire.nack_frag(NackFrag(*ids, number, Numbers(first, wanted), proxy.asked)))
+                out.append(wire.nack_frag(NackFrag(*ids, number, NumberSet(first, wanted), proxy.asked)))
         proxy.next_ask = now + proxy.pause if self._has_holes(proxy) else None
         self._send(proxy, out)
 
-    def _put_together(self, proxy: WriterProxy, data: Data) -> Data | None:
+    def _put_together(self, proxy: WriterProxy, data: RtpsData) -> RtpsData | None:
         """The whole sample once its last fragment is there."""
         total = -(-data.size // data.fragment_size)
         if data.size > wire.LARGEST_SAMPLE or not data.first + data.fragments - 1 <= total <= MOST_FRAGMENTS:
@@ -224,4 +224,4 @@ class ReliableReader:
             return None
         del proxy.parts[data.number]
         first = held.data
-        return Data(first.reader, first.writer, first.number, first.inline, bytes(held.octets), first.is_key)
+        return RtpsData(first.reader, first.writer, first.number, first.inline, bytes(held.octets), first.is_key)

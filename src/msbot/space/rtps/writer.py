@@ -14,7 +14,7 @@ from itertools import islice
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Guid
 from msbot.space.rtps import wire
-from msbot.space.rtps.wire import AckNack, Heartbeat, Inline, NackFrag
+from msbot.space.rtps.wire import AckNack, Inline, NackFrag, RtpsHeartbeat
 
 FIRST_BEAT_S = 0.02
 """How long a HEARTBEAT waits for its answer at first; twice as long each time after that, up to `SLOWEST_BEAT_S`."""
@@ -27,7 +27,7 @@ Send = Callable[["ReaderProxy", list[bytes]], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class RtpsSample:
     """A sample in the history."""
 
     payload: bytes
@@ -77,7 +77,7 @@ class ReliableWriter:
         self._send = send
         self._depth = depth
         self._durable = durable
-        self._changes: dict[int, Change] = {}
+        self._changes: dict[int, RtpsSample] = {}
 
     @property
     def waiting(self) -> int:
@@ -112,7 +112,7 @@ class ReliableWriter:
             proxy.held_until = None
             self._welcome(proxy, now)
 
-    def write(self, number: int, change: Change, now: float) -> None:
+    def write(self, number: int, change: RtpsSample, now: float) -> None:
         """Send a sample; numbers may be left out, but only grow."""
         self.last = number
         mine = [proxy for proxy in self.proxies.values() if change.readers is None or proxy.guid in change.readers]
@@ -195,7 +195,7 @@ class ReliableWriter:
         if proxy.reliable and not proxy.has_begun and proxy.sent < self.last:
             proxy.beats += 1
             ids = proxy.guid[12:], self.guid[12:]
-            yield wire.heartbeat(Heartbeat(*ids, proxy.start, proxy.start - 1, proxy.beats, final=False))
+            yield wire.heartbeat(RtpsHeartbeat(*ids, proxy.start, proxy.start - 1, proxy.beats, final=False))
 
     def _new(self, proxy: ReaderProxy) -> Iterator[bytes]:
         """What was not sent to it yet."""
@@ -229,7 +229,7 @@ class ReliableWriter:
         return wire.data(proxy.guid[12:], self.guid[12:], number, inline, payload)
 
     @staticmethod
-    def _form(change: Change, proxy: ReaderProxy) -> tuple[bytes, Inline]:
+    def _form(change: RtpsSample, proxy: ReaderProxy) -> tuple[bytes, Inline]:
         if proxy.plain and change.plain is not None:
             return change.plain, wire.NOTHING
         return change.payload, change.inline
@@ -249,11 +249,11 @@ class ReliableWriter:
         ids = proxy.guid[12:], self.guid[12:]
         if not proxy.has_begun:
             proxy.beats += 1
-            yield wire.heartbeat(Heartbeat(*ids, proxy.start, proxy.start - 1, proxy.beats, final=False))
+            yield wire.heartbeat(RtpsHeartbeat(*ids, proxy.start, proxy.start - 1, proxy.beats, final=False))
         if proxy.has_begun or self.last >= proxy.start:
             proxy.beats += 1
             first = max(proxy.start, min(self._changes, default=self.last + 1))
-            yield wire.heartbeat(Heartbeat(*ids, first, self.last, proxy.beats, final=False))
+            yield wire.heartbeat(RtpsHeartbeat(*ids, first, self.last, proxy.beats, final=False))
 
     # The history.
 
@@ -262,7 +262,7 @@ class ReliableWriter:
         return change is not None and self._is_for(change, proxy)
 
     @staticmethod
-    def _is_for(change: Change, proxy: ReaderProxy) -> bool:
+    def _is_for(change: RtpsSample, proxy: ReaderProxy) -> bool:
         return change.readers is None or proxy.guid in change.readers
 
     def _unacked(self, proxy: ReaderProxy) -> bool:

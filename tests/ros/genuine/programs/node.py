@@ -10,6 +10,7 @@ import threading
 import time
 
 import rclpy
+from rcl_interfaces.srv import ListParameters
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
@@ -162,9 +163,16 @@ class Does:
             for one in found
         ]
 
-    def parameters(self, name):
-        """As `ros2 param list`."""
-        return list(wait(self._parameters(name).list_parameters(), name).result.names)
+    def parameters(self, names):
+        """As `ros2 param list`: every node is asked, and nobody gets an answer before all have answered."""
+        asked = {name: self.node.create_client(ListParameters, f"{name}/list_parameters") for name in names}
+        answers = {}
+        for name, client in asked.items():
+            if not client.wait_for_service(GENEROUS_S):
+                raise TimeoutError(f"{name} does not list its parameters")
+            answers[name] = sorted(wait(client.call_async(ListParameters.Request()), name).result.names)
+            self.node.destroy_client(client)
+        return answers
 
     def get_parameters(self, name, names):
         """As `ros2 param get`."""
