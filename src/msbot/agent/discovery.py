@@ -11,9 +11,9 @@ import logging
 import socket
 import struct
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from msbot.errors import LinkDown, RemoteProtocolError
+from msbot.runtime.given_file import read_of_system
 from msbot.xrce.messages import (
     SESSION_NONE,
     GetInfo,
@@ -71,7 +71,7 @@ def _locator(address: str, port: int) -> Locator:
 def host_ipv6_addresses() -> list[str]:
     """The IPv6 addresses of this machine without link-local ones; loopback if it has no other."""
     try:
-        lines = Path("/proc/net/if_inet6").read_text(encoding="ascii").splitlines()
+        lines = read_of_system("/proc/net/if_inet6").splitlines()
         found = [socket.inet_ntop(socket.AF_INET6, bytes.fromhex(line.split()[0])) for line in lines]
     except OSError:  # not Linux
         found = [str(entry[4][0]) for entry in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET6)]

@@ -18,6 +18,7 @@ from msbot.cli.options import json_option, library_option
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
 from msbot.pnp import Overhearer
+from msbot.runtime.given_file import open_given
 from msbot.xrce import FoundField, dissector, read_fields
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
     from msbot.config import Library
     from msbot.lab.explain.datagrams import ENDINGS, read_capture
 
-    with path.open("rb") as stream:
+    with open_given(path) as stream:
         if stream.read(len(RECORDING)) == RECORDING:
             raise ConfigError(f"{path} is a recording: `msbot log show {path}` says what is in it")
     listener = listener_for(library if isinstance(library, Library) else None, legacy=False)

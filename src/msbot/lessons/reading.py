@@ -17,6 +17,7 @@ from msbot.errors import ConfigError
 from msbot.lessons.conditions import Condition, read_lesson_condition
 from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
 from msbot.operations.fault_wish import FaultWish
+from msbot.runtime.given_file import open_given_text
 from msbot.runtime.sentence import said
 
 FOR_TEACHERS: Final = ("For the teacher", "Answers", "Für die Lehrkraft", "Antworten")
@@ -35,7 +36,7 @@ def read_lesson(path: Path) -> Lesson:
     """
     problems = Problems()
     try:
-        with path.open(encoding="utf-8-sig") as stream:
+        with open_given_text(path, encoding="utf-8-sig") as stream:
             text = stream.read(MOST_BYTES + 1)  # it may be a device without an end
         if len(text) > MOST_BYTES or path.stat().st_size > MOST_BYTES:
             raise ConfigError(said("{path}: a lesson has at most {most} bytes", path=str(path), most=MOST_BYTES))

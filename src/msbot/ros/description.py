@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 from msbot.config import Blueprint
 from msbot.errors import ConfigError
+from msbot.runtime.given_file import open_given
 
 LARGEST = 1 << 20
 """Octets; a description only names its meshes, so it is far smaller."""
@@ -24,8 +25,8 @@ def read_description(blueprint: Blueprint) -> str:
     path = folder / blueprint.ros.urdf
     where = f'[ros] urdf = "{blueprint.ros.urdf}"'
     try:
-        with path.open("rb") as file:
-            octets = file.read(LARGEST + 1)
+        with open_given(path) as file:
+            octets = file.read(LARGEST + 1) or b""
     except OSError as error:
         raise ConfigError(
             f"{where}: {path} cannot be read ({error.strerror}): name a URDF file beside the blueprint"

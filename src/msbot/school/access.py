@@ -17,6 +17,7 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from msbot.errors import ConfigError
+from msbot.runtime.given_file import open_given_text
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.runtime.user_folders import state_folder
@@ -62,7 +63,7 @@ class AccessBook:
             ConfigError: the file cannot be read, makes no sense, or others can read it.
         """
         try:
-            with self.path.open(encoding="utf-8") as file:
+            with open_given_text(self.path) as file:
                 if os.name == "posix" and stat.S_IMODE(os.fstat(file.fileno()).st_mode) & 0o077:
                     raise ConfigError(
                         said("{path} has API tokens, and others can read it: chmod 600 {path}", path=str(self.path))

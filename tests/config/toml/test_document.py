@@ -51,7 +51,7 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr("msbot.config.toml.document.open_given", refuse)
     path = tmp_path / "robot.toml"
     assert _read(path) == f"{path}: no permission to read it; try `chmod u+r {path}`"
 
@@ -62,7 +62,7 @@ def test_a_name_that_is_too_long_for_the_system(tmp_path: Path) -> None:
 
 
 def test_a_name_that_no_system_takes() -> None:
-    assert _read(Path("a\0b")).endswith("cannot be read (embedded null byte); name another file")
+    assert _read(Path("a\0b")).endswith("cannot be read (no file can have that name); name another file")
 
 
 def test_a_file_that_is_not_utf_8(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from msbot.link import Link, Peer, Signal, bound_name, open_link
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.given_file import open_given_text
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.patient_output import patient_output
 from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
@@ -160,7 +161,7 @@ def given_text(path: Path, what: str) -> str:
         ConfigError: it cannot be read.
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with open_given_text(path) as file:
             text = file.read(LARGEST_FILE + 1)  # it may be a device without an end
     except OSError as error:
         raise ConfigError(f"cannot read {what} in {path}: {error.strerror}") from error

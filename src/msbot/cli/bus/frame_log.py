@@ -14,6 +14,7 @@ from typing import IO, TYPE_CHECKING, TextIO
 from msbot.errors import ConfigError
 from msbot.link.can.adapters import frame_of, message_of
 from msbot.link.can.protocol import Frame, LogLine, format_log_line, parse_log_line
+from msbot.runtime.given_file import open_given
 from msbot.runtime.printable import printable
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ class FrameReader:
         }
         mode, reader = readers[path.suffix.lower()]
         try:
-            with _Text(path) if mode == "r" else path.open(mode) as stream, reader(stream) as messages:
+            with _Text(path) if mode == "r" else open_given(path) as stream, reader(stream) as messages:
                 for message in messages:
                     self.frames += 1
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
@@ -167,7 +168,7 @@ class _Text(io.TextIOWrapper):
     """A file that python-can reads line by line; it would take a line without an end into memory."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path.open("rb"), encoding="utf-8", errors="replace", newline=None)
+        super().__init__(open_given(path), encoding="utf-8", errors="replace", newline=None)
         self._path = path
         self._number = 0
 

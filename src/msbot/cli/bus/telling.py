@@ -13,6 +13,7 @@ from msbot.errors import ConfigError
 from msbot.link.can.protocol import LogLine, format_frame, show_frame
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, Overhearer
 from msbot.runtime.amount import amount
+from msbot.runtime.given_file import open_given
 
 if TYPE_CHECKING:
     from msbot.cli.bus.robot_on_bus import RobotOnBus
@@ -56,6 +57,11 @@ def library_of(blueprint: Path | None, folders: Sequence[Path], complain: Callab
         ConfigError: what was named cannot be read, or is wrong.
     """
     path = blueprint or DEFAULT_BLUEPRINT
+    if blueprint is not None:
+        try:
+            open_given(blueprint).close()
+        except OSError as error:
+            raise ConfigError(f"{blueprint}: cannot be read ({error.strerror}); name the robot's blueprint") from None
     if not folders and not path.is_file():
         return None
     from msbot.config import library_folders, load_library

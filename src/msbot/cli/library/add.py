@@ -8,6 +8,7 @@ from pathlib import Path
 
 from msbot.config import load_library
 from msbot.errors import ConfigError
+from msbot.runtime.given_file import read_given
 
 TEMPLATE = """\
 # A part type of this robot. Every key: docs/reference/library.md. Check it with:  msbot library check FOLDER
@@ -67,6 +68,7 @@ rate_hz = 2
 """
 """What `msbot library add NUMBER` writes."""
 
+_MOST_BYTES = 256_000
 _ODD = re.compile(r"[^A-Za-z0-9._-]")
 
 
@@ -78,7 +80,7 @@ def add_file(source: Path, folder: Path) -> Path:
     """
     others = [path for path in sorted(folder.glob("*.toml")) if path.name != source.name]
     load_library(*others, source)
-    return _write(folder / source.name, source.read_text("utf-8-sig"))
+    return _write(folder / source.name, read_given(source, _MOST_BYTES, "a part type").decode("utf-8-sig"))
 
 
 def add_template(number: str, folder: Path) -> Path:

@@ -19,6 +19,7 @@ from msbot.errors import ConfigError
 from msbot.operations.rights import Role, role_named
 from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end
+from msbot.runtime.given_file import open_given
 
 if TYPE_CHECKING:
     from msbot.web.access.accounts import Accounts
@@ -167,8 +168,8 @@ def _octets(path: Path) -> bytes:
     from msbot.web.access.class_list import MOST_BYTES
 
     try:
-        with path.open("rb") as stream:
-            return stream.read(MOST_BYTES + 1)
+        with open_given(path) as stream:
+            return stream.read(MOST_BYTES + 1) or b""
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name another file") from None
 

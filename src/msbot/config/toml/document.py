@@ -11,6 +11,7 @@ from pathlib import Path
 from msbot.config.toml.limits import MOST_BYTES, too_much
 from msbot.config.toml.line_numbers import key_lines
 from msbot.config.toml.problems import KeyPath, Problems, TextPlace
+from msbot.runtime.given_file import open_given
 from msbot.runtime.kept_beside import carried_toml
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
@@ -77,8 +78,8 @@ def carried_document(entry: Traversable, file: str) -> Document:
 
 def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:
     try:
-        with path.open("rb") as stream:
-            octets = stream.read(MOST_BYTES + 1)
+        with open_given(path) as stream:
+            octets = stream.read(MOST_BYTES + 1) or b""
     except (OSError, ValueError) as error:
         problems.add(TextPlace(str(path)), _unreadable(path, error, if_missing))
         return None

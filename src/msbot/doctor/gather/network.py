@@ -17,6 +17,8 @@ from msbot.doctor.finding import CannotSee, NotNeeded
 from msbot.doctor.gather.processes import running_programs, target_of
 from msbot.doctor.patient import Patient
 from msbot.errors import ConfigError
+from msbot.runtime.given_file import read_of_system
+from msbot.runtime.printable import printable
 from msbot.runtime.sentence import said
 from msbot.space import DDS, ZENOH
 from msbot.space.dds import load as load_dds
@@ -74,11 +76,13 @@ def multicast(_: Patient) -> tuple[NetInterface, ...]:
     found = []
     for path in sorted(folder.iterdir()):
         try:
-            flags, kind = int((path / "flags").read_text(), 16), int((path / "type").read_text())
+            flags, kind = int(read_of_system(path / "flags"), 16), int(read_of_system(path / "type"))
         except (OSError, ValueError):
             continue  # gone in the meantime
         if kind in (1, 772):  # Ethernet and what looks like it, loopback (linux/if_arp.h)
-            found.append(NetInterface(path.name, bool(flags & UP), bool(flags & MULTICAST), bool(flags & LOOPBACK)))
+            found.append(
+                NetInterface(printable(path.name), bool(flags & UP), bool(flags & MULTICAST), bool(flags & LOOPBACK))
+            )
     return tuple(found)
 
 
@@ -90,7 +94,7 @@ def firewall(patient: Patient) -> FirewallFacts:
     if not sys.platform.startswith("linux"):
         raise CannotSee(said("firewalls are examined on Linux only"))
     ufw = Path("/etc/ufw/ufw.conf")
-    if ufw.exists() and re.search(r"(?m)^ENABLED=yes", ufw.read_text()):
+    if ufw.exists() and re.search(r"(?m)^ENABLED=yes", read_of_system(ufw)):
         rules = _run("ufw", "status") if os.geteuid() == 0 else None
         if rules is None:
             raise CannotSee(said("only root may read its rules: sudo msbot doctor"))
@@ -185,7 +189,9 @@ def ports(patient: Patient) -> tuple[PortUse, ...]:
     for name in ("tcp", "tcp6", "udp", "udp6"):
         path = Path("/proc/net") / name
         if path.exists():
-            sockets |= {(name[:3], port): inode for port, inode in bound_ports(path.read_text(), UNCONNECTED[name[:3]])}
+            sockets |= {
+                (name[:3], port): inode for port, inode in bound_ports(read_of_system(path), UNCONNECTED[name[:3]])
+            }
     owners = _owners({sockets[kind, port] for kind, _, port in patient.net_ports() if (kind, port) in sockets})
     ours = {master.pid for master in patient.masters}
     found = []

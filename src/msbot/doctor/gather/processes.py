@@ -6,12 +6,15 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from msbot.runtime.given_file import read_of_system
+from msbot.runtime.printable import printable
+
 
 def running_programs() -> Iterator[tuple[int, str]]:
     """`(process number, name)`; nothing where there is no /proc."""
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            yield int(folder.name), (folder / "comm").read_text().strip()
+            yield int(folder.name), printable(read_of_system(folder / "comm").strip())
         except OSError:
             continue  # ended in the meantime
 
@@ -19,7 +22,7 @@ def running_programs() -> Iterator[tuple[int, str]]:
 def program_of(pid: int) -> str:
     """The command line of a process; empty if it may not be read."""
     try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace").strip()
+        return printable(read_of_system(f"/proc/{pid}/cmdline").replace("\0", " ").strip())
     except OSError:
         return ""
 

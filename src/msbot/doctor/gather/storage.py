@@ -9,6 +9,7 @@ from msbot.doctor.facts import DatabaseFacts
 from msbot.doctor.gather.opened import database_of
 from msbot.doctor.patient import Patient
 from msbot.errors import RegistryError
+from msbot.runtime.given_file import read_of_system
 
 NETWORK_DRIVES = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs", "davfs", "vboxsf")
 
@@ -55,7 +56,7 @@ def mounts() -> list[tuple[str, str]]:
     table = Path("/proc/mounts")
     if not table.exists():
         return []
-    rows = [line.split() for line in table.read_text(errors="replace").splitlines()]
+    rows = [line.split() for line in read_of_system(table).splitlines()]
     return [(row[1].replace("\\040", " "), row[2]) for row in rows if len(row) > 2]
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import Frame
+from msbot.runtime.given_file import open_given
 from msbot.runtime.lazy_dataclass import dataclass
 
 REMEDY: Final = "pip install 'msbot[pcap]'"
@@ -51,7 +52,7 @@ def read_capture(path: Path) -> Iterator[Datagram | CapturedFrame]:
     except ImportError:
         raise ConfigError(f"captures of networks need the package dpkt: {REMEDY}") from None
     try:
-        with path.open("rb") as stream:
+        with open_given(path) as stream:
             reader = dpkt.pcap.UniversalReader(stream)
             kind = reader.datalink()
             for at, octets in reader:

@@ -27,6 +27,7 @@ from msbot.lab.missions.mission import (
 )
 from msbot.operations.fault_wish import FaultWish
 from msbot.operations.table import OPERATIONS
+from msbot.runtime.given_file import open_given_text
 from msbot.runtime.sentence import said
 
 MOST_FAULTS: Final = 8
@@ -60,7 +61,7 @@ def load_mission(path: Path) -> Mission:
         ConfigError: it cannot be read, or something in it is wrong.
     """
     try:
-        with path.open(encoding="utf-8") as stream:
+        with open_given_text(path) as stream:
             text = stream.read(MOST_BYTES + 1)  # it may be a device without an end; too much is told when it is parsed
     except UnicodeDecodeError:
         raise ConfigError(said("{path}: is no text in UTF-8; save it as UTF-8", path=str(path))) from None

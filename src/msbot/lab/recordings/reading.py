@@ -17,6 +17,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
+from msbot.runtime.given_file import open_given
 from msbot.runtime.json_reading import read_json
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
@@ -83,7 +84,7 @@ class RecordingReader:
         """
         self.damage, self._lost_chunks, self._first_lost, self._unknown = "", 0, "", 0
         try:
-            with self.path.open("rb") as stream:
+            with open_given(self.path) as stream:
                 end = yield from self._messages(stream)
         except OSError as error:
             raise ConfigError(f"cannot read {self.path}: {error.strerror or error}") from None
@@ -191,7 +192,7 @@ class _Bounded:
 def _take_summary(path: Path, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
     """What the end of the file repeats of its schemas and channels; a file that was cut short has no such end."""
     try:
-        with path.open("rb") as stream:
+        with open_given(path) as stream:
             stream.seek(-_FOOTER_OCTETS, os.SEEK_END)
             footer = next(StreamReader(stream, skip_magic=True, record_size_limit=LARGEST_RECORD).records, None)
             if not isinstance(footer, Footer) or not footer.summary_start:

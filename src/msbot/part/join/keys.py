@@ -18,6 +18,7 @@ from struct import Struct
 from msbot.errors import ConfigError
 from msbot.part.join.plug import NONCE_OCTETS, PROOF_OCTETS, SEALED_PROOF_OCTETS, UID_OCTETS
 from msbot.part.join.uid import kept_file
+from msbot.runtime.given_file import open_given
 
 KEY_OCTETS = 16
 """Octets of a key that MsBOT generates, and of the shortest that it accepts."""
@@ -139,8 +140,8 @@ def _is_file(path: Path) -> bool:
 
 def _read(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
-            return parse_key(file.read(MOST_READ).decode("ascii", "replace"))
+        with open_given(path) as file:
+            return parse_key((file.read(MOST_READ) or b"").decode("ascii", "replace"))
     except OSError as error:
         raise ConfigError(f"cannot read the part's key from {path}: {error.strerror}") from None
     except ConfigError as error:

@@ -17,6 +17,7 @@ from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from msbot.errors import RegistryError
 from msbot.registry.database.database_errors import ELSE, told_as_registry_error
+from msbot.runtime.given_file import open_given
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
@@ -176,8 +177,8 @@ def _check_magic(path: Path) -> None:
     try:
         if in_use[identity_of(path)]:
             return
-        with path.open("rb") as stream:
-            beginning = stream.read(len(MAGIC))
+        with open_given(path) as stream:
+            beginning = stream.read(len(MAGIC)) or b""
     except OSError as error:
         raise RegistryError(
             said(

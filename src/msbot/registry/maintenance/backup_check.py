@@ -18,6 +18,7 @@ from msbot.registry.maintenance import consistency
 from msbot.registry.records import RobotRecord
 from msbot.registry.registry import Registry, open_registry
 from msbot.registry.running.robot_memory import read_memory
+from msbot.runtime.given_file import open_given
 from msbot.runtime.sentence import said, without
 from msbot.runtime.worker import WorkLimits, run_limited
 
@@ -49,7 +50,7 @@ def check_backup(path: Path, *, needs_administrator: bool) -> None:
 
 def fault_of(path: str, needs_administrator: bool) -> str:
     """The worst thing that is wrong with it; empty: nothing."""
-    with Path(path).open("rb") as stream:
+    with open_given(Path(path)) as stream:
         if stream.read(len(MAGIC)) != MAGIC:
             return said("it is not a database")
     try:
