@@ -10,7 +10,7 @@ from random import Random
 
 import pytest
 
-from msbot.errors import MsbotError
+from msbot.errors import ConfigError, MsbotError
 from msbot.link import InprocHub, Link, LinkInfo
 from msbot.link.relay import PartsRelay
 from msbot.master.fed_agent import FedAgent
@@ -155,3 +155,23 @@ async def test_guests_of_a_pupil_are_held_with_the_pupil() -> None:
         guest, _ = site.accounts.guests.admit(word)
         assert site.accounts.guests.pupil_behind(guest) == "guest of ada"
         assert site.accounts.guests.pupil_behind(ada) == ""
+
+
+@pytest.mark.parametrize("door", ["a relay", "an agent"])
+async def test_a_ticket_of_a_teacher_brings_parts_that_are_no_pupils_until_it_is_removed(
+    door: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(part_socket, "CHECK_S", 0.1)
+    async with part_site() as site:
+        with pytest.raises(ConfigError, match="bob is none"):
+            await site.accounts.new_ticket("bob", "body", who="ada")
+        ticket = await site.accounts.new_ticket("ada", "body", who="ada")
+        assert site.accounts.by_api_token(ticket) is None
+        parts, now = site.master.inventory.pupil_parts, asyncio.get_running_loop().time
+        parts.pupils.freeze = Freeze("ada", "", now())
+        said = counted(site, "out0")
+        async with by(door, site, 0, ticket):
+            await site.until(lambda: said() > 2)
+            assert parts.here() == {}
+            await site.accounts.remove_token("ada", "body", who="ada")
+            await site.until(lambda: len(site.link._peers) == 0)

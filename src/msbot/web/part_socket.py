@@ -106,7 +106,7 @@ class PartSocket:
         token = socket.headers.get("authorization", "").partition(" ")[2].strip()
 
         def holds() -> bool:
-            now = accounts.by_api_token(token)
+            now = accounts.by_word_of_parts(token)
             return now is not None and may_have(now)
 
         return holds

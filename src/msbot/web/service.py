@@ -30,6 +30,7 @@ from msbot.web.api.models import (
     EditLine,
     JournalLine,
     Me,
+    RelayTicket,
     Robot,
     Scalar,
     UserLine,
@@ -318,6 +319,19 @@ class Service:
         self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         return await self.accounts.new_token(name, purpose, who=session.name)
 
+    def tickets(self, session: Session) -> list[RelayTicket]:
+        """The tickets for relays and agents: one's own, and all for an administrator."""
+        self._need(session, Right.ARRANGE)
+        sees_all = session.may(Right.ADMINISTER)
+        users = [user for user in self.accounts.users() if sees_all or user.name == session.name]
+        return [RelayTicket(name=user.name, purpose=purpose) for user in users for purpose in user.tickets]
+
+    async def new_ticket(self, session: Session, name: str, purpose: str) -> str:
+        """Make a ticket for a relay or an agent: teachers for themselves, an administrator for others, too."""
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.ARRANGE if is_own else Right.ADMINISTER)
+        return await self.accounts.new_ticket(name, purpose, who=session.name)
+
     async def remove_token(self, session: Session, name: str, purpose: str) -> Done:
         """Make an API token worthless."""
         is_own = name == session.name and not session.guest_of
@@ -369,4 +383,4 @@ def done_of(outcome: Outcome) -> Done:
 
 
 def _user_line(user: User) -> UserLine:
-    return UserLine(name=user.name, role=user.role.word, tokens=[purpose for purpose, _ in user.tokens])
+    return UserLine(name=user.name, role=user.role.word, tokens=user.api_tokens, tickets=user.tickets)

@@ -48,15 +48,19 @@ def list_users(db: str | None, *, as_json: bool) -> None:
     with _accounts(db) as accounts:
         people = accounts.users()
     if as_json:
-        told = [{"name": one.name, "role": one.role.word, "tokens": [what for what, _ in one.tokens]} for one in people]
+        told = [
+            {"name": one.name, "role": one.role.word, "tokens": one.api_tokens, "tickets": one.tickets}
+            for one in people
+        ]
         click.echo(json.dumps(told))
         return
     if not people:
         click.echo("Nobody may sign in yet: `msbot master` prints a link for the first administrator.")
     width = max((len(one.name) for one in people), default=0)
     for one in people:
-        tokens = f"   API tokens: {', '.join(what for what, _ in one.tokens)}" if one.tokens else ""
-        click.echo(f"{one.name:<{width}}  {one.role.word}{tokens}")
+        tokens = f"   API tokens: {', '.join(one.api_tokens)}" if one.api_tokens else ""
+        tickets = f"   relays and agents: {', '.join(one.tickets)}" if one.tickets else ""
+        click.echo(f"{one.name:<{width}}  {one.role.word}{tokens}{tickets}")
 
 
 @command.command("add")
@@ -131,12 +135,25 @@ def new_token(name: str, purpose: str, db: str | None) -> None:
         click.echo(run_to_end(accounts.new_token(name, purpose, who=user_name())))
 
 
+@command.command("ticket")
+@click.argument("name")
+@click.argument("relay")
+@db_option
+def new_ticket(name: str, relay: str, db: str | None) -> None:
+    """Make a ticket with which RELAY (a relay or an agent) brings parts as NAME's, a teacher, and print it.
+
+    It opens nothing else. `msbot user revoke NAME RELAY` makes it worthless.
+    """
+    with _accounts(db) as accounts:
+        click.echo(run_to_end(accounts.new_ticket(name, relay, who=user_name())))
+
+
 @command.command("revoke")
 @click.argument("name")
 @click.argument("purpose")
 @db_option
 def revoke(name: str, purpose: str, db: str | None) -> None:
-    """Make the API token of NAME for PURPOSE worthless."""
+    """Make the API token or ticket of NAME for PURPOSE worthless."""
     with _accounts(db) as accounts:
         run_to_end(accounts.remove_token(name, purpose, who=user_name()))
     click.echo(f"the token of {name} for {purpose} is worthless now")

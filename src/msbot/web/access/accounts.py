@@ -24,7 +24,7 @@ from msbot.web.access.guests import DEMO, Guests
 from msbot.web.access.known_browsers import KnownBrowsers
 from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
 from msbot.web.access.sessions import Ending, Session, Sessions, digest_of, told_octets
-from msbot.web.access.users import User, UserStore
+from msbot.web.access.users import OF_PARTS, User, UserStore
 
 MAX_NAME = 64
 """Characters of a user's name."""
@@ -251,9 +251,16 @@ class Accounts:
             return self.sessions.is_fresh(session) and self.guests.may_invite(session.guest_of)
         return self.sessions.is_fresh(session) and (session.is_lasting or session.name in self._users)
 
+    def by_word_of_parts(self, token: str) -> Session | None:
+        """The same at the door of parts: for an API token, or the ticket of a relay or an agent."""
+        return self.by_api_token(token) or self._by_digest(OF_PARTS + digest_of(token))
+
     def by_api_token(self, token: str) -> Session | None:
         """A temporary session for a program that shows a user's API token."""
-        name = self._token_users.get(digest := digest_of(token))
+        return self._by_digest(digest_of(token))
+
+    def _by_digest(self, digest: str) -> Session | None:
+        name = self._token_users.get(digest)
         if name is None:
             return None
         now = self._clock()
@@ -380,8 +387,18 @@ class Accounts:
             await self._store.remove_user(name, who)
             self._take([user for user in self._users.values() if user.name != name])
 
-    async def new_token(self, name: str, purpose: str, *, who: str) -> str:
-        """Make an API token; this is the only time it can be read.
+    async def new_ticket(self, name: str, purpose: str, *, who: str) -> str:
+        """Make a ticket with which a relay or an agent brings parts as that teacher's, and which opens nothing else.
+
+        Raises:
+            ConfigError: as `new_token`; or it is no teacher, whose parts would be a pupil's.
+        """
+        if self._find(name).role < Right.ARRANGE.least:
+            raise ConfigError(said("a ticket for a relay or an agent is a teacher's: {name} is none", name=name))
+        return await self.new_token(name, purpose, who=who, kind=OF_PARTS)
+
+    async def new_token(self, name: str, purpose: str, *, who: str, kind: str = "") -> str:
+        """Make an API token; this is the only time it can be read. `kind`: what stands before its hash.
 
         Raises:
             ConfigError: there is no such user, or the purpose is taken or makes no sense.
@@ -395,7 +412,7 @@ class Accounts:
                 raise ConfigError(
                     said("{name} has a token for {purpose!r} already: remove it first", name=name, purpose=purpose)
                 )
-            await self._keep(who, replace(user, tokens=(*user.tokens, (purpose, digest_of(token)))))
+            await self._keep(who, replace(user, tokens=(*user.tokens, (purpose, kind + digest_of(token)))))
         return token
 
     async def remove_token(self, name: str, purpose: str, *, who: str) -> None:

@@ -22,6 +22,7 @@ from nicegui.version import __version__ as nicegui_version
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from msbot.link.net import PART_PATH
 from msbot.operations.rights import Right
 from msbot.runtime.tally import Tally
 from msbot.web.access.accounts import Accounts
@@ -192,7 +193,8 @@ class AccessGuard:
         bearer = headers.get("authorization", "")
         if bearer and (path.startswith("/api/") or path == METRICS_PATH):
             scheme, _, token = bearer.partition(" ")
-            return self._accounts.by_api_token(token.strip()) if scheme.casefold() == "bearer" else None
+            find = self._accounts.by_word_of_parts if path == PART_PATH else self._accounts.by_api_token
+            return find(token.strip()) if scheme.casefold() == "bearer" else None
         return self._accounts.session(_cookie_in(headers.get("cookie", ""), self._cookies.session))
 
     def _check(self, scope: Scope, path: str, headers: Headers, session: Session | None) -> tuple[int, str] | None:

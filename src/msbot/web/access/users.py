@@ -9,6 +9,8 @@ from typing import Protocol
 from msbot.operations.rights import Role
 from msbot.runtime.lazy_dataclass import dataclass
 
+OF_PARTS = "parts:"
+
 
 @dataclass(frozen=True, slots=True)
 class User:
@@ -18,9 +20,20 @@ class User:
     role: Role
     password_hash: str
     tokens: tuple[tuple[str, str], ...] = ()
-    """API tokens: (what it is for, SHA-256 in hexadecimal digits)."""
+    """API tokens: (what it is for, SHA-256 in hexadecimal digits); with `OF_PARTS` before it, a ticket for a relay or an
+    agent, which opens the door of parts and no other."""
     since_ns: int = 0
     """When the account was made, on the wall clock: another account of the same name is another person."""
+
+    @property
+    def api_tokens(self) -> list[str]:
+        """What the API tokens are for."""
+        return [purpose for purpose, digest in self.tokens if not digest.startswith(OF_PARTS)]
+
+    @property
+    def tickets(self) -> list[str]:
+        """For which relays and agents there are tickets."""
+        return [purpose for purpose, digest in self.tokens if digest.startswith(OF_PARTS)]
 
     @property
     def mark(self) -> str:

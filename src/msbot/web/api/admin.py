@@ -9,7 +9,7 @@ from fastapi.responses import Response, StreamingResponse
 
 from msbot.runtime.sentence import said
 from msbot.web.api.answers import PROBLEMS
-from msbot.web.api.models import Done, NewToken, NewUser, UserChange, UserLine, Words
+from msbot.web.api.models import Done, NewToken, NewUser, RelayTicket, UserChange, UserLine, Words
 from msbot.web.api.session import SignedIn
 from msbot.web.service import Service
 
@@ -50,6 +50,16 @@ def make_admin_api(service: Service) -> APIRouter:
     async def new_token(session: SignedIn, name: UserName, purpose: Words) -> NewToken:
         """Make an API token; it is shown this once."""
         return NewToken(token=await service.new_token(session, name, purpose.words))
+
+    @router.get("/tickets")
+    async def tickets(session: SignedIn) -> list[RelayTicket]:
+        """The tickets for relays and agents: one's own, and all for an administrator."""
+        return service.tickets(session)
+
+    @router.post("/users/{name}/tickets")
+    async def new_ticket(session: SignedIn, name: UserName, purpose: Words) -> NewToken:
+        """Make a ticket for the relay or agent of that name; it is shown this once."""
+        return NewToken(token=await service.new_ticket(session, name, purpose.words))
 
     @router.delete("/users/{name}/tokens/{purpose}")
     async def remove_token(session: SignedIn, name: UserName, purpose: Purpose) -> Done:

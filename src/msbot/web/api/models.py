@@ -318,6 +318,17 @@ class UserLine(Model):
     role: str
     tokens: list[str]
     """What their API tokens are for."""
+    tickets: list[str] = Field(default_factory=list)
+    """For which relays and agents they have made tickets."""
+
+
+class RelayTicket(Model):
+    """A ticket with which a relay or an agent brings parts."""
+
+    name: str
+    """The teacher who answers for them."""
+    purpose: str
+    """Which relay or agent it is for."""
 
 
 class NewUser(Model):
