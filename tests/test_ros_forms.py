@@ -131,3 +131,12 @@ def test_names() -> None:
     assert topic_name("rover 2", "/arm/light_1") == "rt/arm/light_1"
     assert topic_name("2 rovers", "light") == "rt/_2_rovers/light"
     assert ros_class("std_msgs/Bool") is ros_class("std_msgs/msg/Bool") is ROS_TYPES["std_msgs::msg::dds_::Bool_"]
+
+
+def test_what_fast_dds_leaves_behind_a_message_is_not_looked_at() -> None:
+    """Its `serialize_message` appends 4 to 8 octets to a message that ends with empty lists."""
+    form = form_of(standard.Text)
+    message = ros2.String(data="hello").encode()
+    assert standard.Text.decode(form.inward(message + bytes(8))) == standard.Text(text="hello")
+    with pytest.raises(RemoteProtocolError, match="octets left over"):
+        form.inward(message + bytes(12))

@@ -51,6 +51,9 @@ ROS_TYPES: dict[str, type[Message]] = {
 }  # fmt: skip
 """The known message types of ROS 2 by their names in DDS."""
 
+MOST_BEHIND = 8
+"""Octets that Fast DDS may leave behind a message that ends with empty lists or texts."""
+
 _NAME = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(msg/)?(?P<type>[A-Z][A-Za-z0-9]*)")
 _PATH = re.compile(r"(?P<path>[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*)(\s*\*\s*(?P<factor>\d+(\.\d+)?([eE]-?\d+)?))?")
 
@@ -135,7 +138,7 @@ class RosForm:
         Raises:
             RemoteProtocolError: it is not a message of their class, or a value does not fit into ours.
         """
-        source, target = self.theirs.decode(payload), self.ours()
+        source, target = self.theirs.decode(payload, most_behind=MOST_BEHIND), self.ours()
         for step in self._steps:
             value = getattr(_inside(source, step.theirs[:-1]), step.theirs[-1])
             _set(target, step.ours, value, 1.0 / step.factor)

@@ -41,6 +41,7 @@ from msbot.ros2 import (
     SetParametersAtomically_Response,
     SetParametersResult,
 )
+from msbot.ros_forms import MOST_BEHIND
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.tally import Tally
 from msbot.space import Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
@@ -172,7 +173,7 @@ class ParameterServer:
     async def _answer(self, request: _Request) -> None:
         asked = _TYPES[request.service][0]
         try:
-            message = asked.decode(request.sample.payload)
+            message = asked.decode(request.sample.payload, most_behind=MOST_BEHIND)
         except RemoteProtocolError as error:
             self._drop(f"it makes no sense as {asked.type_name}", str(error))
             return

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from msbot.space.dds.ros_type_hashes import ROS_TYPE_HASHES
+from tests.ros.genuine.environment import environment
 from tests.ros.genuine.node import genuine_node
 from tests.ros.genuine.robots import robot
+from tools.ros_type_hashes import found
 
 FLOAT = "std_msgs/msg/Float32"
 
@@ -30,6 +33,11 @@ async def test_nodes_topics_and_parameters(tmp_path: Path) -> None:
         assert set((await node.does("came", name="/ROVER/power"))[0]) == {"data"}
         (told,) = await node.does("publishers", name="/ROVER/power")
         assert (told["node"], told["type"], told["reliable"]) == ("/ROVER/knob", FLOAT, True)
+        heard, mine = sorted(
+            await node.does("subscriptions", name="/ROVER/power", wanted=2), key=lambda one: str(one["node"])
+        )
+        assert (heard["node"], mine["node"]) == ("/ROVER/fan", "/peer")
+        assert heard["hash"] == told["hash"] == mine["hash"]
         topics = await node.does("topics")
         for mine in ("clock", "diagnostics", "power"):
             assert f"/ROVER/{mine}" in topics
@@ -63,3 +71,8 @@ async def test_a_domain_is_a_network_of_its_own(tmp_path: Path) -> None:
         assert "/ROVER/knob" in await inside.does("nodes", wanted=["/ROVER/knob"])
         assert await inside.does("parameters", names=["/ROVER/knob"])
         assert await outside.does("nodes") == ["/peer"]
+
+
+def test_hashes_of_types_are_those_of_ros() -> None:
+    genuine = dict(found(environment() / "share"))
+    assert {name: genuine.get(name) for name in ROS_TYPE_HASHES} == ROS_TYPE_HASHES

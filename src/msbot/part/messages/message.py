@@ -110,20 +110,20 @@ class Message:
         return writer.finish()
 
     @classmethod
-    def decode(cls, data: bytes) -> Self:
-        """The message in the octets; up to 3 octets of padding may follow it.
+    def decode(cls, data: bytes, *, most_behind: int = LARGEST_PADDING) -> Self:
+        """The message in the octets; up to `most_behind` octets of padding may follow it.
 
         Raises:
             RemoteProtocolError: the octets are not a message of this class.
         """
         fixed = cls._fixed
-        if fixed is not None and len(data) - fixed.layout.size <= LARGEST_PADDING:
+        if fixed is not None and len(data) - fixed.layout.size <= most_behind:
             found = fixed.decode(data)
             if isinstance(found, cls):
                 return found
         reader = CdrReader(data)
         message = _read(cls, reader)
-        if reader.remaining > LARGEST_PADDING:
+        if reader.remaining > most_behind:
             words = f"{reader.remaining} octets left over after {cls.type_name}: is it another type?"
             raise RemoteProtocolError(words)
         return message

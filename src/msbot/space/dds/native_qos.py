@@ -36,10 +36,10 @@ COMPARED = frozenset(["RELIABILITY", "DURABILITY", "OWNERSHIP", "DEADLINE", "PAR
 
 
 @contextlib.contextmanager
-def writer_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
+def writer_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...], user_data: bytes = b"") -> Iterator[int]:
     """A writer's QoS; valid inside the `with`."""
     calls = library.calls
-    with _common(library, qos, partitions) as made:
+    with _common(library, qos, partitions, user_data) as made:
         # A write never waits: the caller keeps a sample for which there is no room.
         calls.dds_qset_reliability(made, _RELIABLE if qos.reliable else _BEST_EFFORT, 0)
         if qos.transient_local:
@@ -52,17 +52,17 @@ def writer_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> It
 
 
 @contextlib.contextmanager
-def reader_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
+def reader_qos(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...], user_data: bytes = b"") -> Iterator[int]:
     """A reader's QoS. It ignores the writers of its own participant: it meets those in memory."""
     calls = library.calls
-    with _common(library, qos, partitions) as made:
+    with _common(library, qos, partitions, user_data) as made:
         calls.dds_qset_reliability(made, _RELIABLE if qos.reliable else _BEST_EFFORT, _BLOCKING_OF_OTHERS)
         calls.dds_qset_ignorelocal(made, _IGNORE_OWN_PARTICIPANT)
         yield made
 
 
 @contextlib.contextmanager
-def _common(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Iterator[int]:
+def _common(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...], user_data: bytes) -> Iterator[int]:
     calls = library.calls
     made: int = calls.dds_create_qos()
     try:
@@ -77,6 +77,8 @@ def _common(library: DdsLibrary, qos: Qos, partitions: tuple[str, ...]) -> Itera
             calls.dds_qset_deadline(made, _nanoseconds(qos.deadline_s))
         if qos.exclusive:
             calls.dds_qset_ownership(made, _EXCLUSIVE)
+        if user_data:
+            calls.dds_qset_userdata(made, user_data, len(user_data))
         if partitions:
             names = (c_char_p * len(partitions))(*(name.encode() for name in partitions))
             calls.dds_qset_partition(made, len(partitions), names)

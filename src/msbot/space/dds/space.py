@@ -31,6 +31,7 @@ from msbot.space.dds.native_qos import reader_qos, writer_qos
 from msbot.space.dds.neighbours import Neighbour, Neighbours, obstacle
 from msbot.space.dds.raw_type import Serialiser
 from msbot.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet
+from msbot.space.dds.user_data import user_data_of
 from msbot.space.dds.waiter import Waiter
 from msbot.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet
 from msbot.space.dds_topics import DdsTopic, DdsTopicsOf, as_it_is
@@ -200,7 +201,7 @@ class DdsSpace:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
         native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
-        with writer_qos(self._library, qos, qos.partitions) as made:
+        with writer_qos(self._library, qos, qos.partitions, user_data_of(dds_topic.type_name)) as made:
             entity = calls.dds_create_writer(domain.participant, native.entity, made, None)
         if entity < 0:
             domain.release(dds_topic.name, dds_topic.type_name)
@@ -215,7 +216,7 @@ class DdsSpace:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
         native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
-        with reader_qos(self._library, qos, qos.partitions) as made:
+        with reader_qos(self._library, qos, qos.partitions, user_data_of(dds_topic.type_name)) as made:
             entity = calls.dds_create_reader(domain.participant, native.entity, made, None)
         if entity < 0:
             domain.release(dds_topic.name, dds_topic.type_name)
@@ -305,7 +306,12 @@ class DdsSpace:
     def _told_of_service(self, dds_topic: DdsTopic, qos: Qos) -> dict[str, Any]:
         in_dds = self._in_dds(qos, dds_topic)
         reliable = replace(in_dds, reliable=True, transient_local=False, depth=max(qos.depth, SERVICE_DEPTH))
-        return {"name": dds_topic.name, "type_name": dds_topic.type_name, "qos": reliable, "user_data": b""}
+        return {
+            "name": dds_topic.name,
+            "type_name": dds_topic.type_name,
+            "qos": reliable,
+            "user_data": user_data_of(dds_topic.type_name),
+        }
 
     def _service_opened(self, ends: Iterable[services.ServiceEnd]) -> None:
         self._service_ends.update(dict.fromkeys(ends))

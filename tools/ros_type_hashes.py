@@ -1,0 +1,46 @@
+"""Writes `src/msbot/space/dds/ros_type_hashes.py` from the `share` folder of a ROS 2 installation.
+
+python tools/ros_type_hashes.py build/kept/ros-jazzy/*/ros/share
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from msbot.ros_forms import ROS_TYPES
+
+TARGET = Path(__file__).parent.parent / "src/msbot/space/dds/ros_type_hashes.py"
+BESIDE = ("rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",)
+"""Types that have no class of ours."""
+HEAD = '''"""What tells one version of a type of ROS 2 from another (REP 2016), for the types that a robot uses itself.
+
+Written by tools/ros_type_hashes.py from ROS 2 Jazzy. The hash of a service stands for its requests and its replies.
+"""
+
+ROS_TYPE_HASHES = {
+'''
+
+
+def found(share: Path) -> Iterator[tuple[str, str]]:
+    """Types as DDS names them, with their hashes."""
+    for path in sorted(share.glob("*/*/*.json")):
+        for one in json.loads(path.read_text()).get("type_hashes", ()):
+            package, kind, name = one["type_name"].split("/")
+            if path.parts[-3:] == (package, kind, f"{name}.json"):
+                hexadecimal = one["hash_string"].removeprefix("RIHS01_")
+                for end in ("_Request_", "_Response_") if kind == "srv" else ("_",):
+                    yield f"{package}::{kind}::dds_::{name}{end}", hexadecimal
+
+
+def text(share: Path) -> str:
+    """The file."""
+    hashes = dict(found(share))
+    lines = [f'    "{name}": "{hashes[name]}",' for name in sorted({*ROS_TYPES, *BESIDE}) if name in hashes]
+    return HEAD + "\n".join(lines) + "\n}\n"
+
+
+if __name__ == "__main__":
+    TARGET.write_text(text(Path(sys.argv[1])))
