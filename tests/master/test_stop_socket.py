@@ -39,6 +39,7 @@ class Robot:
 
     def __init__(self) -> None:
         self.said: list[str] = []
+        self.stop_group = "bench"
         self.stop = StopStatus(stopped=True, number=1)
         self.is_stored = asyncio.Event()
         self.is_stored.set()
@@ -57,8 +58,7 @@ class Scene:
         self.shared = shared
         self.robot = Robot()
         self.details = {"robot": "ROVER", "serial_number": "X1", "database": "/r.db"}
-        self.group = "bench"
-        self.sock = StopSocket(self.robot, lambda: self.details, lambda: self.group)  # type: ignore[arg-type]
+        self.sock = StopSocket(self.robot, lambda: self.details)  # type: ignore[arg-type]
 
     def sockets(self) -> list[Path]:
         return [path for path in self.shared.glob("*/*") if not path.name.startswith(".")]
@@ -102,8 +102,8 @@ def test_stop_is_said_and_answered_with_what_there_is_to_know(shared: Path) -> N
     async def act(scene: Scene) -> None:
         (answer,) = await scene.ask("stop")
         assert scene.robot.said == ["ann"]
-        assert {name: answer[name] for name in ("robot", "serial_number", "stop_group", "stopped", "told")} == {
-            "robot": "ROVER", "serial_number": "X1", "stop_group": "bench", "stopped": True, "told": 0,
+        assert {name: answer[name] for name in ("robot", "serial_number", "stopped", "told")} == {
+            "robot": "ROVER", "serial_number": "X1", "stopped": True, "told": 0,
         }  # fmt: skip
         assert await scene.ask("stop", group="other") == []
 
@@ -132,7 +132,7 @@ def test_what_is_removed_is_made_anew(how: str, shared: Path) -> None:
 def test_its_name_follows_the_robots_and_the_groups(shared: Path) -> None:
     async def act(scene: Scene) -> None:
         scene.details = {**scene.details, "robot": "BUGGY"}
-        scene.group = "other"
+        scene.robot.stop_group = "other"
         await scene.until(lambda: any(".other." in path.name and "BUGGY" in path.name for path in scene.sockets()))
         assert await scene.ask("stop") == []
         assert len(await scene.ask("stop", group="other")) == 1

@@ -219,7 +219,7 @@ def test_mistakes_in_a_blueprint_and_differences_are_told_in_german_too() -> Non
     assert german.say(str(caught.value)) == (
         "2 Fehler wurden gefunden:\n"
         '  robot.toml, Zeile 3, robot.life: diesen Schlüssel gibt es hier nicht; bekannt: "manufacturer", "name", '
-        '"released", "serial_number", "version"\n'
+        '"released", "serial_number", "stop_group", "version"\n'
         '  robot.toml, Zeile 6, slot[0].part: die Bibliothek hat keine Teilenummer "KY-O37"; '
         'meinten Sie "KY-037" oder "KY-032" oder "KY-023"?'
     )

@@ -32,6 +32,7 @@ from msbot.pnp.master_service import MasterService
 from msbot.pnp.services import InventoryService
 from msbot.runtime.in_any_case import in_any_case
 from msbot.runtime.sentence import counted, said
+from msbot.runtime.stop_names import own_group
 from msbot.runtime.task_errors import ungrouped
 from msbot.space import MemorySpace, Space
 
@@ -76,6 +77,7 @@ class Master:
         stop_file: Path | None = None,
         is_shared: bool = False,
         library: Library | None = None,
+        stop_group: str | None = None,
     ) -> None:
         """Put a master together; it serves once `run` is awaited.
 
@@ -89,6 +91,7 @@ class Master:
             stop_file: where STOP is stored in addition to the database, to survive a restart; None: nowhere else.
             is_shared: whether another master may take the robot over: STOP must then be in the database.
             library: the part types; without it, boards are not told what is wired to them.
+            stop_group: its STOP group; None: as `$MSBOT_STOP_GROUP` says, or else the blueprint.
 
         Raises:
             ConfigError: the timing makes no sense.
@@ -98,6 +101,7 @@ class Master:
         self._clock = loop.time
         dice = random or random_module.SystemRandom()
         self.blueprint = blueprint
+        self._stop_group = stop_group
         self.library = library
         """The part types: what the parts of boards need to know."""
         self.profile = profile_of(blueprint)
@@ -260,6 +264,12 @@ class Master:
         """The state of STOP: who said it and when, which parts have confirmed it after how many ms, which have not."""
         is_stored = not self._kept.is_newer_than(self._stop.record) and not self._stop.record.is_newer_than(self._kept)
         return self._stop.status(is_stored=is_stored, trouble=self._stop_trouble if is_stored else "")
+
+    @property
+    def stop_group(self) -> str:
+        """The STOP group that it is in: a STOP for another one does not reach it; empty: none."""
+        given = self._stop_group
+        return (own_group() or self.blueprint.robot.stop_group) if given is None else given
 
     def say_stop(self, by: str, reason: str = "") -> StopStatus:
         """Say STOP: every part goes to its safe state and stays there until `say_go`, whatever happens to this master.

@@ -32,7 +32,7 @@ from msbot.runtime.json_reading import read_json
 from msbot.runtime.printable import whole
 from msbot.runtime.stop_abstract import peer_of
 from msbot.runtime.stop_listening import StopListener, listen
-from msbot.runtime.stop_names import new_name, own_group
+from msbot.runtime.stop_names import new_name
 from msbot.runtime.stop_places import IS_LINUX, IS_THERE, own_user
 
 MAX_REQUEST: Final = 4096
@@ -58,17 +58,13 @@ class StopSocket:
     Args:
         master: the robot.
         details: what other programs need to find the robot: its name, serial number and database.
-        group: its STOP group; None: as `$MSBOT_STOP_GROUP` says.
     """
 
-    def __init__(
-        self, master: Master, details: Callable[[], Mapping[str, str]], group: Callable[[], str] | None = None
-    ) -> None:
+    def __init__(self, master: Master, details: Callable[[], Mapping[str, str]]) -> None:
         self.refused = 0
         """Connections from other users."""
         self._master = master
         self._details = details
-        self._group = group or own_group
         self._lines: dict[_Line, None] = {}
         """The open connections, the oldest first."""
         self._reserve = DescriptorReserve(MOST_LINES)
@@ -101,7 +97,7 @@ class StopSocket:
         Raises:
             OSError: there is no way to listen.
         """
-        known, group = self._details(), self._group()
+        known, group = self._details(), self._master.stop_group
         robot = f"{known.get('robot', '')} {known.get('serial_number', '')}".strip()
         name, now = new_name(robot, group, known.get("database", "")), self._listener
         if now is not None and now.is_in_place() and replace(now.name, mark=name.mark) == name:
@@ -245,7 +241,7 @@ class StopSocket:
             self._answer(line, self._status(status))
 
     def _status(self, status: StopStatus) -> dict[str, object]:
-        return fitting({"meant": True, **self._details(), "stop_group": self._group()} | answer_of(status))
+        return fitting({"meant": True, **self._details()} | answer_of(status))
 
     def _answer(self, line: _Line, answer: Mapping[str, object]) -> None:
         line.state = _State.ANSWERING

@@ -99,7 +99,8 @@ class BlueprintChange:
         if edit is None:
             return Outcome(said("the blueprint changes nothing"))
         words = edit.words
-        if (before.timing, before.robot, before.options) != (blueprint.timing, blueprint.robot, blueprint.options):
+        here = replace(before.robot, stop_group=blueprint.robot.stop_group)  # which holds at once
+        if (before.timing, here, before.options) != (blueprint.timing, blueprint.robot, blueprint.options):
             later = said("profile, timing and options hold from the master's next start on")
             words = said("{words}; {later}", words=words, later=later)
         return Outcome(words, edit.id)

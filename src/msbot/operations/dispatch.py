@@ -228,6 +228,11 @@ class RunningOperations(Operations):
             self._marked = blueprint, blueprint_mark(blueprint)
         return self._marked[1]
 
+    @property
+    def stop_group(self) -> str:
+        """The STOP group that the robot is in; empty: none."""
+        return self._running.master.stop_group
+
     def filled(self) -> tuple[int, int]:
         """How many slots the robot has, and how many parts are in."""
         inventory = self._running.inventory

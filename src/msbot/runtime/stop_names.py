@@ -13,6 +13,7 @@ from typing import Final
 from msbot.errors import ConfigError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import whole
+from msbot.runtime.sentence import said
 
 GROUP_VARIABLE: Final = "MSBOT_STOP_GROUP"
 """The STOP group of the programs that have this variable, unless an option says another one."""
@@ -87,8 +88,11 @@ def group_in(text: str) -> str:
     """
     if len(text) > LONGEST_GROUP or not all(sign.isascii() and (sign.isalnum() or sign in "-_") for sign in text):
         raise ConfigError(
-            f"{text[:60]!r} is no name for a STOP group: it has at most {LONGEST_GROUP} letters of a to z, digits, - "
-            "and _"
+            said(
+                "{name!r} is no name for a STOP group: it has at most {most} letters of a to z, digits, - and _",
+                name=text[:60],
+                most=LONGEST_GROUP,
+            )
         )
     return text
 

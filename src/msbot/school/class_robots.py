@@ -105,10 +105,18 @@ class ClassRobot:
             "runs on another computer, or is just starting; no access" if self.runs_elsewhere else "no master runs it"
         )
 
+    @property
+    def stop_group(self) -> str:
+        """Its STOP group, as its master says; empty: none, or no master runs it."""
+        if self.far is not None:
+            return self.far.text("stop_group")
+        return "" if self.master is None else self.master.details.get("stop_group", "")
+
     def fits(self, words: Sequence[str]) -> bool:
         """Whether all words are found in what is said of it."""
-        text = f"{self.words} {self.version} {self.blueprint} {self.state} {self.database} {self.msbot}".casefold()
-        return all(word.casefold() in text for word in words)
+        text = f"{self.words} {self.version} {self.blueprint} {self.state} {self.database} {self.msbot}"
+        whole = f"{text} {self.stop_group}".casefold()
+        return all(word.casefold() in whole for word in words)
 
     def _count(self, name: str) -> int:
         if self.far is not None:

@@ -237,10 +237,19 @@ def read_status(line: FarLine, note: Callable[[Answer], None]) -> None:
     note(line.mapping("GET", "/api/status"))
 
 
-def say_stop(reason: str) -> Work[Answer]:
-    """STOP, and who has confirmed it."""
+def say_stop(reason: str, group: str = "") -> Work[Answer]:
+    """STOP, and who has confirmed it.
+
+    Args:
+        reason: why.
+        group: only if the robot is in this STOP group, of another one `{"stop_group": ...}` is noted and no more;
+            empty: in any case.
+    """
 
     def work(line: FarLine, note: Callable[[Answer], None]) -> None:
+        if group and (other := line.mapping("GET", "/api/status").get("stop_group")) != group:
+            note({"stop_group": other})
+            return
         line.mapping("POST", "/api/stop", {"reason": reason[:200]})
         note({"stopped": True, "told": None, "silent": [], "not_confirmed": 0})  # more is not known yet
         until = time.monotonic() + CONFIRM_S

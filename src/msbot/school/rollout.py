@@ -110,7 +110,7 @@ def _far_plan(robot: ClassRobot, far: FarRobot, blueprint: Blueprint) -> RollOut
             known=known, page=robot.page,
         )  # fmt: skip
         return RollOutPlan(robot, None, obstacle=obstacle)
-    names = ("robot", "version", "serial_number", "released", "manufacturer")
+    names = ("robot", "version", "serial_number", "released", "manufacturer", "stop_group")
     wanted = replace(blueprint, robot=RobotProfile(*(far.text(name) for name in names)))
     answer = _ask(far, "POST", "/api/blueprint/diff", {"toml": blueprint_toml(wanted)})
     changes = answer.get("changes")

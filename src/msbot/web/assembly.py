@@ -31,6 +31,7 @@ from msbot.web.examining import Examining
 from msbot.web.frames import FrameRing
 from msbot.web.learning import Learning
 from msbot.web.live import Live
+from msbot.web.local_masters import LocalMasters
 from msbot.web.programs.program_shelf import RegistryShelf
 from msbot.web.records import RegistryUsers, no_records, registry_records
 from msbot.web.server import WebServer, WebSettings
@@ -141,7 +142,7 @@ class WebRoom:
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
             programs=None if database is None else RegistryShelf(database.registry),
             doctor=Examining(partial(self._patient, master, database), clock),
-            figures=self._read_figures, arena=seen.arena,
+            figures=self._read_figures, arena=seen.arena, neighbours=LocalMasters.of_group(lambda: master.stop_group),
             learning=Learning(lessons, None if database is None else database.registry, accounts),
         )  # fmt: skip
         self.server = WebServer(self.service, settings)

@@ -61,6 +61,11 @@ class LocalMasters:
     def __init__(self, ask: Ask = ask_masters) -> None:
         self._ask = ask
 
+    @staticmethod
+    def of_group(group: Callable[[], str]) -> LocalMasters:
+        """The masters of a STOP group; empty: all."""
+        return LocalMasters(lambda request: ask_masters(request, group=group()))
+
     async def look(self) -> Sequence[LocalMaster]:
         """Those that answer."""
         answers, _ = await asyncio.to_thread(self._ask, {"do": "status", "who": "page"})

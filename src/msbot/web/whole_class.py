@@ -68,7 +68,8 @@ class WholeClass:
         slots, active = self._operations.filled()
         return RobotStatus(
             robot=robot.name, version=robot.version, serial_number=robot.serial_number, released=robot.released,
-            manufacturer=robot.manufacturer, msbot=own_version(), blueprint=self._operations.blueprint_mark,
+            manufacturer=robot.manufacturer, stop_group=self._operations.stop_group,
+            msbot=own_version(), blueprint=self._operations.blueprint_mark,
             database=database_mark(database) if database else "", slots=slots, active=active, stopped=stop.stopped,
             told=stop.told, not_confirmed=len(stop.silent), silent=list(stop.silent[:MOST_SILENT]),
             trouble=self._records.trouble(),

@@ -161,6 +161,19 @@ def test_one_stop_names_who_was_told_and_who_was_not(school: School) -> None:
         assert status_of["stopped"]
 
 
+def test_a_stop_group_says_which_robots_here_and_elsewhere_are_meant(school: School) -> None:
+    near, far = f"{os.getpid()}near", f"{os.getpid()}far"
+    status, said, error = ask("stop", "--stop-group", far)
+    assert said.splitlines()[0] == "MSBOT_MASTER X2: STOP holds; no part is in the robot"
+    assert "X1" not in said
+    assert (status != 0, error) == (True, "NOT stopped: MSBOT_MASTER X4: cut their power"), "nobody knows its group"
+    assert "X2" not in ask("stop", "--stop-group", near)[1]
+    assert "'bench 1' is no name for a STOP group" in ask("stop", "--stop-group", "bench 1")[2]
+    groups = {one["serial_number"]: one["stop_group"] for one in json.loads(ask("list", "--json")[1])}
+    assert groups == {"X1": near, "X2": far, "X3": "", "X4": ""}
+    assert f"STOP group {near}" in ask("list", near)[1]
+
+
 def test_a_viewer_may_stop_and_not_change_and_a_stranger_nothing(
     school: School, monkeypatch: pytest.MonkeyPatch
 ) -> None:

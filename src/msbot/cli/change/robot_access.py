@@ -48,6 +48,7 @@ def details_of(
         "msbot": own_version(),
         "database": database_identity(db),
         "page": page,
+        "stop_group": master.stop_group,
         "slots": str(len(master.inventory.slots.names())),
         "active": str(len(master.inventory.members())),
     }

@@ -78,8 +78,8 @@ class _Beside:
     """The robot that this one is a part of."""
     announce: str
     """The class for which it is announced in the network; empty: it is not."""
-    stop_group: str
-    """Its STOP group; empty: none."""
+    stop_group: str | None
+    """Its STOP group; None: as the variable or the blueprint says."""
 
 
 @click.command("master")
@@ -100,7 +100,7 @@ class _Beside:
 @click.option("--announce", metavar="CLASS", help="Say in the network that this robot is there, for `msbot class "
               "find`; needs a page that others can reach: --host.")  # fmt: skip
 @click.option("--stop-group", type=StopGroupType(), metavar="NAME", help="The STOP group that the robot is in: a STOP "
-              "for that group reaches it, one for another does not; $MSBOT_STOP_GROUP unless given.")  # fmt: skip
+              "for another one does not reach it; $MSBOT_STOP_GROUP unless given, or else BLUEPRINT says.")  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 @page_options
 def command(
@@ -123,6 +123,7 @@ def command(
         certificate_key=certificate_key,
         page_names=page_names,
     )
+    own_group()  # as below
     log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
     robot, library = open_blueprint(blueprint, *folders)
     description = read_description(robot)
@@ -133,8 +134,7 @@ def command(
     announced_for = "" if announce is None else class_to_announce(announce, page)
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        group = own_group() if stop_group is None else stop_group
-        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger, announced_for, group)
+        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger, announced_for, stop_group)
         while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
@@ -227,6 +227,7 @@ async def _main(  # noqa: PLR0917
             stop_file=file,
             is_shared=lease is not None,
             library=library,
+            stop_group=wishes.stop_group,
         )
         operations = RunningOperations(master, registry, robot, library=library)
         master.inventory.on_event(log_event if wishes.log.is_json else _say)
@@ -283,23 +284,12 @@ async def _main(  # noqa: PLR0917
             master.agent,
             what=MASTER,
             name=f"{profile.name} {profile.version}",
-            details=lambda: (
-                details_of(
-                    master,
-                    db,
-                    mark=operations.blueprint_mark,
-                    page=page_address(),
-                    trouble=registry.storage.health.trouble,
-                )
-                | {"stop_group": wishes.stop_group}
+            details=lambda: details_of(
+                master, db, mark=operations.blueprint_mark, page=page_address(), trouble=registry.storage.health.trouble
             ),
             control=partial(perform, operations),
         )
-        stop = StopSocket(
-            master,
-            lambda: details_of(master, db, mark=operations.blueprint_mark, page=page_address()),
-            lambda: wishes.stop_group,
-        )
+        stop = StopSocket(master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=page_address()))
         await run_until_signal(
             _serve(master, lease),
             beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],

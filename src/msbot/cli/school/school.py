@@ -18,6 +18,7 @@ from msbot.cli.options import (
     existing_database,
     json_option,
     library_option,
+    stop_group_option,
     user_name,
 )
 from msbot.cli.school.finding import find
@@ -26,6 +27,7 @@ from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 from msbot.runtime.own_version import own_version
 from msbot.runtime.stop_asking import SilentMaster, ask_masters
+from msbot.runtime.stop_names import own_group
 from msbot.runtime.stop_places import IS_THERE
 from msbot.school.access import AccessBook, FarAccess
 from msbot.school.class_robots import ClassRobot, class_robots
@@ -78,6 +80,7 @@ def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> Non
         page = "" if robot.far is not None else robot.page
         other = f"  MsBOT {robot.msbot}" if robot.msbot not in ("", own_version()) else ""
         words_of = f"{robot.words:{width}}  {robot.version:{version}}  {robot.blueprint:{mark}}  {robot.state}"
+        words_of += f"  STOP group {robot.stop_group}" if robot.stop_group else ""
         click.echo(f"{words_of}{other}  {page}".rstrip())
     click.echo(_sum(robots))
 
@@ -111,25 +114,30 @@ def _as_dict(robot: ClassRobot) -> dict[str, object]:
         "page": robot.page,
         "slots": robot.slots,
         "active": robot.active,
+        "stop_group": robot.stop_group,
     }
 
 
 @command.command("stop")
 @click.option("--reason", default="", help="Why, for the people who see it.")
+@stop_group_option
 @db_option
 @json_option
-def stop(reason: str, db: str | None, *, as_json: bool) -> None:
-    """STOP to every robot of the class at once; says who has confirmed it, and who has not.
+def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) -> None:
+    """STOP to every robot of the class at once; says who has confirmed it, and who has not. It never asks first.
 
-    Those whose masters run on this computer, and those elsewhere with an access. A robot that does not answer is named.
+    Those whose masters run on this computer, and those elsewhere with an access; with --stop-group, those in it (the
+    variable counts for this computer alone). HOME and XDG folders do not keep robots apart. A robot that does not
+    answer is named.
     """
+    group = own_group() if stop_group is None else stop_group
     trouble = ""
     try:
         accesses = AccessBook().all()
     except ConfigError as error:  # the robots here are stopped all the same
         accesses, trouble = [], str(error)
-    far = Asking(accesses, say_stop(reason), STOP_S)  # they are told while those here are
-    answers, silent = _stop_here(reason)
+    far = Asking(accesses, say_stop(reason, stop_group or ""), STOP_S)  # they are told while those here are
+    answers, silent = _stop_here(reason, group)
     answers = sorted([*answers, *_stop_lines(accesses, far)], key=_in_order)
     if as_json:
         names = (
@@ -154,7 +162,7 @@ def stop(reason: str, db: str | None, *, as_json: bool) -> None:
     elsewhere = [
         robot.words
         for robot in _stored_robots(db)
-        if robot.runs_elsewhere and (robot.name, robot.serial_number) not in told
+        if not stop_group and robot.runs_elsewhere and (robot.name, robot.serial_number) not in told
     ]
     if not IS_THERE:
         trouble = "this system has no socket for STOP: say `msbot stop --robot NAME` for each robot that runs here"
@@ -179,15 +187,15 @@ def _stored_robots(db: str | None) -> list[ClassRobot]:
     return class_robots(stored, (), path=path)
 
 
-def _stop_here(reason: str) -> tuple[list[Answer], list[SilentMaster]]:
+def _stop_here(reason: str, group: str) -> tuple[list[Answer], list[SilentMaster]]:
     """STOP to all masters of this computer: their answers, and which do not answer."""
     if not IS_THERE:
         return [], []
-    answers, silent = ask_masters({"do": "stop", "who": user_name(), "reason": reason})
+    answers, silent = ask_masters({"do": "stop", "who": user_name(), "reason": reason}, group=group)
     until = time.monotonic() + PATIENCE_S
     while any(answer.get("not_confirmed") for answer in answers) and time.monotonic() < until:
         time.sleep(LOOK_S)
-        answers, _ = ask_masters({"do": "status", "who": user_name(), "reason": ""})
+        answers, _ = ask_masters({"do": "status", "who": user_name(), "reason": ""}, group=group)
     return answers, silent
 
 
@@ -203,7 +211,7 @@ def _stop_lines(accesses: list[FarAccess], far: Asking[Answer]) -> list[Answer]:
         answer, known = found[access.address], {"robot": access.robot, "serial_number": access.serial_number}
         if isinstance(answer, FarTrouble):
             lines.append(known | {"page": access.address, "stopped": False, "error": f"NOT told: {answer}"})
-        else:
+        elif "stopped" in answer:  # else it is of another STOP group
             lines.append(known | {"page": access.address} | answer)
     return lines
 

@@ -61,7 +61,8 @@ def _fields(
         before, after = getattr(old, field.name), getattr(new, field.name)
         # A preset only says where the other values come from.
         if before != after and field.name != "preset":
-            yield Difference("changed", f"{where}, {field.name}", _words(before), _words(after), LATER)
+            consequence = "" if field.name == "stop_group" else LATER  # the next STOP goes by it
+            yield Difference("changed", f"{where}, {field.name}", _words(before), _words(after), consequence)
 
 
 def _slots(old: Blueprint, new: Blueprint) -> Iterator[Difference]:

@@ -25,6 +25,8 @@ class RobotProfile:
     released: str = "-"
     """Release date, as text."""
     manufacturer: str = "-"
+    stop_group: str = ""
+    """Its STOP group: a STOP for another group does not reach it; empty: none. No part of the profile."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,9 @@ from msbot.config.ros_names import GLOBAL_TOPICS, is_topic
 from msbot.config.toml.document import Document, parse_document, read_document
 from msbot.config.toml.problems import Problems, quoted
 from msbot.config.toml.table import Table
+from msbot.errors import ConfigError
 from msbot.runtime.sentence import said
+from msbot.runtime.stop_names import group_in
 
 ADOPTED = "adopted"
 """The folder beside a blueprint where the robot keeps the part types that it has adopted; it is read by itself."""
@@ -133,9 +135,19 @@ def _read_robot(table: Table) -> RobotProfile:
         serial_number=table.name("serial_number", "X100Y100Z100", default=usual.serial_number),
         released=table.name("released", "8-4-2021", default=usual.released),
         manufacturer=table.name("manufacturer", "MASSEY_ENGINEERING_DEP", default=usual.manufacturer),
+        stop_group=_read_group(table),
     )
     table.finish()
     return robot
+
+
+def _read_group(table: Table) -> str:
+    group = table.text("stop_group", "bench-1")
+    try:
+        return group_in(group)
+    except ConfigError as error:
+        table.problem(str(error), "stop_group")
+        return ""
 
 
 def _read_timing(table: Table) -> Timing:

@@ -28,6 +28,8 @@ def _lines(blueprint: Blueprint, notes: Mapping[tuple[str, str], str]) -> Iterat
     yield "[robot]"
     for name in ("name", "version", "serial_number", "released", "manufacturer"):
         yield f"{name} = {toml_value(getattr(robot, name))}"
+    if robot.stop_group:
+        yield f"stop_group = {toml_value(robot.stop_group)}"
     yield ""
     yield "[timing]"
     yield from _timing(blueprint.timing)

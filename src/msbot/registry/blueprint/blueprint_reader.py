@@ -24,7 +24,16 @@ from msbot.config import (
     preset_of,
 )
 from msbot.errors import RegistryError
-from msbot.registry.database.tables import ROBOT, WRITTEN_LIBRARY, bindings, library, robots, settings, slots
+from msbot.registry.database.tables import (
+    ROBOT,
+    STOP_GROUP,
+    WRITTEN_LIBRARY,
+    bindings,
+    library,
+    robots,
+    settings,
+    slots,
+)
 from msbot.registry.running.configurations import ORIGINS
 
 """(slot, parameter) or (topic, "") -> who set it by hand."""
@@ -47,7 +56,9 @@ def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
     timing = Timing("thesis", row.beat_period_s, row.tick_period_s, row.life, row.profile_period_s)
     timing = Timing(preset_of(timing), row.beat_period_s, row.tick_period_s, row.life, row.profile_period_s)
     return Blueprint(
-        RobotProfile(row.name, row.version, row.serial_number, row.released, row.manufacturer),
+        RobotProfile(
+            row.name, row.version, row.serial_number, row.released, row.manufacturer, row.in_dds.get(STOP_GROUP, "")
+        ),
         _slots(connection, robot_id, by_hand=by_hand),
         _in_dds(_bindings(connection, robot_id, by_hand=by_hand), row.in_dds),
         timing,

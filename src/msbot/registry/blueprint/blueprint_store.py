@@ -28,7 +28,16 @@ from msbot.config import (
     Slot,
 )
 from msbot.registry.database.statements import bump_versions, find_robot, upsert, upsert_many
-from msbot.registry.database.tables import ROBOT, WRITTEN_LIBRARY, bindings, library, robots, settings, slots
+from msbot.registry.database.tables import (
+    ROBOT,
+    STOP_GROUP,
+    WRITTEN_LIBRARY,
+    bindings,
+    library,
+    robots,
+    settings,
+    slots,
+)
 from msbot.registry.records import RobotRecord
 from msbot.registry.running.configurations import read_configurations
 
@@ -75,6 +84,7 @@ def _put_robot(connection: Connection, blueprint: Blueprint, now_ns: int) -> Rob
         "authentication": blueprint.options.authentication,
         "in_dds": {
             **({} if blueprint.ros == RosOptions() else {ROBOT: asdict(blueprint.ros)}),
+            **({STOP_GROUP: profile.stop_group} if profile.stop_group else {}),
             **({WRITTEN_LIBRARY: list(blueprint.library)} if blueprint.library else {}),
             **{binding.topic: asdict(binding.in_dds) for binding in blueprint.bindings if binding.in_dds != InDds()},
         },

@@ -16,6 +16,8 @@ class RobotStatus(Model):
     serial_number: str
     released: str
     manufacturer: str
+    stop_group: str
+    """Its STOP group; empty: none."""
     msbot: str
     """The version of MsBOT that runs it."""
     blueprint: str
