@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,15 +15,15 @@ from msbot.registry import open_registry
 
 LIBRARY = load_library()
 PLAIN = parse_blueprint(SAMPLE_ROBOT_TOML, LIBRARY)
-GROUPED_TOML = SAMPLE_ROBOT_TOML.replace("[robot]\n", '[robot]\nstop_group = "bench-1"\n', 1)
+GROUPED_TOML = SAMPLE_ROBOT_TOML.replace("manufacturer =", 'stop_group = "bench-1"\nmanufacturer =', 1)
 GROUPED = parse_blueprint(GROUPED_TOML, LIBRARY)
 
 
-def test_it_is_read_written_and_kept() -> None:
+def test_it_is_read_written_and_kept(tmp_path: Path) -> None:
     assert (PLAIN.robot.stop_group, GROUPED.robot.stop_group) == ("", "bench-1")
     assert "stop_group" not in blueprint_toml(PLAIN)
     assert parse_blueprint(blueprint_toml(GROUPED), LIBRARY).robot == GROUPED.robot
-    with open_registry(":memory:") as registry:
+    with open_registry(tmp_path / "robot.db") as registry:
         for blueprint in (GROUPED, PLAIN, GROUPED):
             record = registry.robots.apply_blueprint(blueprint, LIBRARY)
             assert registry.robots.blueprint(record).robot.stop_group == blueprint.robot.stop_group
