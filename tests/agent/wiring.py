@@ -45,9 +45,10 @@ class FakeLink(BaseLink):
     """A link to peers that are plain functions; it can be told to be full and to break."""
 
     def __init__(
-        self, name: str = "fake:", mtu: int = 65535, bits_per_second: int | None = None, *, in_bursts: bool = False
-    ) -> None:
-        super().__init__(LinkInfo(name, mtu, bits_per_second, in_bursts=in_bursts))
+        self, name: str = "fake:", mtu: int = 65535, bits_per_second: int | None = None, *, in_bursts: bool = False,
+        keeps_order: bool = True,
+    ) -> None:  # fmt: skip
+        super().__init__(LinkInfo(name, mtu, bits_per_second, keeps_order=keeps_order, in_bursts=in_bursts))
         self.sent: list[tuple[Peer, bytes]] = []
         """Everything the agent sent, oldest first."""
         self.room: int | None = None

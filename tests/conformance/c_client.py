@@ -1,10 +1,4 @@
-"""A model of eProsima's C client: how it repeats, acknowledges and loses its place, after its source and recordings.
-
-Where it differs from ours: any bit of an ACKNACK has it send everything again; an ACKNACK older than known would cost
-it its history (counted in `ruined`); a message beyond its history is dropped but asked for for ever; the pieces of a
-fragmented message must fit its history all at once; HEARTBEATs come every 100 ms, whatever was acknowledged; the
-agent's GET_INFO is answered without a submessage header.
-"""
+"""A stock C client in virtual time, with its manners (`tests.stock`), on a network that loses, doubles and reorders."""
 
 from __future__ import annotations
 
@@ -15,9 +9,10 @@ from random import Random
 
 from tests.agent.wiring import FakeLink
 from tests.conformance.agent_rig import ENTITIES, create_client, octets
+from tests.stock.reading import DATA, STATUS, as_stock_client
+from tests.stock.writing import HEARTBEAT_S, StockInput, StockOutput
 
 LATENCY_S = 0.0005
-HEARTBEAT_S = 0.1
 POLL_S = 0.002
 PIECE = 500
 """Octets in a piece of a slot of 512."""
@@ -33,12 +28,16 @@ async def until(condition: Callable[[], bool]) -> None:
 
 
 class Wire:
-    """One direction of a network that loses and doubles packets, and never lets one overtake another."""
+    """One direction of a network that loses, doubles and delays packets; a delayed one is overtaken by later ones."""
 
-    def __init__(self, random: Random, *, drop: float, duplicate: float) -> None:
+    def __init__(
+        self, random: Random, *, drop: float, duplicate: float = 0.0, reorder: float = 0.0, delay_s: float = 0.03
+    ) -> None:
         self._random = random
         self._drop = drop
         self._duplicate = duplicate
+        self._reorder = reorder
+        self._delay_s = delay_s
         self._last_at = 0.0
 
     def carry(self, deliver: Callable[[bytes], None], packet: bytes) -> None:
@@ -47,6 +46,9 @@ class Wire:
         if self._random.random() < self._drop:
             return
         for _ in range(2 if self._random.random() < self._duplicate else 1):
+            if self._random.random() < self._reorder:
+                loop.call_at(loop.time() + LATENCY_S + self._random.random() * self._delay_s, deliver, packet)
+                continue
             self._last_at = max(loop.time() + LATENCY_S, self._last_at + 1e-7)
             loop.call_at(self._last_at, deliver, packet)
 
@@ -54,45 +56,51 @@ class Wire:
 class CClient:
     """One session on reliable stream 0x80, with histories of `history` messages in both directions."""
 
-    def __init__(
-        self, link: FakeLink, key: int, *, history: int, random: Random, drop: float, duplicate: float
-    ) -> None:
+    def __init__(self, link: FakeLink, key: int, wires: tuple[Wire, Wire], *, history: int, slice_s: float) -> None:
+        """`wires`: to the agent, and back; `slice_s`: how long each of its calls of its run function takes."""
         self.samples: list[bytes] = []
         """What its topic callback was given."""
+        self.replies: list[bytes] = []
+        """What its reply callback was given."""
         self.statuses: dict[int, int] = {}
         """Status by request id."""
-        self.ruined = 0
-        """ACKNACKs that would have cost it its history."""
+        self.acknacks = 0
+        """How many came."""
+        self.output = StockOutput(history)
+        self._input = StockInput(history)
         self._key = key
         self._link = link
-        self._history = history
-        self._to_agent = Wire(random, drop=drop, duplicate=duplicate)
-        self._from_agent = Wire(random, drop=drop, duplicate=duplicate)
-        self._output: dict[int, bytes] = {}
-        self._written = self._acked = 0xFFFF
-        self._input: dict[int, bytes] = {}
-        self._handled = self._announced = 0xFFFF
+        self._slice_s = slice_s
+        self._to_agent, self._from_agent = wires
         self._welcome = asyncio.Event()
         link.plug(key, lambda packet: self._from_agent.carry(self._receive, packet))
 
     # What an application does.
 
     async def log_in(self) -> None:
-        """Open a session and create the objects of `ENTITIES`."""
+        """Open a session and create the objects of `ENTITIES`; statuses are awaited in one call."""
+        slice_s, self._slice_s = self._slice_s, HEARTBEAT_S
         while not self._welcome.is_set():
             # Lost as the others may be, but never late: nothing in XRCE tells an old login from a new one.
             self._link.inject(octets(create_client(f"{self._key:08x}")), self._key)
             await asyncio.sleep(1.0)
-        self._run_session()
+        self._run()
         for entity in ENTITIES:
             contents = octets(entity)
             await self.send(octets("01 01") + struct.pack("<H", len(contents)) + contents)
         await until(lambda: len(self.statuses) == len(ENTITIES))
+        self._slice_s = slice_s
 
     async def read(self) -> None:
         """Read reader 0016 without limits."""
         await self.send(octets("08 01 10 00 00 21 00 16 80 00 00 01 ff ff 00 00 00 00 00 00"))
-        await until(lambda: self._acked == self._written)
+        await self.confirm()
+
+    async def confirm(self) -> None:
+        """Wait for all acknowledgements, in one call."""
+        slice_s, self._slice_s = self._slice_s, HEARTBEAT_S
+        await until(lambda: self.output.is_confirmed)
+        self._slice_s = slice_s
 
     async def write(self, sample: bytes) -> None:
         """Write to writer 0015, in pieces when it is large."""
@@ -107,98 +115,43 @@ class CClient:
 
     async def send(self, body: bytes) -> None:
         """Send one message when the history has a free slot."""
-        await until(lambda: (self._written - self._acked) & 0xFFFF < self._history)
-        self._written = (self._written + 1) & 0xFFFF
-        packet = octets("81 80") + struct.pack("<H", self._written) + body
-        self._output[self._written] = packet + bytes(-len(packet) & 3)
-        self._transmit(self._output[self._written])
+        await until(lambda: self.output.has_room)
+        self._transmit(self.output.write(body))
 
     # What its library does.
 
     def _transmit(self, packet: bytes) -> None:
         self._to_agent.carry(lambda arrived: self._link.inject(arrived, self._key), packet)
 
-    def _run_session(self) -> None:
-        if self._acked != self._written:
-            numbers = struct.pack("<HH", (self._acked + 1) & 0xFFFF, self._written)
-            self._transmit(_HEAD + octets("0b 01 05 00") + numbers + b"\x80")
-        asyncio.get_running_loop().call_later(HEARTBEAT_S, self._run_session)
+    def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        if (heartbeat := self.output.run(loop.time())) is not None:
+            self._transmit(heartbeat)
+        loop.call_later(self._slice_s, self._run)
 
     def _receive(self, packet: bytes) -> None:
-        stream, kind = packet[1], packet[4]
-        if stream == 0x80:
-            self._take_message(packet)
+        kind = packet[4]
+        if packet[1] == 0x80:
+            for submessages in self._input.take(packet):
+                self._handle(submessages)
+            self._transmit(self._input.acknack())
         elif kind == 0x04:
             self._welcome.set()
         elif kind == 0x0A:
-            self._take_acknack(*struct.unpack_from("<H", packet, 8), has_gaps=any(packet[10:12]))
+            self.acknacks += 1
+            for again in self.output.take_acknack(packet[8] | packet[9] << 8, packet[10] << 8 | packet[11]):
+                self._transmit(again)
         elif kind == 0x0B:
-            (last,) = struct.unpack_from("<H", packet, 10)
-            self._announce(last)
-            self._acknowledge()
+            self._input.announce(packet[10] | packet[11] << 8)
+            self._transmit(self._input.acknack())
         elif kind == 0x02:
             self._transmit(_HEAD + bytes(8))
 
-    def _take_acknack(self, first: int, *, has_gaps: bool) -> None:
-        progress = (first - 1 - self._acked) & 0xFFFF
-        if progress > self._history:
-            self.ruined += 1
-            return
-        for _ in range(progress):
-            self._acked = (self._acked + 1) & 0xFFFF
-            del self._output[self._acked]
-        if has_gaps:
-            for packet in list(self._output.values()):
-                self._transmit(packet)
-
-    def _take_message(self, packet: bytes) -> None:
-        (number,) = struct.unpack_from("<H", packet, 2)
-        self._announce(number)
-        if 0 < (number - self._handled) & 0xFFFF <= self._history:
-            self._input.setdefault(number, packet)
-        while whole := self._next_whole():
-            self._handle(whole)
-        self._acknowledge()
-
-    def _announce(self, number: int) -> None:
-        if 0 < (number - self._announced) & 0xFFFF < 0x8000:
-            self._announced = number
-
-    def _next_whole(self) -> bytes:
-        """The submessages of the next message in order, joined from its pieces; empty when something is missing."""
-        whole = b""
-        number = self._handled
-        while (packet := self._input.get(number := (number + 1) & 0xFFFF)) is not None:
-            is_piece = packet[4] == 0x0D
-            whole += packet[8:] if is_piece else packet[4:]
-            if not is_piece or packet[5] & _LAST_PIECE:
-                while self._handled != number:
-                    self._handled = (self._handled + 1) & 0xFFFF
-                    del self._input[self._handled]
-                return whole
-        return b""
-
     def _handle(self, submessages: bytes) -> None:
-        while submessages:
-            kind = submessages[0]
-            (length,) = struct.unpack_from("<H", submessages, 2)
-            body = submessages[: 4 + length]
-            assert length == len(body) - 4
-            request_id, _, status = struct.unpack_from(">HHB", body + b"\0", 4)
-            if kind == 0x05:
-                self.statuses[request_id] = status
-            elif kind == 0x09:
-                self.samples.append(body[8:])
-            submessages = submessages[4 + length + (-length & 3) :]
-
-    def _acknowledge(self) -> None:
-        first = (self._handled + 1) & 0xFFFF
-        while first in self._input:
-            first = (first + 1) & 0xFFFF
-        missing = [
-            index
-            for index in range(min((self._announced - first + 1) & 0xFFFF, 16))
-            if (first + index) & 0xFFFF not in self._input
-        ]
-        bitmap = sum(1 << index for index in missing) if (self._announced - first) & 0xFFFF < 0x8000 else 0
-        self._transmit(_HEAD + octets("0a 01 05 00") + struct.pack("<H", first) + bitmap.to_bytes(2, "big") + b"\x80")
+        for taken in as_stock_client(submessages):
+            if taken.kind == STATUS:
+                self.statuses[taken.request_id] = taken.contents[4]
+            elif taken.kind == DATA and taken.object_id & 0x0F == 0x07:
+                self.replies.append(taken.contents[4:])
+            elif taken.kind == DATA:
+                self.samples.append(taken.contents[4:])

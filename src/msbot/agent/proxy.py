@@ -15,7 +15,7 @@ from msbot.agent.object_tree import ObjectTree
 from msbot.agent.pending_requests import client_key_of, make_guid
 from msbot.agent.sample_filters import NoEchoShape
 from msbot.agent.statistics import PUSHED_OUT, ClientView, SessionWear, TopicTraffic
-from msbot.agent.stock_limits import LARGEST_TO_STOCK, drop_too_large
+from msbot.agent.stock_limits import LARGEST_TO_STOCK, drop_too_large, tell_of_lost
 from msbot.agent.surroundings import Surroundings
 from msbot.agent.topic_attachment import ReadSide, Shape
 from msbot.errors import RemoteProtocolError
@@ -31,6 +31,7 @@ from msbot.xrce.sessions import (
     DataWritten,
     DeleteRequested,
     InfoRequested,
+    MessagesGivenUp,
     ReadRequested,
     SessionDeleteRequested,
     SessionReset,
@@ -349,6 +350,9 @@ class Proxy:
         if not self.is_blocked:
             self.pull()
 
+    def _tell_of_lost(self, event: MessagesGivenUp) -> None:
+        tell_of_lost(self.info, event.stream_id, event.count, self.session.dropped)
+
     def _read(self, event: ReadRequested) -> None:
         if (endpoint := self._endpoints.get(event.object_id)) is None or endpoint.incoming is None:
             self.session.send_status(event.request_id, event.object_id, Status.ERR_UNKNOWN_REFERENCE, STREAM_RELIABLE)
@@ -367,5 +371,6 @@ class Proxy:
         SessionDeleteRequested: _end,
         SessionReset: _streams_begin_anew,
         WindowOpened: _go_on,
+        MessagesGivenUp: _tell_of_lost,
     }
     """What is done about each event: `(proxy, event)`."""

@@ -326,9 +326,7 @@ class Agent:
     # Sessions begin, pause and end.
 
     def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
-        settings = self._session_settings(
-            is_bus=port.link.info.shared_bus, is_fast=port.batch is None, is_stock=not login_number(request)
-        )
+        settings = self._session_settings(port.link.info, is_stock=not login_number(request))
         open_session = partial(
             AgentSession, request.client_key, request.session_id, min(request.mtu, port.link.info.mtu),
             settings=settings, epoch_ns=self._epoch_ns, memory=self._held, unacked=self._unacked,

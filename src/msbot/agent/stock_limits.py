@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 
 from msbot.agent.gate import ClientInfo
 from msbot.runtime.tally import Tally
+from msbot.xrce.streams.receiving_in_order import GIVEN_UP
 
 logger = logging.getLogger(__name__)
 
@@ -26,3 +28,17 @@ def drop_too_large(info: ClientInfo, object_id: int, size: int, dropped: Tally) 
             LARGEST_TO_STOCK,
         )
     dropped.count(TOO_LARGE_FOR_STOCK)
+
+
+def tell_of_lost(info: ClientInfo, stream_id: int, count: int, dropped: Mapping[str, int]) -> None:
+    """Tell of messages that a client has lost; of the first ones aloud, since a network that reorders makes many."""
+    level = logging.WARNING if dropped[GIVEN_UP] == count else logging.DEBUG
+    logger.log(
+        level,
+        "client %08X on %s: %d message(s) of stream 0x%02X are lost: its network let acknowledgements overtake each"
+        " other, and a stock client then forgets what it has sent",
+        info.key,
+        info.link,
+        count,
+        stream_id,
+    )

@@ -58,6 +58,8 @@ class LinkInfo:
     """True when every peer hears and delays every other (CAN)."""
     compresses: bool = False
     """True when headers are compressed: request ids by rule, and one message per sample, are then the shortest."""
+    keeps_order: bool = True
+    """False when a packet may overtake another one on its way (UDP)."""
     in_bursts: bool = False
     """True when the link signals the end of every burst of packets: an owner that answers the whole burst at once then
     saves a turn of the event loop per packet."""

@@ -22,7 +22,6 @@ from msbot.xrce.sessions import (
     SessionReset,
     WindowOpened,
 )
-from msbot.xrce.streams.asking_again import GUESSES_MAX
 
 KEY = 0xAABBCCDD
 MTU = 508
@@ -250,14 +249,19 @@ def test_a_gap_is_reported_again_ever_more_seldom_and_not_for_ever() -> None:
     for at in (0.003, 0.006, 0.009, 0.015, 0.027):
         assert bench.wait(0.001 + at - 0.0005 - bench.now) == []
         assert bench.wait(0.001) == [report]
-    assert bench.wait(10.0) == [report] * 3
+    later = bench.wait(20.0)
+    assert set(later) == {report}
+    assert len(later) < 80, "as long as the link counts as lossy, and ever more rarely"
     assert bench.session.timer() is None
     assert bench.feed(heartbeat(1, 2)) == [report]
     assert bench.wait(0.004) == [report], "the peer is there: it begins anew"
     answers = bench.feed(head(0x80, 1) + create(11, 0x21))
     assert answers == [status(0x80, 1, 11, 0x21), status(0x80, 2, 12), acknack(3)]
     assert bench.feed(acknack(3)) == []
-    assert bench.wait(10.0) == [acknack(3, 0b1)] * GUESSES_MAX, "on such a link, what came after it may be lost, too"
+    later = bench.wait(20.0)
+    assert set(later) == {acknack(3, 0b1)}, "on such a link, what came after it may be lost, too"
+    assert 4 < len(later) < 80
+    assert bench.session.timer() is None
 
 
 def test_a_gap_is_reported_once_while_the_round_trip_is_not_known() -> None:

@@ -7,7 +7,7 @@ import pytest
 from msbot.xrce.messages.envelope import Envelope
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.asking_again import GUESSES_MAX, REPEATS_MAX, AskingAgain
+from msbot.xrce.streams.asking_again import AskingAgain
 from msbot.xrce.streams.receiving_in_order import ReliableInput
 from msbot.xrce.streams.session_output import SessionOutput
 
@@ -46,7 +46,10 @@ class Rig:
 def test_a_gap_is_asked_for_again_and_not_for_ever() -> None:
     rig = Rig()
     rig.take(2, 1.0)
-    assert rig.asked(until=60.0) == [(0, 0b11)] * REPEATS_MAX
+    asked = rig.asked(until=60.0)
+    assert set(asked) == {(0, 0b11)}
+    assert 10.0 < rig.times[-1] < 30.0, "as long as the link counts as lossy"
+    assert len(asked) < 200
     waits = [later - sooner for sooner, later in zip([1.0, *rig.times], rig.times, strict=False)]
     assert waits[:3] == pytest.approx([waits[0]] * 3), "the first ones come soon"
     assert waits[3:7] == pytest.approx([2 * waits[0], 4 * waits[0], 8 * waits[0], 16 * waits[0]])
@@ -56,11 +59,14 @@ def test_on_a_lossy_link_what_may_follow_is_asked_for_a_few_times() -> None:
     rig = Rig()
     rig.take(1, 1.0)
     rig.take(0, 1.002)
-    assert rig.asked(until=60.0) == [(2, 0b1)] * GUESSES_MAX
+    assert set(rig.asked(until=2.0)) == {(2, 0b1)}
     rig.take(2, 2.0)
     rig.asked(until=2.001)
     rig.take(3, 2.0015)
-    assert rig.asked(until=60.0) == [(4, 0b1)] * GUESSES_MAX, "the question moves on with the stream"
+    asked = rig.asked(until=60.0)
+    assert set(asked) == {(4, 0b1)}, "the question moves on with the stream"
+    assert rig.times[-1] < 12.5, "as long as the link counts as lossy"
+    assert 20 < len(asked) < 100
 
 
 @pytest.mark.parametrize("guesses", [False, True])

@@ -67,7 +67,8 @@ class _UdpLink(BaseLink, ABC):
     """What server and client have in common; their only signals are LINK_UP and LINK_DOWN."""
 
     def __init__(self, host: str, port: int, *, remote: Peer | None = None, linger_s: float = 0.0) -> None:
-        super().__init__(LinkInfo(f"udp:{joined(host, port)}", UDP_MTU, in_bursts=True), remote=remote)
+        info = LinkInfo(f"udp:{joined(host, port)}", UDP_MTU, keeps_order=False, in_bursts=True)
+        super().__init__(info, remote=remote)
         self._host = host
         self._port = port
         self._socket: socket.socket | None = None

@@ -89,6 +89,7 @@ class RelayedLink(BaseLink):
                 hello.bits_per_second or None,
                 shared_bus=hello.shared_bus,
                 compresses=hello.compresses,
+                keeps_order=way.info.keeps_order,
             )
         )
         self.hello = hello

@@ -40,6 +40,7 @@ from msbot.xrce.sessions.events import (
     DataWritten,
     DeleteRequested,
     InfoRequested,
+    MessagesGivenUp,
     ReadRequested,
     SessionDeleteRequested,
     SessionReset,
@@ -194,6 +195,9 @@ class AgentSession(Session[AgentEvent]):
             self._on_data(object_id, request_id, packet[start + 4 : end])
         return True
 
+    def _given_up(self, stream_id: int, count: int) -> None:
+        self.events.append(MessagesGivenUp(stream_id, count))
+
     # Each takes a submessage (`_OTHERS`).
 
     def _create(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
@@ -212,7 +216,7 @@ class AgentSession(Session[AgentEvent]):
             return True
         if stream_id == STREAM_NONE:
             # After its end, an ACKNACK could be mistaken for one of the client's next session.
-            self._sender.settle()
+            self._sender.settle(self.last_heard)
         self.events.append(SessionDeleteRequested(request_id, object_id))
         return True
 

@@ -82,8 +82,17 @@ class WindowOpened:
     stream_id: int
 
 
+@dataclass(slots=True)
+class MessagesGivenUp:
+    """Messages of a reliable stream will never come: the client has lost them, and goes on without."""
+
+    stream_id: int
+    count: int
+
+
 AgentEvent = (
     CreateRequested
+    | MessagesGivenUp
     | DeleteRequested
     | SessionDeleteRequested
     | ReadRequested

@@ -29,8 +29,9 @@ from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.events import WindowOpened
 from msbot.xrce.sessions.settings import SessionSettings
 from msbot.xrce.streams.asking_again import AskingAgain
-from msbot.xrce.streams.receiving_in_order import BestEffortInput, ReliableInput
-from msbot.xrce.streams.sequence_numbers import NOTHING_YET
+from msbot.xrce.streams.overtaking import Overtaking
+from msbot.xrce.streams.receiving_in_order import GIVEN_UP, BestEffortInput, ReliableInput
+from msbot.xrce.streams.sequence_numbers import HALF, NOTHING_YET
 from msbot.xrce.streams.session_output import STREAM_LIMIT, SessionOutput
 from msbot.xrce.streams.stream_state import StreamState, last_number
 
@@ -58,8 +59,8 @@ class Session(ABC, Generic[Event]):
     """The common half of `AgentSession` and `ClientSession`."""
 
     __slots__ = (
-        "__weakref__", "_asking", "_best_effort", "_key_octets", "_memory", "_reliable", "_sender", "_settings",
-        "_unquestioned", "client_key", "counters", "events", "last_heard", "mtu", "session_id",
+        "__weakref__", "_asking", "_best_effort", "_key_octets", "_memory", "_overtaking", "_reliable", "_sender",
+        "_settings", "_unquestioned", "client_key", "counters", "events", "last_heard", "mtu", "session_id",
     )  # fmt: skip
 
     _DATA_ID: ClassVar[int]
@@ -97,7 +98,9 @@ class Session(ABC, Generic[Event]):
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
         self._sender = SessionOutput(envelope, self.counters, settings, unacked)
         # On a bus (no such short silence) silence means that others go first, and questions would make it worse.
-        self._asking = AskingAgain(self._sender, guesses=settings.heartbeat_min_s < settings.heartbeat_s)
+        self._overtaking = Overtaking() if settings.may_reorder and settings.peer_is_stock else None
+        guesses = settings.heartbeat_min_s < settings.heartbeat_s
+        self._asking = AskingAgain(self._sender, guesses=guesses, overtaking=self._overtaking)
 
     def receive_packet(self, packet: bytes, now: float) -> bool:
         """Take one packet of the peer; if the result is True, call `next_event` until it returns None, before packets
@@ -258,11 +261,34 @@ class Session(ABC, Generic[Event]):
         stream = self._reliable.get(stream_id) or self._reliable_input(stream_id)
         if stream is None:
             return
-        if stream.accept(packet[2] | packet[3] << 8, packet):
+        number = packet[2] | packet[3] << 8
+        if self._overtaking is not None and (number - stream.last_handled) & 0xFFFF != 1:
+            self._look_at_order(stream_id, stream, number)
+        elif stream.announced != stream.last_handled and self._overtaking is not None:
+            self._overtaking.note(stream_id, stream, number, self.last_heard)
+        if stream.accept(number, packet):
             self._process(packet, offset, stream_id)
             if stream.announced != stream.last_handled:
                 self._process_held(stream, stream_id)
         self._owe_acknack(stream, stream_id)
+
+    def _look_at_order(self, stream_id: int, stream: ReliableInput, number: int) -> None:
+        """A message comes that is not the next one, from a client that may lose its history."""
+        ahead = (number - stream.last_handled) & 0xFFFF
+        if self._overtaking is not None:
+            self._overtaking.note(stream_id, stream, number, self.last_heard)
+        if 0 < ahead < HALF and stream.holds(number):
+            self._consider_giving_up(stream_id, stream, came_again=True)
+
+    def _given_up(self, stream_id: int, count: int) -> None:
+        """So many messages of that stream will never come."""
+
+    def _consider_giving_up(self, stream_id: int, stream: ReliableInput, *, came_again: bool) -> None:
+        if self._asking.questions and self._asking.is_hopeless(stream_id, stream, came_again=came_again):
+            count = stream.give_up()
+            self.counters.dropped.count(GIVEN_UP, count)
+            self._given_up(stream_id, count)
+            self._process_held(stream, stream_id)
 
     def _reliable_input(self, stream_id: int) -> ReliableInput | None:
         stream = self._reliable.get(stream_id)
@@ -280,10 +306,13 @@ class Session(ABC, Generic[Event]):
         while (packet := stream.next_held()) is not None:
             self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
 
-    def _owe_acknack(self, stream: ReliableInput, stream_id: int) -> None:
-        sender, now = self._sender, self.last_heard
-        if stream.announced != stream.last_handled or self._asking.questions or now < sender.round_trip.lossy_until:
-            self._asking.note(stream_id, stream, now)
+    def _owe_acknack(self, stream: ReliableInput, stream_id: int, *, was_asked: bool = False) -> None:
+        sender, asking, now = self._sender, self._asking, self.last_heard
+        if (
+            stream.announced != stream.last_handled or asking.questions or now < sender.round_trip.lossy_until
+            or (self._overtaking is not None and self._overtaking.is_seen(now))
+        ) and not asking.note(stream_id, stream, now, was_asked=was_asked):  # fmt: skip
+            return
         sender.owed[stream_id] = stream
 
     def _process(self, packet: bytes, offset: int, stream_id: int) -> None:
@@ -327,13 +356,16 @@ class Session(ABC, Generic[Event]):
         stream = self._reliable_input(stream_id) if stream_id >= STREAM_RELIABLE else None
         if stream is None:
             return
+        if self._overtaking is not None:
+            self._overtaking.announced(stream_id, stream, heartbeat.last, self.last_heard)
+            self._consider_giving_up(stream_id, stream, came_again=False)
         for packet in stream.announce(heartbeat.first, heartbeat.last):
             if packet is None:
                 stream.joiner.clear()
             else:
                 self._process(packet, 4 if packet[0] >= 0x80 else 8, stream_id)
         self._process_held(stream, stream_id)
-        self._owe_acknack(stream, stream_id)
+        self._owe_acknack(stream, stream_id, was_asked=True)
 
     def _take_fragment(self, piece: bytes, flags: int, stream_id: int, *, is_joined: bool) -> None:
         stream = self._reliable.get(stream_id)

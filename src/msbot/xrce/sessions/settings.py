@@ -30,6 +30,8 @@ class SessionSettings:
     peer_is_stock: bool = False
     """Whether the peer reads as stock C clients do, which bounds what may share a message with what; see
     `msbot.xrce.streams.sharing_messages`."""
+    may_reorder: bool = False
+    """Whether packets may overtake each other on the way; a stock client is then spared what would harm it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ HEARTBEAT, so a gap is repaired at the speed of the link (XRCE 1.0 §8.4).
 
 from __future__ import annotations
 
+from collections import deque
+
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.streams.fragments import FragmentJoiner
 from msbot.xrce.streams.sequence_numbers import HALF, NOTHING_YET, distance, is_after
@@ -17,6 +19,13 @@ BITMAP_BITS = 16
 
 NO_MEMORY = "early message: no memory to hold it"
 BEYOND_WINDOW = "message beyond the window"
+GIVEN_UP = "message given up: its client can no longer send it"
+
+MOVES_KEPT = 64
+"""How many of the latest numbers from which ACKNACKs spoke are remembered."""
+ALL_RIPE: frozenset[int] = frozenset()
+"""What is missing is not only late."""
+_NEVER_YET = float("-inf")
 
 
 class BestEffortInput:
@@ -38,7 +47,8 @@ class BestEffortInput:
 class ReliableInput:
     """A stream with acknowledgement: every message exactly once and in order."""
 
-    __slots__ = ("_counters", "_held", "_memory", "_window", "announced", "joiner", "last_handled")
+    __slots__ = ("_counters", "_held", "_memory", "_moves", "_window", "announced", "joiner", "last_handled", "reports",
+                 "told_at", "told_bits", "told_first", "unripe")  # fmt: skip
 
     def __init__(self, window: int, memory: Memory, counters: SessionCounters) -> None:
         self._window = window
@@ -49,6 +59,29 @@ class ReliableInput:
         """The newest number known to exist; nothing is missing while it equals the last one handled."""
         self.last_handled = NOTHING_YET
         self.joiner = FragmentJoiner(memory, counters)
+        self.unripe = ALL_RIPE
+        """Missing numbers that are not reported yet, since they may only be late."""
+        self.told_first = self.told_bits = 0
+        """What the last ACKNACK said."""
+        self.told_at = _NEVER_YET
+        self.reports = 0
+        """How many ACKNACKs asked for something."""
+        self._moves: deque[tuple[int, int]] = deque(maxlen=MOVES_KEPT)
+
+    def told(self, first: int, bits: int, now: float) -> None:
+        """Note an ACKNACK that goes to the peer."""
+        if first != self.told_first:
+            self._moves.append((first, self.reports))
+        self.told_first, self.told_bits, self.told_at = first, bits, now
+        if bits:
+            self.reports += 1
+
+    def reports_on(self, number: int) -> int:
+        """How many of the reports can have made the peer send that message: those from before it was acknowledged."""
+        for first, reports in self._moves:
+            if 0 < (first - number) & 0xFFFF < HALF:
+                return reports
+        return self.reports
 
     def accept(self, sequence_nr: int, packet: bytes) -> bool:
         """Whether the message is the next in order; an early one is held, any other is counted and forgotten."""
@@ -106,9 +139,24 @@ class ReliableInput:
             return first, 0
         bitmap = 0
         for index in range(min(distance(self.last_handled, self.announced), BITMAP_BITS)):
-            if (first + index) & 0xFFFF not in self._held:
+            number = (first + index) & 0xFFFF
+            if number not in self._held and number not in self.unripe:
                 bitmap |= 1 << index
         return first, bitmap
+
+    def give_up(self) -> int:
+        """Pass over the messages that are missing before the next one that is there; returns how many."""
+        count = 0
+        while self.last_handled != self.announced and (self.last_handled + 1) & 0xFFFF not in self._held:
+            self.last_handled = (self.last_handled + 1) & 0xFFFF
+            count += 1
+        if count:
+            self.joiner.clear()
+        return count
+
+    def holds(self, number: int) -> bool:
+        """Whether that message came early, and waits."""
+        return number in self._held
 
     @property
     def held(self) -> int:
@@ -122,6 +170,10 @@ class ReliableInput:
         self._held.clear()
         self.joiner.clear()
         self.announced = self.last_handled = NOTHING_YET
+        self.unripe = ALL_RIPE
+        self.told_first = self.told_bits = self.reports = 0
+        self.told_at = _NEVER_YET
+        self._moves.clear()
 
     def _hold(self, sequence_nr: int, packet: bytes, ahead: int) -> None:
         # A number far beyond the window is ignored: it would be reported missing for ever, and C clients answer any bit

@@ -137,17 +137,18 @@ class SessionOutput:
         """Have the ACKNACK that is due ask for the next message, even if nobody has said that there is one."""
         self._guesses.add(stream_id)
 
-    def settle(self) -> None:
+    def settle(self, now: float) -> None:
         """Book the ACKNACKs that are due now, ahead of what is booked after this."""
-        for packet in self._acknacks():
+        for packet in self._acknacks(now):
             self.put_answer(packet)
 
-    def _acknacks(self) -> list[bytes]:
+    def _acknacks(self, now: float) -> list[bytes]:
         packets = []
         for stream_id, stream in self.owed.items():
             first, bitmap = stream.missing()
             if not bitmap and stream_id in self._guesses:
                 bitmap = 1
+            stream.told(first, bitmap, now)
             packets.append(self._answer_header + write_acknack(first, bitmap, stream_id))
         self.owed.clear()
         if self._guesses:
@@ -223,13 +224,13 @@ class SessionOutput:
         if self.outbox.items:
             packets += self.outbox.pull()
         if self.owed:
-            packets += self._acknacks()
+            packets += self._acknacks(now)
         self._counters.packets_out += len(packets)
         return packets
 
     def _pull_some(self, now: float, limit: int) -> list[bytes]:
         if self.owed:
-            self.settle()
+            self.settle(now)
         packets: list[bytes] = []
         for stream in self.reliables.values():
             if stream.missed:
