@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from msbot.lessons.lesson import Lesson
 from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.table_cell import as_cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,5 @@ def csv_of(rows: Iterable[PersonInLesson]) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["person", "lesson", "ticked", "checks", "begun_ms", "last_tick_ms"])
     for row in rows:
-        # A name that begins like a formula would be one in a spreadsheet.
-        person = f"'{row.person}" if row.person[:1] in "=+-@" else row.person
-        writer.writerow([person, row.lesson, row.ticked, row.checks, row.begun_ms, row.last_ms])
+        writer.writerow([as_cell(row.person), as_cell(row.lesson), row.ticked, row.checks, row.begun_ms, row.last_ms])
     return out.getvalue()

@@ -16,6 +16,7 @@ from msbot.link.can.protocol import CanIds, Frame, LogLine, format_frame, format
 from msbot.part import Message
 from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, Overhearer
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.table_cell import as_cell
 
 KEPT = 4000
 """Frames that are kept."""
@@ -108,7 +109,7 @@ class FrameRing:
         writer = csv.writer(line)
         head = ("number", "seconds", "sender", "frame", "plain", "protocol")
         for row in (head, *map(_cells, self.rows(limit=KEPT))):
-            writer.writerow(row)
+            writer.writerow(map(as_cell, map(str, row)))
             yield line.getvalue()
             line.seek(0)
             line.truncate()

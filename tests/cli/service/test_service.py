@@ -155,3 +155,56 @@ def unquoted(text: str) -> str:
     else:
         assert " " not in text
     return text.replace("%%", "%").replace("$$", "$")
+
+
+def test_a_service_of_the_computer_has_a_user_of_its_own_and_no_more_than_it_needs(folder: Path) -> None:
+    done = ask("install", "--system", "--print")
+    assert done.exit_code == 0, done.output
+    assert 'u msbot-msbot_master - "MsBOT robot MSBOT_MASTER" /var/lib/msbot-msbot_master' in done.output
+    assert done.output.count("User=msbot-msbot_master\n") == 2, "the master and the backup"
+    assert "--db /var/lib/msbot-msbot_master/robot.db" in done.output
+    assert "ReadWritePaths" not in done.output
+    elsewhere = ask("install", "--system", "--print", "--db", "data/robot.db").output
+    assert elsewhere.count(f"ReadWritePaths={folder}/data\n") == 2
+    assert "User=" not in ask("install", "--print").output
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here: apt-get install systemd")
+def test_systemd_itself_finds_that_service_well_confined(folder: Path) -> None:
+    service = RobotService(
+        "R: x", sys.executable, folder / "robot.toml", "/var/lib/msbot-r-x/robot.db", ("--port", "8080"),
+        for_all=True, backups=Path("/var/lib/msbot-r-x/backups"), backup_at="daily", keep=3, groups=("dialout",),
+    )  # fmt: skip
+    for name, text in service.files().items():
+        (folder / name).write_text(text)
+    for name in ("msbot-r-x.service", "msbot-r-x-backup.service"):
+        told = subprocess.run(
+            ["systemd-analyze", "security", "--offline=true", "--threshold=30", "--no-pager", str(folder / name)],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert told.returncode == 0, told.stdout[-200:] + told.stderr
+        assert "Overall exposure level" in told.stdout
+        verified = subprocess.run(
+            ["systemd-analyze", "verify", "--man=no", str(folder / name)], capture_output=True, text=True, check=False
+        )
+        assert not [line for line in verified.stderr.splitlines() if str(folder / name) in line], verified.stderr
+
+
+def test_what_its_user_could_not_read_is_told_before_anything_is_installed(folder: Path, played: Played) -> None:
+    (folder / "robot.toml").chmod(0o600)
+    told = str(ask("install", "--system").exception)
+    assert "the service runs as the user msbot-msbot_master, who cannot read" in told
+    assert "put the robot and the environment of MsBOT under /srv or /opt" in told
+    assert played.asked == []
+
+
+def test_it_is_installed_with_its_user(
+    folder: Path, played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(systemd, "USERS", tmp_path / "sysusers.d")
+    manager = Systemd(for_all=True)
+    manager.folder = tmp_path / "units"
+    manager.install({"msbot-x.service": "[Service]"}, ["msbot-x.service"], 'u msbot-x - "x" /var/lib/msbot-x')
+    assert (tmp_path / "sysusers.d" / "msbot-x.conf").read_text().startswith("u msbot-x ")
+    assert played.asked[0] == "systemd-sysusers"
+    assert played.asked[-1] == "systemctl restart msbot-x.service"

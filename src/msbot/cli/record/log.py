@@ -19,6 +19,7 @@ from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
+from msbot.runtime.table_cell import as_cell
 
 if TYPE_CHECKING:
     from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
@@ -234,7 +235,7 @@ def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
             table.writerow(["time_s", "topic", "slot", "field", "value"])
             for at_s, message in _chosen(reader, wish):
                 for topic, slot, name, value in rows_of(message, decoder):
-                    table.writerow([f"{at_s:.6f}", topic, slot, name, value])
+                    table.writerow([f"{at_s:.6f}", *map(as_cell, (topic, slot, name, str(value)))])
                     count += 1
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror}") from None

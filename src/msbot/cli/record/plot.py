@@ -19,6 +19,7 @@ from msbot.cli.record.recording_name import SUFFIX
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.table_cell import as_cell
 
 if TYPE_CHECKING:
     from msbot.lab.curves.curve import Curve
@@ -226,7 +227,8 @@ def _write_table(curves: list[Curve], target: Path, zero_s: float) -> None:
             table.writerow(["time_s", "curve", "value", "unit"])
             for curve in curves:
                 table.writerows(
-                    (f"{at - zero_s:.6f}", curve.name, repr(value), curve.unit) for at, value in curve.points
+                    (f"{at - zero_s:.6f}", as_cell(curve.name), repr(value), as_cell(curve.unit))
+                    for at, value in curve.points
                 )
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import stat
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,13 +13,13 @@ import click
 from msbot.cli.numbers import WholeRange
 from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside
 from msbot.cli.service import systemd
-from msbot.cli.service.units import RobotService, shown
+from msbot.cli.service.units import RobotService, shown, state_of, unit_of
 from msbot.errors import ConfigError
 
 KEEP = 14
 
 all_option = click.option("--system", "for_all", is_flag=True,
-                          help="A service of the computer, installed with sudo; else one of this user.")  # fmt: skip
+                          help="A service of the computer, with its own user (sudo); else one of yours.")  # fmt: skip
 blueprint_argument = click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
 
 
@@ -60,11 +61,17 @@ def install(
         if not only_print:
             click.echo("This computer is not run by systemd: nothing is installed. On one that is, these are", err=True)
             click.echo("the files; elsewhere, have your system run the command behind ExecStart=.", err=True)
-        for line in shown(wanted.files(), manager.folder):
+        users = {str(systemd.USERS / f"{wanted.unit}.conf"): wanted.users_file()} if for_all else {}
+        for line in shown({**wanted.files(), **users}, manager.folder):
             click.echo(line)
         return
-    manager.install(wanted.files(), wanted.started())
+    if for_all:
+        for path in (wanted.blueprint, Path(wanted.python), Path(sys.prefix) / "pyvenv.cfg"):
+            _check_readable(path, wanted.user)
+    manager.install(wanted.files(), wanted.started(), wanted.users_file() if for_all else "")
     click.echo(f"{wanted.name} runs, and starts with the computer: {wanted.unit}.service in {manager.folder}.")
+    if for_all:
+        click.echo(f"It runs as the user {wanted.user}. Its database: {wanted.db}.")
     click.echo(f"Its log: {manager.logs_command(wanted.unit)}    (the page's address is in it)")
     if wanted.backup_at:
         click.echo(f"Backups: {wanted.backup_at}, the newest {keep} in {wanted.backups}.")
@@ -159,17 +166,42 @@ def _service(
     chosen += ["--host", host] if host else []
     chosen += ["--port", str(port)] if port else []
     chosen += ["--standby"] if standby else []
+    beside = state_of(unit_of(robot.robot.name)) if for_all else path.parent
     return RobotService(
         name=robot.robot.name,
         python=sys.executable,
         blueprint=path,
-        db=_absolute(db) if db else database_beside(path),
+        db=_absolute(db) if db else str(beside / "robot.db") if for_all else database_beside(path),
         options=tuple(chosen),
         for_all=for_all,
-        backups=(backups or path.parent / "backups").absolute(),
+        backups=(backups or beside / "backups").absolute(),
         backup_at="" if backup_at == "never" else backup_at,
         keep=keep,
+        groups=_groups_of_hardware() if for_all else (),
     )
+
+
+def _groups_of_hardware() -> tuple[str, ...]:
+    """The groups that may use serial lines and pins on this computer."""
+    import grp
+
+    known = {group.gr_name for group in grp.getgrall()}
+    return tuple(name for name in ("dialout", "gpio", "i2c", "spi") if name in known)
+
+
+def _check_readable(path: Path, user: str) -> None:
+    """A user of its own reads what everybody may read.
+
+    Raises:
+        ConfigError: it may not; the text says what would be right.
+    """
+    for place in (path, *path.parents):
+        needed = stat.S_IXOTH if place != path else stat.S_IROTH
+        if place.exists() and not place.stat().st_mode & needed:
+            raise ConfigError(
+                f"the service runs as the user {user}, who cannot read {path}: {place} is closed to others; put the "
+                f"robot and the environment of MsBOT under /srv or /opt, or leave --system out"
+            )
 
 
 def _absolute(db: str) -> str:

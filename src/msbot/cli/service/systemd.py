@@ -16,6 +16,10 @@ PROPERTIES = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "Ma
               "UnitFileState", "NextElapseUSecRealtime", "LastTriggerUSec")  # fmt: skip
 
 
+USERS = Path("/etc/sysusers.d")
+"""Where users of services are written down."""
+
+
 def is_there() -> bool:
     """Whether systemd runs this computer."""
     return Path("/run/systemd/system").is_dir() and shutil.which("systemctl") is not None
@@ -45,8 +49,13 @@ class Systemd:
         self._for_all = for_all
         self._run = run
 
-    def install(self, files: Mapping[str, str], started: Sequence[str]) -> None:
+    def install(self, files: Mapping[str, str], started: Sequence[str], users: str = "") -> None:
         """Write unit files, start the units, and have them start with the computer.
+
+        Args:
+            files: the unit files by name.
+            started: what is started.
+            users: of a service of the computer: what has its user made (sysusers.d(5)).
 
         Raises:
             ConfigError: a file cannot be written, or systemd refuses; the text says why.
@@ -55,9 +64,14 @@ class Systemd:
             self.folder.mkdir(parents=True, exist_ok=True)
             for name, text in files.items():
                 (self.folder / name).write_text(text, encoding="utf-8")
+            if users:
+                USERS.mkdir(parents=True, exist_ok=True)
+                (USERS / f"{started[0].removesuffix('.service')}.conf").write_text(users, encoding="utf-8")
         except OSError as error:
             more = "; a service for the whole computer needs sudo" if self._for_all else ""
             raise ConfigError(f"cannot write {self.folder}: {error.strerror}{more}") from None
+        if users:
+            self._ask(["systemd-sysusers"])
         if not self._for_all:
             self._ask(["loginctl", "enable-linger"])  # so that it runs without anybody signed in
         self._systemctl("daemon-reload")
@@ -78,6 +92,8 @@ class Systemd:
         try:
             for path in found:
                 path.unlink()
+            if self._for_all:  # the user itself stays, as the owner of the data
+                (USERS / f"{unit}.conf").unlink(missing_ok=True)
         except OSError as error:
             raise ConfigError(f"cannot remove it from {self.folder}: {error.strerror}") from None
         self._systemctl("daemon-reload")

@@ -8,6 +8,45 @@ from pathlib import Path
 
 from msbot.runtime.lazy_dataclass import dataclass
 
+LONGEST_USER = 31
+"""Characters of the name of a user."""
+CONFINED = """\
+UMask=0077
+NoNewPrivileges=yes
+CapabilityBoundingSet=
+ProtectSystem=strict
+ProtectHome=read-only
+PrivateTmp=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectClock=yes
+ProtectHostname=yes
+RestrictNamespaces=yes
+RestrictRealtime=yes
+RestrictSUIDSGID=yes
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK AF_CAN
+LockPersonality=yes
+RemoveIPC=yes
+SystemCallArchitectures=native
+SystemCallFilter=@system-service
+SystemCallFilter=~@privileged
+SystemCallErrorNumber=EPERM
+"""
+"""What no master needs is taken from it (systemd.exec(5)). Devices are left to the groups of its user: a list of them
+here would not know the adapter that is plugged in next. So is memory that is written and run: ctypes needs it."""
+
+
+def unit_of(name: str) -> str:
+    """The name of the units of a robot, without ending."""
+    return "msbot-" + (re.sub(r"[^a-z0-9_]+", "-", name.casefold()).strip("-") or "robot")
+
+
+def state_of(unit: str) -> Path:
+    """Where the service of the computer with that unit keeps its data."""
+    return Path("/var/lib") / unit
+
 
 @dataclass(frozen=True, slots=True)
 class RobotService:
@@ -29,11 +68,28 @@ class RobotService:
     """When to make one, in systemd's words, for example `daily`; empty: never."""
     keep: int
     """How many backups are kept."""
+    groups: tuple[str, ...] = ()
+    """Of a service of the computer: groups of its user besides its own, for serial lines and pins."""
 
     @property
     def unit(self) -> str:
         """The name of its units, without ending."""
-        return "msbot-" + (re.sub(r"[^a-z0-9_]+", "-", self.name.casefold()).strip("-") or "robot")
+        return unit_of(self.name)
+
+    @property
+    def user(self) -> str:
+        """Whom a service of the computer runs as."""
+        return self.unit[:LONGEST_USER].rstrip("-")
+
+    @property
+    def state(self) -> Path:
+        """Where a service of the computer keeps its data."""
+        return state_of(self.unit)
+
+    def users_file(self) -> str:
+        """What has the system make that user (sysusers.d(5))."""
+        about = escaped(self.name).replace("\\", "").replace('"', "").replace(":", " ")
+        return f'u {self.user} - "MsBOT robot {about}" {self.state}\n'
 
     def files(self) -> dict[str, str]:
         """The unit files by name."""
@@ -62,7 +118,7 @@ Environment=PYTHONUNBUFFERED=1
 ExecStart={command}
 Restart=always
 RestartSec=2
-
+{self._confinement()}
 [Install]
 WantedBy={"multi-user.target" if self.for_all else "default.target"}
 """
@@ -77,7 +133,7 @@ Description=Backup of the MsBOT robot {escaped(self.name)}
 Type=oneshot
 WorkingDirectory={escaped(str(self.blueprint.parent))}
 ExecStart={command}
-"""
+{self._confinement()}"""
 
     def _timer(self) -> str:
         return f"""\
@@ -91,6 +147,18 @@ Persistent=true
 [Install]
 WantedBy=timers.target
 """
+
+    def _confinement(self) -> str:
+        """What a service of the computer may do: as its own user, and no more than a master needs."""
+        if not self.for_all:
+            return ""
+        written = [] if "://" in self.db else [Path(self.db).parent]
+        places = sorted({str(place) for place in (*written, self.backups) if not place.is_relative_to(self.state)})
+        paths = "".join(f"ReadWritePaths={quoted(place)}\n" for place in places)
+        groups = f"SupplementaryGroups={' '.join(self.groups)}\n" if self.groups else ""
+        return f"User={self.user}\n{groups}StateDirectory={self.unit}\nRuntimeDirectory={self.unit}\n" \
+               f"RuntimeDirectoryPreserve=yes\nEnvironment=HOME={self.state} XDG_RUNTIME_DIR=/run/{self.unit}\n" \
+               f"{paths}{CONFINED}"  # fmt: skip
 
     def _msbot(self, *arguments: str) -> str:
         return " ".join([quoted(self.python), "-P", "-m", "msbot", *map(quoted, arguments)])

@@ -117,9 +117,10 @@ def _fields(page: Page, message: MessageType, values: Mapping[str, Scalar], chan
         elif unit in RANGES and not kind.is_whole:
             least, most = RANGES[unit]
             ui.label(title)
-            ui.slider(min=least, max=most, step=(most - least) / 200, value=float(values[name]), on_change=take).props(
-                f'label debounce=100 aria-label="{title}"'
-            )
+            step = (most - least) / 200
+            slider = ui.slider(min=least, max=most, step=step, value=float(values[name]), on_change=take)
+            slider.props("label debounce=100")
+            slider.props["aria-label"] = title
         else:
             field = NumberField(
                 page, title, number=float(values[name]), is_whole=kind.is_whole, on_number=partial(changed, name)

@@ -257,9 +257,9 @@ class _Shelf:
                         checks = page.language.count(len(lesson.checks), "{count} check", "{count} checks")
                         ui.label(f"{minutes} · {checks}").classes("soft num")
                     if page.may(Right.DESIGN) and nothing_runs:
-                        ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson)).props(
-                            f'outline aria-label="{say("Begin")}: {lesson.title}"'
-                        )
+                        begin = ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson))
+                        begin.props("outline")
+                        begin.props["aria-label"] = f"{say('Begin')}: {lesson.title}"
             if page.may(Right.ARRANGE):
                 for words in wrong:
                     ui.label(say(words)).classes("ms-banner warn").style("white-space:pre-wrap")

@@ -21,6 +21,7 @@ from msbot.lab.curves.curve import Figures, Point, figures_of, thinned
 from msbot.lab.curves.wanted import WantedCurves
 from msbot.pnp.explain_samples import value_words
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.table_cell import as_cell
 from msbot.web.html import render
 from msbot.web.live import HISTORY_S
 from msbot.web.pages.layout import Page, page_frame
@@ -373,10 +374,10 @@ class _Plots:
                 points: Sequence[Point] = [point for point in self._curves.newer(name, begin) if point[0] <= end]
             else:
                 points = self._past.get(name, ((), None))[0]
-            quoted = name.replace('"', '""')
+            quoted = as_cell(name).replace('"', '""')
+            unit = as_cell(self._unit(name)).replace('"', '""')
             lines += [
-                f'{_iso(at + self._epoch_s)},"{quoted}",{value_words(float(value))},{self._unit(name)}'
-                for at, value in points
+                f'{_iso(at + self._epoch_s)},"{quoted}",{value_words(float(value))},"{unit}"' for at, value in points
             ]
         ui.download.content("\r\n".join([*lines, ""]), "plots.csv")
 
