@@ -435,7 +435,7 @@ def test_a_newcomer_that_would_be_turned_away_is_adopted_where_a_person_says(
     rig.claim(BB, "EFGH")
     asked: list[tuple[str, Refusal | None]] = []
 
-    def adopter(claim: Claim, match: Match) -> str | None:
+    def adopter(claim: Claim, match: Match, _: object) -> str | None:
         asked.append((claim.part_number, match.refusal))
         return chosen
 

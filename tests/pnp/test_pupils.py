@@ -219,3 +219,24 @@ def test_who_is_let_go_hears_again_of_what_others_say() -> None:
         robot.inventory.pupil_parts.follow(robot.now)
         is_there = freeze is None
         assert sorted(told) == [(1, "HelloWorldTopic_3_to_1", is_there), (2, "HelloWorldTopic_1_to_2", is_there)]
+
+
+def test_nobody_gets_a_slot_of_another_group_by_a_uid_that_somebody_put_there() -> None:
+    robot = rig(RED, BLUE)
+    robot.join(1, pupil="cleo")
+    robot.store.placed[(7).to_bytes(8, "big")] = "BB"
+    claim = Claim("EFGH", "BB", (7).to_bytes(8, "big"))
+    match = robot.inventory.slots.match(claim, pupil="cleo")
+    assert match.slot == Slot("DD", "EFGH")
+    assert ("put there by a person", "slot BB belongs to group Red") in match.evidence
+    for pupil in ("ada", ""):
+        assert robot.inventory.slots.match(claim, pupil=pupil).slot == Slot("BB", "EFGH")
+
+
+@pytest.mark.parametrize(("pupil", "slot"), [("cleo", None), ("ada", "BB"), ("", "BB")])
+def test_nor_as_the_newcomer_for_whom_a_teacher_has_opened_the_window(pupil: str, slot: str | None) -> None:
+    robot = rig(RED, BLUE)
+    robot.inventory.set_adopter(lambda *_: "BB")
+    robot.join(1, pupil=pupil)
+    robot.claim(1, "ABCX")
+    assert robot.part(1).slot == slot

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from msbot.errors import ConfigError, RegistryError
@@ -213,9 +213,14 @@ class Placement:
 
     # What happens by itself
 
-    def _adopt_newcomer(self, claim: Claim, match: Match) -> str | None:  # noqa: ARG002 - the adopter's signature
+    def _adopt_newcomer(
+        self,
+        claim: Claim,
+        match: Match,  # noqa: ARG002 - the adopter's signature
+        may_have: Callable[[str], bool],
+    ) -> str | None:
         slot = self.window_slot
-        if slot is None or not claim.uid:
+        if slot is None or not claim.uid or not may_have(slot):
             return None
         self._newcomers[claim.uid] = (slot, self._window.who)
         self._window.close()

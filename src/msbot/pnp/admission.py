@@ -34,8 +34,9 @@ PENDING = Verdict()
 ADOPTABLE = frozenset({Refusal.UNKNOWN_PART, Refusal.WRONG_ROBOT, Refusal.NO_SLOT})
 """Refusals that a person can overrule by putting the part into a slot."""
 
-Adopter = Callable[[Claim, Match], str | None]
-"""Called for a part that would be turned away for an `ADOPTABLE` reason; returns the free slot it gets instead."""
+Adopter = Callable[[Claim, Match, Callable[[str], bool]], str | None]
+"""Called for a part that would be turned away for an `ADOPTABLE` reason, with what says whether it may have a slot at
+all; returns the free slot it gets instead."""
 
 
 class Admission:
@@ -199,10 +200,8 @@ class Admission:
 
     def _decide(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
         self._changes.vacate(record)
-        match = self._adopted(
-            claim,
-            self._matcher.match(claim, barred=self._index.barred.get(record, ""), pupil=self._index.pupil_of(record)),
-        )
+        barred, pupil = self._index.barred.get(record, ""), self._index.pupil_of(record)
+        match = self._adopted(claim, self._matcher.match(claim, barred=barred, pupil=pupil), pupil)
         if match.slot is None:
             return self._turn_away(record, match, now)
         slot = match.slot.name
@@ -217,11 +216,13 @@ class Admission:
             return self._turn_away(record, refused, now)
         return self._register(record, configuration, match, now)
 
-    def _adopted(self, claim: Claim, match: Match) -> Match:
+    def _adopted(self, claim: Claim, match: Match, pupil: str) -> Match:
         """Ask a person, if an adopter is set, about a part that the rules turn away."""
-        if self.adopter is None or match.refusal not in ADOPTABLE or (slot := self.adopter(claim, match)) is None:
+        may_have = partial(self._matcher.pupils.may_use, pupil)
+        if self.adopter is None or match.refusal not in ADOPTABLE:
             return match
-        found = self._matcher.free_slot(slot)
+        slot = self.adopter(claim, match, may_have)
+        found = None if slot is None or not may_have(slot) else self._matcher.free_slot(slot)
         if found is None:
             return match
         reason = said("adopted: a person has said that the next newcomer belongs into slot {slot}", slot=slot)

@@ -148,7 +148,7 @@ class Matcher:
         blocked = self._store.blocked(uid, number)
         if blocked is not None:
             return _refuse(evidence, Refusal.BLOCKED, said("blocked: {blocked}", blocked=blocked))
-        placed = self._placed(uid, barred, evidence)
+        placed = self._placed(uid, barred, pupil, evidence)
         if placed is not None:
             return _found(evidence, placed, said("a person has put this part into slot {placed}", placed=placed.name))
         part_type = self._store.part_type(number)
@@ -185,8 +185,8 @@ class Matcher:
         numbers = dict.fromkeys((part_type.number, *part_type.compatible_with))
         return [number for number in numbers if number in self._by_number]
 
-    def _placed(self, uid: bytes, barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
-        """The slot that a person put the part into, if it is available."""
+    def _placed(self, uid: bytes, barred: str, pupil: str, evidence: list[tuple[str, str]]) -> Slot | None:
+        """The slot that a person put the part into, if it is available: a UID is nobody's right to another group's."""
         name = self._store.placed_slot(uid) if uid else None
         if name is None or name == barred:
             return None
@@ -198,6 +198,9 @@ class Matcher:
             evidence.append(
                 (said("put there by a person"), said("into slot {name}, which {state}", name=name, state=state))
             )
+        elif not self.pupils.may_use(pupil, name):
+            evidence.append((said("put there by a person"), self.pupils.why_not(pupil, name)))
+            return None
         return slot
 
     def _old_slot(self, uid: bytes, tiers: list[str], barred: str, evidence: list[tuple[str, str]]) -> Slot | None:
