@@ -48,6 +48,8 @@ DOORS = (
         "/api/slots/lamp_Red", "/api/slots/lamp_Red/values", "/metrics",
     )),
     Door("GET", "/api/doctor", ARRANGE),
+    Door("GET", "/api/tickets", ARRANGE),
+    Door("POST", "/api/users/ada/tickets", Right.ADMINISTER, {"words": ""}),
     Door("POST", "/api/stop", Right.STOP),
     Door("POST", "/api/go", ARRANGE),
     Door("PUT", "/api/slots/lamp_Red/values/none", SET, {"value": 1}, "lamp_Red", holds=True),
@@ -79,7 +81,7 @@ DOORS = (
     Door("POST", "/api/restore", Right.ADMINISTER),
 )  # fmt: skip
 ROLES = {"vic": Role.VIEWER, "red": Role.STUDENT, "blue": Role.STUDENT, "tea": Role.TEACHER, "ada": Role.ADMINISTRATOR}
-"""Who is there; `removed` and `nobody` have no right, whatever they show."""
+"""Who is there; `removed`, `nobody` and `relay`, which shows the ticket of one, have no right here."""
 HOLDS = ("is frozen by", "belongs to group", "has taken over")
 
 
@@ -115,6 +117,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
                 site.tokens[who] = site._token(who)
         assert site.ask("DELETE", "/api/users/removed").status_code == 200
         site.tokens["nobody"] = "msbot_of_nobody"
+        made = site.ask("POST", "/api/users/tea/tickets", json={"words": "body"})
+        site.tokens["relay"] = str(made.json()["token"])
         for group in ("Red", "Blue"):
             slots = [f"{one}_{group}" for one in ("lamp", "eyes", "wheels", "bumper", "program")]
             given = {"pupils": [group.lower()], "slots": slots}
@@ -133,7 +137,7 @@ def test_a_door_lets_in_who_may_and_nobody_else(site: Site, state: str) -> None:
     # What is only about seeing is the same in every state.
     doors = [door for door in DOORS if state == "nobody is held" or door.right is not SEE]
     for door in doors:
-        for who in (*ROLES, "removed", "nobody"):
+        for who in (*ROLES, "removed", "nobody", "relay"):
             answer = site.ask(door.method, door.path, role=who, json=door.json)
             if is_let_in(answer) != may(who, door, state):
                 wrong.append((str(door), who, answer.status_code, answer.text[:100]))
