@@ -24,7 +24,7 @@ from msbot.runtime.stop_asking import ask_masters
 from msbot.runtime.stop_listening import StopListener
 from msbot.runtime.stop_names import own_group
 from msbot.runtime.stop_places import IS_THERE
-from tests.cli.change.test_robot_access import PATIENCE_S, command, typed
+from tests.cli.change.test_robot_access import PATIENCE_S, answering, command, typed
 from tests.operations.stage import Stage, play
 from tests.runtime.stop_stage import StopsWhen, own_places, stuck_master
 
@@ -126,6 +126,21 @@ def test_a_go_that_a_master_finds_when_it_goes_on_again_moves_nothing(
         assert stage.parts["AA"].stopped
         monkeypatch.setattr("msbot.master.stop_socket.monotonic", time.monotonic)
         assert "STOP is over" in await typed("go")
+
+    with_socket(tmp_path, act)
+
+
+@needs_sockets
+def test_a_group_in_which_nobody_is_stops_nobody(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        async with answering(stage, str(tmp_path / "robot.db")), answering(stage, "other.db", "OTHER"):
+            for words in (("stop",), ("stop", "--status"), ("go",)):
+                said = await typed(*words, "--stop-group", "nobody")
+                assert "no master of the STOP group nobody runs here" in said
+        assert not stage.master.stop.stopped
+        said = await typed("stop", "--stop-group", own_group())
+        assert said.startswith(f"STOP at the one robot of the STOP group {own_group()} that runs on this computer")
+        assert "(to end it there: msbot go --robot " in said
 
     with_socket(tmp_path, act)
 

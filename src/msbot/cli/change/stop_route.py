@@ -164,9 +164,13 @@ def _ask(do: str, meant: Meant, reason: str = "", *, serial_number: object = Non
 
 def _by_the_ordinary_way(do: str, args: dict[str, object], meant: Meant, without_master: str) -> Reached:
     # Imported late, so that STOP itself loads nothing slow.
+    from msbot.agent import MASTER, running_processes
     from msbot.cli.change.robot_access import perform, running_master
 
     db, robot, group = meant.db, meant.robot, meant.in_group
+    groups = [one.details.get("stop_group", "") for one in running_processes() if one.what == MASTER]
+    if group and groups and group not in groups:
+        raise ConfigError(f"{without_master}: no master of the STOP group {group} runs here")
     master = running_master(db, robot)
     if master is None:  # the database could do nothing here, and a starting master may hold it
         raise ConfigError(f"{without_master}: no master of this robot runs here; if one is just starting, say it again")
