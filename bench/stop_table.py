@@ -1,0 +1,88 @@
+"""STOP with all kinds of parts, while all kinds of things happen: who has heard anything after all had confirmed.
+
+    PYTHONPATH=. python bench/stop_table.py [--write]
+
+The stories of `tests/stop`, in virtual time: parts in Python, of the firmware (C), in MicroPython's VM and in a browser
+speak and listen without a pause; STOP is said; something happens; and when all have confirmed, no function of a part
+may get a sample that is still on its way. `--write` puts the table into bench/results/stop_table.md. Needs gcc, node
+and Chromium. Exit status 1 unless STOP held in every row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from bench.machine import describe_machine
+from bench.result import write_result
+from tests.firmware.building import pipe_program
+from tests.firmware.pipe import Firmware
+from tests.homes.chromium import BrowserHome, Chromium
+from tests.homes.test_conformance import HOMES
+from tests.homes.world import Home
+from tests.stop.kinds import HAPPENINGS, CHome, story
+from tests.stop.oracle import Verdict
+from tests.stop.ways import CUTS, agents_story, takeover_story
+from tests.stop.work import DEEDS, work_story
+
+TITLE = "STOP: nothing is heard after all have confirmed"
+HEAD = ["| parts | meanwhile | all confirmed after, ms | samples on the way | heard | |", "|---|---|---|---|---|---|"]
+NAMES = {
+    "cpython": "Python", "c": "C (firmware)", "micropython-can": "MicroPython, CAN",
+    "micropython-serial": "MicroPython, serial", "browser": "in the browser",
+}  # fmt: skip
+
+
+def stories(firmware: Firmware, chromium: Chromium) -> Iterator[tuple[str, str, Callable[[Path], Verdict]]]:
+    """Parts, what happens meanwhile, and the story."""
+
+    def home(kind: str) -> Home:
+        if kind == "c":
+            return CHome(firmware)
+        return BrowserHome(chromium) if kind == "browser" else HOMES[kind]()
+
+    for kind, name in NAMES.items():
+        for happening in HAPPENINGS:
+            words = (happening.__doc__ or "").rstrip(".")
+            yield name, words, lambda _, kind=kind, happening=happening: story(home(kind), happening)  # type: ignore[misc]
+    yield "Python, C", "the master is killed, another one takes over", lambda folder: takeover_story(folder, firmware)
+    for cut in CUTS:
+        yield "Python, at two agents", cut, lambda _, cut=cut: agents_story(cut)  # type: ignore[misc]
+    for deed in DEEDS:
+        yield "simulated rover", deed, lambda folder, deed=deed: work_story(folder, deed)  # type: ignore[misc]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    logging.disable(logging.CRITICAL)
+    lines = [describe_machine() + "; times are exact, in virtual time", "", *HEAD]
+    print("\n".join(lines), flush=True)
+    firmware, chromium = Firmware(pipe_program()), Chromium()
+    all_held = True
+    try:
+        for parts, words, tell in stories(firmware, chromium):
+            with tempfile.TemporaryDirectory() as folder:
+                verdict = tell(Path(folder))
+            all_held = all_held and verdict.is_right
+            lines.append(
+                f"| {parts} | {words} | {verdict.confirmed_ms:.1f} | {verdict.on_the_way} "
+                f"| {sum(verdict.after.values())} | {'held' if verdict.is_right else 'DID NOT HOLD'} |"
+            )
+            print(lines[-1], flush=True)
+    finally:
+        firmware.close()
+        chromium.close()
+    if options.write:
+        write_result("stop_table", TITLE, lines, made_by="PYTHONPATH=. python bench/stop_table.py --write")
+    sys.exit(0 if all_held else 1)
+
+
+if __name__ == "__main__":
+    main()
