@@ -1,6 +1,6 @@
 """How long STOP takes while strangers flood the master by all ways at the same time, and what the floods cost.
 
-    python bench/stop_under_flood.py [--rounds 20] [--scale 1.0] [--results bench/results/stop_under_flood.md]
+    PYTHONPATH=. python bench/stop_under_flood.py [--rounds 20] [--scale 1.0] [--write]
 
 A real `msbot master` with links over UDP and TCP and its page, and three parts (three processes, over UDP). Floods
 without any rights come from processes that are pinned to another processor than the master: datagrams from ever new
@@ -26,12 +26,15 @@ import httpx
 
 from bench.floods import Flood, flooding, http, tcp, tls, udp
 from bench.machine import describe_machine
+from bench.result import write_result
 from bench.stop import by_page, by_socket
 from tests.certificate import Certificate
 from tests.e2e.processes import Process
 from tests.e2e.test_processes import free_port
 from tests.hostile.robot import Robot
 
+TITLE = "STOP while strangers flood the master"
+COMMAND = "PYTHONPATH=. python bench/stop_under_flood.py --write"
 PARTS = ("AA", "BB")
 NEWCOMER = "CC"
 UDP_S, TCP_S, HTTP_S, TLS_S = 8700.0, 430.0, 236.0, 100.0
@@ -132,7 +135,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=20)
     parser.add_argument("--scale", type=float, default=1.0, help="times the rates of the floods")
     parser.add_argument("--only", help="only the rows with this word")
-    parser.add_argument("--results", type=Path, help="write the table to this file as well")
+    parser.add_argument("--write", action="store_true", help="keep it in bench/results")
     options = parser.parse_args()
     lines = [
         f"{describe_machine()}, load {os.getloadavg()[0]:.1f}; {options.rounds} rounds by each way; "
@@ -146,8 +149,8 @@ def main() -> None:
         for line in measure(options, has_tls=has_tls):
             print(line, flush=True)
             lines.append(line)
-    if options.results:
-        options.results.write_text("\n".join(lines) + "\n")
+    if options.write:
+        write_result("stop_under_flood", TITLE, lines, made_by=COMMAND)
 
 
 def measure(options: argparse.Namespace, *, has_tls: bool) -> list[str]:
