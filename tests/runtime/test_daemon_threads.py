@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
@@ -49,3 +49,16 @@ def test_results_errors_and_cancelled_work_are_told_and_no_more_threads_than_ask
     threads.shutdown()
     with pytest.raises(RuntimeError, match="nothing is done any more"):
         threads.submit(int)
+
+
+def test_a_thread_that_the_system_refuses_now_is_started_next_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    threads = DaemonThreads(1, "refused")
+    with monkeypatch.context() as exhausted:
+        exhausted.setattr(Thread, "start", refuse)
+        with pytest.raises(RuntimeError):
+            threads.submit(int)
+    assert threads.submit(lambda: 5).result(PATIENCE_S) == 5
+    threads.shutdown()

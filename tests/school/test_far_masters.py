@@ -249,3 +249,15 @@ def test_a_token_goes_only_to_the_certificate_that_was_agreed_on(stack: ExitStac
         with pytest.raises(FarTrouble, match="its certificate is not the one that is trusted here"):
             ask_one(wrong, status, PATIENCE_S)
     assert not any(b"secret" in one for one in asked[before:])
+
+
+def test_without_a_thread_nobody_is_asked_and_each_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    asking = Asking([FarAccess("http://127.0.0.1:9", "t", "R", "1")], say_stop(""), PATIENCE_S)
+    ((address, found),) = asking.answers().items()
+    assert isinstance(found, FarTrouble)
+    assert str(found) == f"{address}: this computer has no thread left to ask it"
+    assert asking.unfinished() == []

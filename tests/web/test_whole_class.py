@@ -59,12 +59,12 @@ def test_of_one_that_does_not_answer_nothing_else_is_said() -> None:
 
 
 def test_one_stop_counts_only_what_was_said_and_names_the_rest() -> None:
-    here = StopForAll(("A",), 2, 3, 0, ("A (x)",))
+    here = StopForAll(("A",), 2, 3, 0, ("A (x)",), ("A",))
     said = together(
         here,
         [
             FarStop("B 1", {"stopped": True, "told": 2, "not_confirmed": 0, "silent": []}),
-            FarStop("C 1", {"stopped": True, "told": 3, "not_confirmed": 1, "silent": ["arm"]}),
+            FarStop("C 1", {"stopped": True, "told": 3, "not_confirmed": 1, "silent": ["arm"], "stored": False}),
             FarStop("D 1", {"stopped": True, "told": None, "not_confirmed": 0, "silent": []}),
             FarStop("E 1", {"stopped": False, "told": 0, "not_confirmed": 0}),
             FarStop("F 1", None, "http://f: no answer in time"),
@@ -73,6 +73,7 @@ def test_one_stop_counts_only_what_was_said_and_names_the_rest() -> None:
     assert said.told == ("A", "B 1", "C 1", "D 1")
     assert (said.confirmed, said.parts) == (2 + 2 + 2, 3 + 2 + 3)
     assert said.waiting == ("A (x)", "C 1 (arm)", "D 1")
+    assert said.not_stored == ("A", "C 1")
     assert said.not_told == ("E 1", "F 1: http://f: no answer in time")
 
 

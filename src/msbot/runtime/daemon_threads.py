@@ -50,10 +50,9 @@ class DaemonThreads(Executor):
         with self._lock:
             if self._is_shut:
                 raise RuntimeError(f"{self._name}: nothing is done any more")
+            if self._threads < min(self._most, self._unfinished + 1):
+                self._start_thread()
             self._unfinished += 1
-            if self._threads < min(self._most, self._unfinished):
-                self._threads += 1
-                Thread(target=self._work, name=self._name, daemon=True).start()
         self._jobs.put(job)
         return future
 
@@ -65,6 +64,16 @@ class DaemonThreads(Executor):
             self._is_shut = True
             for _ in range(self._threads):
                 self._jobs.put(None)
+
+    def _start_thread(self) -> None:
+        """Have one more; the system may refuse it now and grant it next time, and those that there are do the work."""
+        try:
+            Thread(target=self._work, name=self._name, daemon=True).start()
+        except RuntimeError:
+            if not self._threads:
+                raise
+        else:
+            self._threads += 1
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:

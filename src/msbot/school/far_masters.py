@@ -184,13 +184,18 @@ class Asking(Generic[_R]):
             address: threading.Thread(target=self._run, args=(address, line, work), name="msbot far", daemon=True)
             for address, line in self._lines.items()
         }
-        for thread in self._threads.values():
-            thread.start()
+        for address, thread in self._threads.items():
+            try:
+                thread.start()
+            except RuntimeError:
+                words = said("{address}: this computer has no thread left to ask it", address=address)
+                self._known[address] = FarTrouble(words)
 
     def answers(self) -> dict[str, _R | FarTrouble]:
         """By address: what is known of each when all have answered or their time is over."""
         for address, thread in self._threads.items():
-            thread.join(max(0.0, self._until - time.monotonic()))
+            if thread.ident is not None:  # it was started
+                thread.join(max(0.0, self._until - time.monotonic()))
             with self._lock:
                 self._known.setdefault(address, _too_late(address))  # unless something is known
             if thread.is_alive():
@@ -250,12 +255,13 @@ def say_stop(reason: str, group: str = "") -> Work[Answer]:
         if group and (other := line.mapping("GET", "/api/status").get("stop_group")) != group:
             note({"stop_group": other})
             return
-        line.mapping("POST", "/api/stop", {"reason": reason[:200]})
-        note({"stopped": True, "told": None, "silent": [], "not_confirmed": 0})  # more is not known yet
+        taken = line.mapping("POST", "/api/stop", {"reason": reason[:200]})
+        stored = {"stored": taken.get("stored", True)}
+        note({"stopped": True, "told": None, "silent": [], "not_confirmed": 0} | stored)  # more is not known yet
         until = time.monotonic() + CONFIRM_S
         while True:
             status = line.mapping("GET", "/api/status")
-            note(status)
+            note(status | stored)
             if not status.get("not_confirmed") or time.monotonic() > until:
                 return
             time.sleep(AGAIN_S)

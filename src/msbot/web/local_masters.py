@@ -51,6 +51,8 @@ class StopForAll:
     """Masters that run and gave no answer."""
     waiting: tuple[str, ...] = ()
     """Robots with parts that had not confirmed it then, with their names."""
+    not_stored: tuple[str, ...] = ()
+    """Robots at which it ends with their masters."""
     not_told: tuple[str, ...] = ()
     """Robots elsewhere whose masters have not taken it, with the reason."""
 
@@ -85,6 +87,7 @@ class LocalMasters:
                 for answer in taken
                 if isinstance(names := answer.get("silent"), list) and names
             ),
+            not_stored=tuple(str(answer.get("robot", "")) for answer in taken if answer.get("stored") is False),
         )
 
 

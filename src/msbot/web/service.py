@@ -96,7 +96,7 @@ class Service:
         self._figures = figures
         self.whole_class = WholeClass(
             operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters(),
-            library=lambda: views.library, far=far,
+            library=lambda: views.library, far=far, asker=self.asker,
         )  # fmt: skip
         """All robots of the class."""
         self.past = RecordedPast(

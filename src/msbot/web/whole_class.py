@@ -10,7 +10,7 @@ from dataclasses import replace
 from msbot.config import Library
 from msbot.errors import ConfigError
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.rights import Right
+from msbot.operations.rights import Asker, Right
 from msbot.runtime.own_version import own_version
 from msbot.runtime.sentence import said
 from msbot.school.class_robots import ClassRobot, database_mark
@@ -41,14 +41,16 @@ class WholeClass:
         neighbours: the masters of this computer.
         library: gives the part types that a blueprint for many is checked against.
         far: the masters elsewhere.
+        asker: who asks for an operation.
     """
 
     def __init__(
         self, operations: RunningOperations, records: Records, robot: Callable[[], Robot], accounts: Accounts, *,
         clock: Callable[[], float], neighbours: LocalMasters, library: Callable[[], Library],
-        far: FarRobots | None = None,
+        asker: Callable[[Session], Asker], far: FarRobots | None = None,
     ) -> None:  # fmt: skip
         self._operations = operations
+        self._asker = asker
         self._records = records
         self._robot = robot
         self._accounts = accounts
@@ -102,15 +104,19 @@ class WholeClass:
 
         Raises:
             NotAllowed: the session may not say STOP.
-            ConfigError: the file with the accesses cannot be used; the robots of this computer were told.
+            ConfigError: the file with the accesses cannot be used, and the robots of this computer were told; or no
+                thread can be started, and only this robot was told.
         """
         self._accounts.require(session, Right.STOP)
         self.rollouts.hold_back(said("STOP was said to all robots"))
         reason = said("{session} said STOP to all robots of the class", session=session.name)
-        here, far = await asyncio.gather(
-            self._neighbours.stop_all(session.name, reason), self._far.stop_all(reason), return_exceptions=True
+        own = self._operations.do("stop", who=self._asker(session), reason=reason)  # first, and without a thread
+        found = _, here, far = await asyncio.gather(
+            own, self._neighbours.stop_all(session.name, reason), self._far.stop_all(reason), return_exceptions=True
         )
-        for one in (here, far):
+        for one in found:
+            if isinstance(one, RuntimeError):
+                raise ConfigError(said("STOP was said to this robot, and NOT to the others: no thread can be started"))
             if isinstance(one, BaseException):
                 raise one
         assert isinstance(here, StopForAll)
@@ -133,6 +139,7 @@ def together(here: StopForAll, far: Sequence[FarStop]) -> StopForAll:
         parts=here.parts + sum(answer["told"] for _, answer in known),
         confirmed=here.confirmed + sum(answer["told"] - answer.get("not_confirmed", 0) for _, answer in known),
         waiting=(*here.waiting, *waiting, *(robot for robot, answer in taken if answer.get("told") is None)),
+        not_stored=(*here.not_stored, *(robot for robot, answer in taken if answer.get("stored") is False)),
         not_told=tuple(f"{one.robot}: {one.trouble}" if one.trouble else one.robot for one in far
                        if one.answer is None or not one.answer.get("stopped")),
     )  # fmt: skip

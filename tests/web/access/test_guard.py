@@ -212,14 +212,17 @@ async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None
     rig = Rig()
     session = rig.session()
     word = {CSRF_HEADER: session.csrf}
-    said = await rig.ask("/api/stop", "POST", session=session, content_length=str(MAX_BODY + 1), more=word)
+    said = await rig.ask("/api/go", "POST", session=session, content_length=str(MAX_BODY + 1), more=word)
     assert said.status == 413
-    nonsense = await rig.ask("/api/stop", "POST", session=session, content_length="many", more=word)
+    nonsense = await rig.ask("/api/go", "POST", session=session, content_length="many", more=word)
     assert nonsense.status == 400
     chunks = (b"x" * (MAX_BODY // 2),) * 5
-    unsaid = await rig.ask("/api/stop", "POST", session=session, bodies=chunks, more=word)
+    unsaid = await rig.ask("/api/go", "POST", session=session, bodies=chunks, more=word)
     assert (unsaid.status, unsaid.json) == (413, {"error": f"at most {MAX_BODY} octets can be sent here"})
     assert len(unsaid.messages) == 2, "and nothing of what the application makes of it"
+    for length in (str(MAX_BODY + 1), "many"):
+        stop = await rig.ask("/api/stop", "POST", session=session, content_length=length, more=word)
+        assert stop.status == 200, "STOP reads as much as it needs"
     ada = rig.accounts.sessions.begin("ada", Role.ADMINISTRATOR)
     for path in ("/api/restore", "/_nicegui/client/1/upload/2"):  # by the API, and from the page
         rig.pages = {"1": ada}

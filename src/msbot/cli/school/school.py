@@ -150,6 +150,7 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
             "confirmed",
             "silent",
             "not_confirmed",
+            "stored",
             "error",
         )
         click.echo(json.dumps([{name: answer[name] for name in names if name in answer} for answer in answers]))
@@ -223,17 +224,22 @@ def stop_line(answer: dict[str, object]) -> str:
         return f"{who}: {answer['error']}"
     if not answer["stopped"]:
         return f"{who}: STOP has been ended meanwhile"
+    return f"{who}: {_confirmed(answer)}{'' if answer.get('stored', True) else '; NOT stored: it ends with its master'}"
+
+
+def _confirmed(answer: dict[str, object]) -> str:
+    """Which parts of a robot have confirmed the STOP that holds there."""
     told, missing, names = answer["told"], answer["not_confirmed"], answer["silent"]
     if told is None:
-        return f"{who}: STOP was taken; which parts have confirmed it is NOT known"
+        return "STOP was taken; which parts have confirmed it is NOT known"
     assert isinstance(told, int)
     assert isinstance(missing, int)
     assert isinstance(names, list)
     if not told:
-        return f"{who}: STOP holds; no part is in the robot"
+        return "STOP holds; no part is in the robot"
     if not missing:
-        return f"{who}: STOP, confirmed by {'the one part' if told == 1 else f'all {told} parts'}"
-    return f"{who}: STOP, confirmed by {told - missing} of {amount(told, 'part')}; NOT by {', '.join(map(str, names))}"
+        return f"STOP, confirmed by {'the one part' if told == 1 else f'all {told} parts'}"
+    return f"STOP, confirmed by {told - missing} of {amount(told, 'part')}; NOT by {', '.join(map(str, names))}"
 
 
 @command.command("apply")

@@ -141,6 +141,9 @@ async def _stop_all(page: Page) -> None:
     if done.waiting:
         words = page.say("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+    if done.not_stored:
+        words = page.say("Not stored, it ends with their masters: {robots}", robots=", ".join(done.not_stored))
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.silent:
         words = page.language.count(
             done.silent, "NOT delivered to {count} master that runs here: cut its power.",
