@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import AsyncIterator
+from typing import cast
 
 import pytest
 
@@ -82,3 +83,28 @@ async def test_without_an_interface_all_addresses_are_announced() -> None:
 async def test_an_interface_that_is_not_there_is_said_in_words() -> None:
     with pytest.raises(LinkDown, match=r"discovery on 239\.255\.0\.2:7400 is not possible"):
         await DiscoveryResponder(3018, interface="192.0.2.77").run()
+
+
+@pytest.mark.parametrize(
+    ("address", "is_answered"),
+    [("127.0.0.1", True), ("127.0.0.9", True), ("0.0.0.0", True), ("192.0.2.7", True), ("192.0.2.8", False)],
+)
+def test_a_loopback_agent_answers_every_address_of_its_computer_and_no_other(
+    address: str, is_answered: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("msbot.agent.discovery.host_addresses", lambda: ["127.0.0.1", "192.0.2.7"])
+    asked = [(QUESTION, (address, 4711))]
+    answered: list[object] = []
+
+    class Socket:
+        def recvfrom(self, _: int) -> tuple[bytes, tuple[str, int]]:
+            if not asked:
+                raise BlockingIOError
+            return asked.pop()
+
+        def sendto(self, _: bytes, sender: object) -> None:
+            answered.append(sender)
+
+    responder = DiscoveryResponder(3018, interface="127.0.0.1")
+    responder._drain(cast("socket.socket", Socket()))
+    assert answered == [(address, 4711)] * is_answered

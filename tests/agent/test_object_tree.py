@@ -218,11 +218,14 @@ def test_clear_leaves_nothing() -> None:
     tree.make_all()
 
 
-def test_more_objects_than_allowed_are_refused() -> None:
+def test_more_objects_than_allowed_are_refused_with_the_reason(caplog: pytest.LogCaptureFixture) -> None:
     tree = Tree(AgentSettings(max_objects=2))
     for number in (1, 2):
         assert tree.make(make_object_id(number, 1), participant_variant("p")) is Status.OK
     assert tree.make(make_object_id(3, 1), participant_variant("p")) is Status.ERR_RESOURCES
+    assert tree.make(make_object_id(3, 1), participant_variant("p")) is Status.ERR_RESOURCES
+    assert tree.host.dropped == {"object beyond 2 of one client": 2}
+    assert caplog.text.count("object 0031 is refused") == 1, "said once"
     assert tree.delete(make_object_id(1, 1)) is Status.OK
     assert tree.make(make_object_id(3, 1), participant_variant("p")) is Status.OK
 

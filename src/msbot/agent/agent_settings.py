@@ -59,7 +59,7 @@ class AgentSettings:
     max_outside_per_s: float = 10_000.0
     """Packets a second outside sessions (logins, questions, garbage) that are read, where the gate limits them; clients
     with a place in the robot may send as many in addition."""
-    max_objects: int = 256
+    max_objects: int = 4096
     """Objects of one client; more are answered ERR_RESOURCES."""
     max_objects_unsettled: int = 64
     """Objects of one client that the gate does not call settled."""

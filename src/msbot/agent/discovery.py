@@ -34,6 +34,7 @@ DISCOVERY_PORT = 7400
 _PER_TURN = 32
 """Requests read before others get their turn."""
 _DATAGRAM_MAX = 2048
+_NO_ADDRESS = "0.0.0.0"  # noqa: S104 - whom a packet comes from, not where to listen
 _LOOPBACK = "127."
 _ONLY_JOINED_GROUPS = 49
 """IP_MULTICAST_ALL of Linux, which the socket module does not name: when set to 0, a socket hears only its own
@@ -112,7 +113,7 @@ class DiscoveryResponder:
             port: where clients look for it; 0 = any free port (see `address`).
             group: multicast group that clients ask.
             interface: IPv4 address of the one interface to listen on and to announce; all if absent. With a loopback
-                address, other machines get no answer.
+                address, other machines get no answer, and programs of this one do, by whatever interface they ask.
             told: returns the addresses to announce; those of the interfaces if absent. An agent on IPv6 is also asked
                 over IPv4, like the genuine one, and announces IPv6 addresses.
         """
@@ -167,7 +168,8 @@ class DiscoveryResponder:
         """Join the group on every interface wanted; one that cannot (it is down) does not matter if another can."""
         failure: OSError | None = None
         joined = 0
-        for address in self._addresses():
+        # A client of this computer asks by whichever interface its system chooses, also where only loopback is served.
+        for address in host_addresses() if self._is_local else self._addresses():
             member = socket.inet_aton(self._group) + socket.inet_aton(address)
             try:
                 sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
@@ -181,6 +183,10 @@ class DiscoveryResponder:
     def _addresses(self) -> list[str]:
         return [self._interface] if self._interface else host_addresses()
 
+    def _is_from_here(self, address: str) -> bool:
+        """Whether a program of this computer asks: from any of its addresses, or before it has one."""
+        return address.startswith(_LOOPBACK) or address == _NO_ADDRESS or address in host_addresses()
+
     def _drain(self, sock: socket.socket) -> None:
         for _ in range(_PER_TURN):
             try:
@@ -191,7 +197,7 @@ class DiscoveryResponder:
                 logger.debug("no discovery request could be read: %s", error)
                 return
             answer = discovery_answer(packet, self._told, self._service_port)
-            if answer is None or (self._is_local and not sender[0].startswith(_LOOPBACK)):
+            if answer is None or (self._is_local and not self._is_from_here(sender[0])):
                 logger.debug("no discovery request from %s", sender)
                 continue
             try:

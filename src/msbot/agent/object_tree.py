@@ -66,6 +66,14 @@ class ObjectBudget:
         self._free += count
 
 
+def _refuse(host: EndpointHost, reason: str, object_id: int) -> Status:
+    """Refuse an object; the client is told no reason, so people are."""
+    if reason not in host.dropped:
+        logger.warning("client %08X: object %04X is refused: %s", host.key, object_id, reason)
+    host.dropped.count(reason)
+    return Status.ERR_RESOURCES
+
+
 class ObjectTree:
     """The objects of one client (see the module docstring)."""
 
@@ -119,8 +127,10 @@ class ObjectTree:
             # Only here does it matter what the gate says.
             settled = host.is_settled()
             limit = self._settings.max_objects if settled else self._settings.max_objects_unsettled
-            if len(entities) >= limit or not self._budget.take(settled=settled):
-                return Status.ERR_RESOURCES
+            if len(entities) >= limit:
+                return _refuse(host, f"object beyond {limit} of one client", object_id)
+            if not self._budget.take(settled=settled):
+                return _refuse(host, "object beyond what all clients together may have", object_id)
         try:
             entity = self._creator.make(host, object_id, definition, parent, entities)
         except NoSuchTopic as error:
