@@ -51,8 +51,8 @@ ROS_TYPES: dict[str, type[Message]] = {
 }  # fmt: skip
 """The known message types of ROS 2 by their names in DDS."""
 
-MOST_BEHIND = 8
-"""Octets that Fast DDS may leave behind a message that ends with empty lists or texts."""
+MOST_BEHIND = 1024
+"""Octets behind a message that are let be: Fast DDS leaves some for each empty list, with anything in them."""
 
 _NAME = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(msg/)?(?P<type>[A-Z][A-Za-z0-9]*)")
 _PATH = re.compile(r"(?P<path>[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*)(\s*\*\s*(?P<factor>\d+(\.\d+)?([eE]-?\d+)?))?")

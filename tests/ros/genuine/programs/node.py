@@ -57,7 +57,7 @@ class Does:
             answer = wait(client.call_async(filled(kind.Request(), request)), name)
             took.append(time.perf_counter() - begun)
         self.node.destroy_client(client)
-        return {"response": plain(answer), "fastest_ms": 1e3 * min(took)}
+        return {"response": plain(answer), "median_ms": 1e3 * sorted(took)[len(took) // 2]}
 
     def serve(self, type, name):
         """A service that answers true, and tells what it was asked."""
