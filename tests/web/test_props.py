@@ -27,7 +27,8 @@ def test_only_words_of_ours_are_put_into_properties(path: Path) -> None:
     for call in ast.walk(ast.parse(path.read_text())):
         if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "props"):
             continue
-        for part in ast.walk(call):
+        given = [*call.args, *(one.value for one in call.keywords)]
+        for part in (part for one in given for part in ast.walk(one)):
             if isinstance(part, ast.FormattedValue):
                 words = ast.unparse(part.value)
                 if not OURS.fullmatch(words) and (path.name, words) not in KNOWN:
