@@ -87,7 +87,11 @@ def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[School]:
         assert found is not None, line
         made.page = found[0]
         patch.setenv("MSBOT_TOKEN", made.token)
+        deadline = time.monotonic() + PATIENCE_S
         status, said, error = ask("join", made.page)
+        while status != 0 and time.monotonic() < deadline:  # a page's first answer takes long on a busy computer
+            assert "no answer in time" in error
+            status, said, error = ask("join", made.page)
         assert status == 0, error
         assert said.startswith(f"MSBOT_MASTER X2 at {made.page} is in the class as lab (teacher)\n")
         AccessBook().keep(FarAccess(made.away, "msbot_x", "MSBOT_MASTER", "X4"))
@@ -168,7 +172,7 @@ def test_a_stop_group_says_which_robots_here_and_elsewhere_are_meant(school: Sch
     assert "X1" not in said
     assert (status != 0, error) == (True, "NOT stopped: MSBOT_MASTER X4: cut their power"), "nobody knows its group"
     assert "X2" not in ask("stop", "--stop-group", near)[1]
-    assert "'bench 1' is no name for a STOP group" in ask("stop", "--stop-group", "bench 1")[2]
+    assert ask("stop", "--stop-group", "bench 1")[0] == 2
     groups = {one["serial_number"]: one["stop_group"] for one in json.loads(ask("list", "--json")[1])}
     assert groups == {"X1": near, "X2": far, "X3": "", "X4": ""}
     assert f"STOP group {near}" in ask("list", near)[1]
