@@ -27,9 +27,15 @@ class ConnectionPace:
         of_address: connections a second from one unknown address.
         in_all: from all unknown addresses together.
         knows: whether an address is known.
+        is_shared: whether an address passes on what others ask, as a trusted proxy does: it has no bound, because one
+            stranger would use up everybody's; the proxy can bound strangers itself.
     """
 
-    def __init__(self, of_address: float, in_all: float, knows: Callable[[str], bool]) -> None:
+    def __init__(
+        self, of_address: float, in_all: float, knows: Callable[[str], bool],
+        is_shared: Callable[[str], bool] = lambda _: False,
+    ) -> None:  # fmt: skip
+        self._is_shared = is_shared
         self._of_address = SteadyRate(of_address, of_address * BURST_S, MOST_ADDRESSES)
         self._in_all = SteadyRate(in_all, in_all * BURST_S, 1)
         known = KNOWN_TIMES * of_address
@@ -38,6 +44,8 @@ class ConnectionPace:
 
     def takes(self, address: str, now: float) -> bool:
         """Whether a connection that has come from there is taken; if not, it is to be closed at once."""
+        if self._is_shared(address):
+            return True
         bounds = (
             [(self._known, address)]
             if self._knows(address)

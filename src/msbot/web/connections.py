@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Callable
 from typing import Any
 
 from uvicorn.config import Config
@@ -43,9 +44,11 @@ class Connections:
 
     Args:
         most: connections in all; None: as the system allows.
+        is_shared: whether many people come from an address, as from a trusted proxy: it has no limit of its own.
     """
 
-    def __init__(self, most: int | None = None) -> None:
+    def __init__(self, most: int | None = None, is_shared: Callable[[str], bool] = lambda _: False) -> None:
+        self._is_shared = is_shared
         self._most = min(MOST, _descriptors() // 2) if most is None else most
         self._open: dict[WatchedConnection, str] = {}
         """In the order of their last activity, with their addresses."""
@@ -59,7 +62,7 @@ class Connections:
         """Accept a new connection; False: there is no room, and no idle one that could make room."""
         for one in [one for one in self._open if one.is_closing()]:
             del self._open[one]
-        same = [one for one, where in self._open.items() if where == address]
+        same = [] if self._is_shared(address) else [one for one, where in self._open.items() if where == address]
         if len(same) >= MOST_PER_ADDRESS and not self._drop_idle(same):
             return False
         if len(self._open) >= self._most and not self._drop_idle(list(self._open)):

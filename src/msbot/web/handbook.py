@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from msbot.runtime.carried_files import carried_folder
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.web.place import root
 
 CHAPTERS = (("tutorial", "Tutorial"), ("howto", "How to"), ("explain", "Explanation"), ("reference", "Reference"))
 """Folders of the handbook with their titles, in the order of reading."""
@@ -46,16 +47,20 @@ def title_of(name: str) -> str | None:
     return dict(page for chapter in chapters() for page in chapter.pages).get(name)
 
 
-@cache
 def page_html(name: str) -> str | None:
     """A page of the handbook as HTML without its title, its links led to the other pages; None when there is none."""
+    return _page_html(name, root())
+
+
+@cache
+def _page_html(name: str, where: str) -> str | None:
     if title_of(name) is None:
         return None
     text = (folder() / f"{name}.md").read_text("utf-8")
     import markdown2  # only who reads the handbook needs it
 
     html = str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables", "header-ids"]))
-    return _TARGET.sub(lambda found: _led(name, found), _HEADING.sub("", html, count=1))
+    return _TARGET.sub(lambda found: _led(name, where, found), _HEADING.sub("", html, count=1))
 
 
 def picture(name: str) -> tuple[bytes, str] | None:
@@ -72,7 +77,7 @@ def _title(page: Path) -> str:
     return first.removeprefix("# ").replace("`", "")
 
 
-def _led(name: str, found: re.Match[str]) -> str:
+def _led(name: str, root: str, found: re.Match[str]) -> str:
     parts: list[str] = []
     for part in (PurePosixPath(name).parent / found["path"]).parts:
         if part == "..":
@@ -82,4 +87,4 @@ def _led(name: str, found: re.Match[str]) -> str:
     target = "/".join(parts).removesuffix(".md")
     is_picture = PurePosixPath(target).suffix in PICTURES
     where = "/handbook/pictures/" if is_picture else "/handbook/"
-    return f'{found["what"]}="{where}{target}{found["anchor"] or ""}"'
+    return f'{found["what"]}="{root}{where}{target}{found["anchor"] or ""}"'

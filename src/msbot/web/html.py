@@ -13,6 +13,7 @@ from jinja2 import BaseLoader, Environment, StrictUndefined, Template, TemplateN
 from markupsafe import Markup
 
 from msbot.runtime.kept_beside import kept_names
+from msbot.web.place import root
 
 __all__ = ["Markup", "render"]
 
@@ -48,6 +49,7 @@ _templates = Environment(
     lstrip_blocks=True,
     auto_reload=False,
 )
+_templates.globals["root"] = root
 
 
 def render(template: str, /, **values: object) -> Markup:

@@ -26,6 +26,7 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 from nicegui import core, ui
+from nicegui.middlewares import RedirectWithPrefixMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute
@@ -43,6 +44,7 @@ from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.web.access.cookies import cookie_names
 from msbot.web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard
+from msbot.web.access.proxies import BehindProxies, Proxies
 from msbot.web.access.sign_in_pages import make_forms
 from msbot.web.api.late_routes import LateRoutes
 from msbot.web.api.problems import tell_problems
@@ -99,6 +101,8 @@ class WebSettings:
     """PEM file with its private key; absent: in the same file."""
     names: tuple[str, ...] = ()
     """Further host names under which the page may be asked for; addresses and the computer's own name always are."""
+    proxies: tuple[str, ...] = ()
+    """Addresses and networks of reverse proxies whose word about a request counts."""
 
 
 class _Server(uvicorn.Server):
@@ -136,8 +140,9 @@ class WebServer:
 
     def __init__(self, service: Service, settings: WebSettings) -> None:
         self._service = service
-        self.connections = Connections()
         self._known = KnownAddresses()
+        self._proxies = Proxies(settings.proxies)
+        self.connections = Connections(is_shared=self._proxies.trusts)
         self._tls = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
         self._socket = _bind(settings)
         self.host = settings.host
@@ -193,7 +198,7 @@ class WebServer:
             Tally(),
             tls=self._tls,
             handshake_s=HEAD_S,
-            pace=ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, self._known.knows),
+            pace=ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, self._known.knows, self._proxies.trusts),
             reserved=RESERVED,
             make_room=self.connections.make_room,
         )
@@ -236,6 +241,9 @@ class WebServer:
         mark_page_scripts()
         ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
                     reconnect_timeout=KEPT_S, favicon=STATIC / "icon.svg")  # fmt: skip
+        # `BehindProxies` leads redirects into the page's folder; NiceGUI would do so once more.
+        leads_twice: object = RedirectWithPrefixMiddleware
+        core.app.user_middleware = [one for one in core.app.user_middleware if one.cls is not leads_twice]
         app.router.lifespan_context = _undisturbed(app.router.lifespan_context)
         core.app.config.socket_io_js_transports = ["websocket", "polling"]  # the second where the first does not pass
         # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
@@ -250,14 +258,14 @@ class WebServer:
             signed_in=self._known.note,
         )  # fmt: skip
         return uvicorn.Config(
-            guard,
+            BehindProxies(guard, self._proxies),
             log_config=None,  # its own handlers would write past the robot's, which bounds what strangers can cause
             log_level="warning",
             access_log=False,
             server_header=False,
             lifespan="on",
             timeout_graceful_shutdown=1,
-            proxy_headers=False,
+            proxy_headers=False,  # `BehindProxies` reads them
             ws=LateWebSocket,
             ws_max_size=MAX_MESSAGE,
             ws_max_queue=MOST_MESSAGES,
@@ -317,7 +325,7 @@ def _refusal(request: Request, status: int, words: str) -> Response:
 def _names_of(settings: WebSettings) -> tuple[str, ...]:
     """The host names that the page answers to; a hostile site's name that leads here gets no answer."""
     if settings.host in LOOPBACK:
-        return LOOPBACK
+        return (*LOOPBACK, *settings.names)
     own = socket.gethostname()
     short = own.partition(".")[0]
     return (*LOOPBACK, ANY_ADDRESS, settings.host, own, short, f"{short}.local", socket.getfqdn(), *settings.names)

@@ -128,6 +128,7 @@ def command(
     port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
     page_names: tuple[str, ...],
+    trusted_proxies: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Run a robot on this machine, everything simulated: a rover of ten parts, or the thesis' ring of three.
 
@@ -143,7 +144,8 @@ def command(
         chosen,
         lessons,
         page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
-                    certificate=certificate, certificate_key=certificate_key, page_names=page_names),
+                    certificate=certificate, certificate_key=certificate_key, page_names=page_names,
+                    trusted_proxies=trusted_proxies),
         space,
         rec,
         metrics_port,

@@ -110,6 +110,7 @@ def command(
     verbose: bool, port: int | None, host: str, no_page: bool,
     certificate: Path | None, certificate_key: Path | None,
     page_names: tuple[str, ...],
+    trusted_proxies: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
 
@@ -122,6 +123,7 @@ def command(
         certificate=certificate,
         certificate_key=certificate_key,
         page_names=page_names,
+        trusted_proxies=trusted_proxies,
     )
     own_group()  # as below
     log_wishes.set_up(logging.INFO if verbose else logging.WARNING)

@@ -34,12 +34,13 @@ class PageWishes:
     certificate: Path | None
     key: Path | None
     names: tuple[str, ...] = ()
+    proxies: tuple[str, ...] = ()
 
     def settings(self) -> WebSettings:
         """The same in the form that the web room takes; imports that room."""
         from msbot.web.server import WebSettings
 
-        return WebSettings(self.host, self.port, self.or_any_port, self.certificate, self.key, self.names)
+        return WebSettings(self.host, self.port, self.or_any_port, self.certificate, self.key, self.names, self.proxies)
 
 
 def page_options(command: _C) -> _C:
@@ -50,6 +51,8 @@ def page_options(command: _C) -> _C:
         click.option("--certificate", type=path, help="Serve the page by TLS with this certificate (PEM)."),
         click.option("--page-name", "page_names", multiple=True, metavar="NAME",
                      help="Another host name by which browsers ask for the page; the computer's own always will do."),
+        click.option("--trusted-proxy", "trusted_proxies", multiple=True, metavar="ADDRESS",
+                     help="A reverse proxy (or a network of them) whose X-Forwarded- headers count for the page."),
         click.option("--no-page", is_flag=True, help="Serve no web page."),
         click.option("--host", default="127.0.0.1", show_default=True,
                      help="Where the page is served: 127.0.0.1 is this computer only, 0.0.0.0 every network it is in."),
@@ -68,6 +71,7 @@ def page_wishes(
     certificate: Path | None,
     certificate_key: Path | None,
     page_names: tuple[str, ...] = (),
+    trusted_proxies: tuple[str, ...] = (),
 ) -> PageWishes:
     """The options as one value.
 
@@ -84,6 +88,7 @@ def page_wishes(
         certificate=certificate,
         key=certificate_key,
         names=page_names,
+        proxies=trusted_proxies,
     )
 
 

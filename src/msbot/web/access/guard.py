@@ -27,6 +27,7 @@ from msbot.operations.rights import Right
 from msbot.runtime.tally import Tally
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
+from msbot.web.access.proxies import UNTRUSTED
 from msbot.web.access.sessions import Session
 from msbot.web.content_policy import NONCE, new_nonce, page_policy
 from msbot.web.refusals import HTML, refusal_page, wants_page
@@ -267,7 +268,12 @@ class AccessGuard:
 
 def _as_seen(scope: Scope, headers: Headers) -> bytes:
     """Under which address a request has come."""
-    return json.dumps({"address": f"{scope['scheme']}://{headers.get('host', '')}", "proxy": ""}).encode()
+    return json.dumps(
+        {
+            "address": f"{scope['scheme']}://{headers.get('host', '')}",
+            "proxy": scope.get("state", {}).get(UNTRUSTED, ""),
+        }
+    ).encode()
 
 
 def _headers_of(scope: Scope) -> Headers:

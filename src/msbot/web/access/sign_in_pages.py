@@ -18,6 +18,7 @@ from msbot.web.access.sessions import GUEST_S, LONGEST_S, Session
 from msbot.web.access.ticket_pages import add_ticket_forms
 from msbot.web.html import render
 from msbot.web.language import language_of
+from msbot.web.place import root
 
 _LONGEST_FORM = 10_000
 _MOST_FIELDS = 10
@@ -112,7 +113,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
         if session is not None:
             accounts.sign_out(session, request.cookies.get(cookies.device, ""))
         response = RedirectResponse("/login", status_code=303)
-        response.delete_cookie(cookies.session)
+        response.delete_cookie(cookies.session, path=root() or "/")
         response.delete_cookie(cookies.device)
         return response
 
@@ -120,13 +121,13 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Pas
         response = RedirectResponse(wanted, status_code=303)
         is_secure = request.url.scheme == "https"
         response.set_cookie(
-            cookies.session, session.token, max_age=int(GUEST_S if session.guest_of else LONGEST_S), httponly=True,
-            samesite="lax", secure=is_secure,
+            cookies.session, session.token, max_age=int(GUEST_S if session.guest_of else LONGEST_S), path=root() or "/",
+            httponly=True, samesite="lax", secure=is_secure,
         )  # fmt: skip
         if not session.is_lasting and not session.guest_of:
             response.set_cookie(
-                cookies.device, accounts.browsers.use(request.cookies.get(cookies.device, ""), session.name), max_age=_DEVICE_S, httponly=True, samesite="strict",
-                secure=is_secure,
+                cookies.device, accounts.browsers.use(request.cookies.get(cookies.device, ""), session.name), max_age=_DEVICE_S, path=root() or "/",
+                httponly=True, samesite="strict", secure=is_secure,
             )  # fmt: skip
         return response
 

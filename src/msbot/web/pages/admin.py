@@ -19,6 +19,7 @@ from msbot.web.api.models import Done, UserLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
+from msbot.web.place import base_of
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
 
@@ -41,7 +42,7 @@ def register(service: Service) -> None:
             if not page.may(Right.ADMINISTER):
                 ui.label(page.say("Only an administrator sees this page.")).classes("ms-banner warn")
                 return
-            _People(page, str(request.base_url))
+            _People(page, base_of(request))
             _tokens(page)
             _Backup(page)
             _changes(page)

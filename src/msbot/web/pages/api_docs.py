@@ -7,6 +7,7 @@ from nicegui import ui
 
 from msbot.web.html import render
 from msbot.web.pages.layout import page_frame
+from msbot.web.place import base_of
 from msbot.web.service import Service
 
 
@@ -21,9 +22,7 @@ def register(service: Service) -> None:
                 for path, calls in _paths(request).items()
                 for method, call in calls.items()
             ]
-            ui.html(render("api", say=page.say, base=str(request.base_url), calls=calls), sanitize=False).classes(
-                "w-full"
-            )
+            ui.html(render("api", say=page.say, base=base_of(request), calls=calls), sanitize=False).classes("w-full")
 
 
 def _paths(request: Request) -> dict[str, dict[str, dict[str, object]]]:

@@ -19,6 +19,7 @@ from msbot.web.api.models import Done
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import heading, panel, set_html
+from msbot.web.place import root
 from msbot.web.service import Service
 
 PUSH_S = 0.1
@@ -52,7 +53,7 @@ def register(service: Service) -> None:
                     ui.label("msbot demo --world line").style("font-family:monospace")
                     ui.label(page.say("A robot that has joined another program's world is shown on that one's page."))
                 return
-            ui.add_head_html('<script src="/web/arena.js"></script>')
+            ui.add_head_html(f'<script src="{root()}/web/arena.js"></script>')
             _ArenaPage(page)
 
 

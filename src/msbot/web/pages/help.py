@@ -145,7 +145,7 @@ TOUR = (
     TourStep("Welcome! This is your robot. Every card is a slot, and a part fills it.", ".grid"),
     TourStep("The colour and the word say how a part is. The ring runs while it waits for the next beat.", ".place"),
     TourStep("Click a card: settings, wires, and why the part is as it is.", ".place"),
-    TourStep("New or refused parts wait under Arrivals, each with its reason.", '.ms-nav a[href="/arrivals"]'),
+    TourStep("New or refused parts wait under Arrivals, each with its reason.", '.ms-nav a[href$="/arrivals"]'),
     TourStep("STOP puts every part into its safe state, from every page. Escape twice does the same.", "#ms-stop"),
     TourStep("Lost? The question mark explains the page you are on.", ".ms-help"),
 )

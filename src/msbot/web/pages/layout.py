@@ -35,6 +35,7 @@ from msbot.web.pages.easy import is_easy, read_easily
 from msbot.web.pages.help import help_button, offer_tour
 from msbot.web.pages.looking_back import PATHS, LookingBack
 from msbot.web.pages.menu import show_menu
+from msbot.web.place import root
 from msbot.web.service import Service, done_of
 from msbot.web.sight import LiveSight, Sight
 
@@ -281,7 +282,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     ui.add_head_html(str(render("head", language=page.language.code, easy=page.easy)))
     # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
     # Its script runs after socket.io and NiceGUI are there and before they connect.
-    channel = '<script defer src="/web/channel.js"></script>'
+    channel = f'<script defer src="{root()}/web/channel.js"></script>'
     ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)) + channel)
     ui.page_title(f"{page.say(title)} · {service.robot_name}")
     dark = ui.dark_mode(_dark_of(request))
@@ -337,7 +338,7 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
         ui.separator()
         ui.menu_item(page.say("API"), lambda: ui.navigate.to("/api-docs"))
         ui.menu_item(page.say("Sign out"), lambda: ui.run_javascript(
-            "const f=document.createElement('form');f.method='post';f.action='/logout';document.body.append(f);f.submit()"
+            "const f=document.createElement('form');f.method='post';f.action=msbotAt('/logout');document.body.append(f);f.submit()"
         ))  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first
 from msbot.web.pages.slots_by_hand import ask_for_slot
 from msbot.web.pages.type_search import types_found
+from msbot.web.place import base_of
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.passport import picture_of, qr_svg
@@ -36,7 +37,7 @@ def register(service: Service) -> None:
                 ui.label(page.say("There is no part type {number} in the library.", number=number))
                 ui.link(page.say("Library"), "/library")
             else:
-                _entry(page, found, str(request.base_url))
+                _entry(page, found, base_of(request))
                 if page.may(Right.DESIGN):
                     make = partial(ask_for_slot, page, found.number)
                     ui.button(page.say("New slot for this type"), icon="add", on_click=make).classes("self-start")

@@ -18,6 +18,7 @@ from nicegui.events import GenericEventArguments
 
 from msbot.errors import ConfigError, MsbotError
 from msbot.web.html import render
+from msbot.web.place import root
 from msbot.web.sight import PastSight
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class LookingBack:
         self._is_reading = False
         self._listeners: list[Callable[[float | None], object]] = []
         self._begin_s: float | None = None
-        ui.add_head_html('<script src="/web/moment.js"></script>')
+        ui.add_head_html(f'<script src="{root()}/web/moment.js"></script>')
         ui.html(render("look_back", say=page.say), sanitize=False).classes("w-full ms-moment-place")
         ui.on("ms_moment", self._asked)
         ui.run_javascript(f"msbotMoment.begin({json.dumps(self._setup())})")

@@ -27,6 +27,7 @@ from msbot.web.live import HISTORY_S
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.pages.plot_views import SavedViews
+from msbot.web.place import root
 from msbot.web.service import Service
 
 SPANS_S = {"10 s": 10.0, "1 min": 60.0, "5 min": 300.0, "10 min": 600.0, "1 h": 3600.0}
@@ -37,11 +38,14 @@ PUSH_S = 0.1
 MOST_POINTS = 1500
 """Points of a curve that are sent at once."""
 LONGEST_S = 30 * 24 * 3600.0
-_HEAD = (
-    '<link rel="stylesheet" href="/web/uplot/uPlot.min.css">'
-    '<script src="/web/uplot/uPlot.iife.min.js"></script>'
-    '<script src="/web/plot_charts.js"></script><script src="/web/plots.js"></script>'
-)
+
+
+def _head() -> str:
+    return (
+        f'<link rel="stylesheet" href="{root()}/web/uplot/uPlot.min.css">'
+        f'<script src="{root()}/web/uplot/uPlot.iife.min.js"></script>'
+        f'<script src="{root()}/web/plot_charts.js"></script><script src="{root()}/web/plots.js"></script>'
+    )
 
 
 def register(service: Service) -> None:
@@ -50,7 +54,7 @@ def register(service: Service) -> None:
     @ui.page("/plots")
     def plots(request: Request, show: str = "", span: float = SPAN_S) -> None:
         with page_frame(service, request, "/plots", "Plots") as page:
-            ui.add_head_html(_HEAD)
+            ui.add_head_html(_head())
             wanted = [name for name in show.split(",") if name]
             _Plots(page, wanted, span if span in SPANS_S.values() else SPAN_S)
 

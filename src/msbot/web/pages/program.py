@@ -27,6 +27,7 @@ from msbot.web.pages.program_blocks import ProgramBlocks
 from msbot.web.pages.program_words import program_words
 from msbot.web.pages.share_program import ShareDialog
 from msbot.web.pages.under_teacher import UnderTeacher
+from msbot.web.place import base_of, root
 from msbot.web.programs.block_view import PYTHON, with_view
 from msbot.web.programs.browser_files import examples
 from msbot.web.programs.program_deeds import ProgramDeeds
@@ -52,7 +53,7 @@ def register(service: Service) -> None:
             if not page.may(Right.JOIN):
                 ui.label(page.say("Students and teachers may run programs."))
                 return
-            desk = _Desk(page, str(request.base_url))
+            desk = _Desk(page, base_of(request))
             await desk.lay_out(name, shared)
 
 
@@ -78,7 +79,7 @@ class _Desk:
 
         say = self._page.say
         for script in ("board", "program"):
-            ui.add_head_html(f'<script src="/web/program/{script}.js"></script>')
+            ui.add_head_html(f'<script src="{root()}/web/program/{script}.js"></script>')
         bar = ui.element("div").classes("row w-full ms-prog-bar")
         self._blocks.lay_out()
         with bar:
@@ -195,7 +196,7 @@ class _Desk:
             self._choice.value = name
         ui.run_javascript(
             f"msbotProgram.opened({self._editor.id}, {json.dumps(name)}, {json.dumps(self._page.session.name)});"
-            f"history.replaceState(history.state, '', {json.dumps(f'/program?name={name}')})"
+            f"history.replaceState(history.state, '', msbotAt({json.dumps(f'/program?name={name}')}))"
         )
 
     @property

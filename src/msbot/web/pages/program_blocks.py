@@ -16,6 +16,7 @@ from msbot.registry import ProgramSource
 from msbot.web.html import Markup, render
 from msbot.web.pages.layout import Page
 from msbot.web.pages.page_elements import show_dialog
+from msbot.web.place import root
 from msbot.web.programs.block_view import BLOCKS, PYTHON, View, view_of, with_view
 from msbot.web.programs.program_shelf import MAX_BLOCKS
 from msbot.web.programs.robot_words import RobotWords, robot_words
@@ -64,7 +65,7 @@ class ProgramBlocks:
 
     def lay_out(self) -> None:
         """The script; it loads the rest when somebody wants blocks."""
-        ui.add_head_html('<script src="/web/program/blocks.js"></script>')
+        ui.add_head_html(f'<script src="{root()}/web/program/blocks.js"></script>')
         ui.on("ms_blocks", self._heard)
 
     def lay_out_place(self) -> None:

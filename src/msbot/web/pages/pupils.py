@@ -20,6 +20,7 @@ from msbot.web.pages.admin import THIS_COMPUTER
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import END_WITH_MASTER, ask_first, heading, page_dialog, panel, show_dialog
 from msbot.web.pages.relay_tickets import relay_tickets
+from msbot.web.place import base_of
 from msbot.web.pupils import PupilNow, PupilTicket
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
@@ -39,7 +40,7 @@ def register(service: Service) -> None:
             _controls(page)
             _Everybody(page)
             _groups(page)
-            _Accounts(page, str(request.base_url))
+            _Accounts(page, base_of(request))
             relay_tickets(page)
 
 

@@ -130,7 +130,7 @@ class _Quiz:
         address = f"/learn/quiz?seed={self._seed}"
         if self._past or self._asked:
             address += f"&past={self._past}&asked={self._asked}&right={self._right}"
-        ui.run_javascript(f"history.replaceState(history.state, '', '{address}')")
+        ui.run_javascript(f"history.replaceState(history.state, '', msbotAt('{address}'))")
 
     def _check(self) -> None:
         given = str(self._answer.value or "").strip()

@@ -15,6 +15,7 @@ from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import set_html
 from msbot.web.pages.slots_by_hand import ask_for_slot, ask_to_take_out
 from msbot.web.pages.topics_by_hand import join, say_misfit
+from msbot.web.place import root
 from msbot.web.service import Service
 from msbot.web.svg.drawings import value_words
 from msbot.web.svg.wiring_graph import box_colour, rate_words, wiring_svg
@@ -26,7 +27,7 @@ def register(service: Service) -> None:
     @ui.page("/wires")
     def wires(request: Request) -> None:
         with page_frame(service, request, "/wires", "Wires") as page:
-            ui.add_head_html('<script src="/web/wires.js"></script>')
+            ui.add_head_html(f'<script src="{root()}/web/wires.js"></script>')
             _Drawing(page)
             _table(page)
 

@@ -158,7 +158,7 @@ const msbot = (() => {
     if (!closers.length) bare = location.href;
     if (!entry()) mark(false);
     closers.push(id);
-    addresses.set(id, address || location.href);
+    addresses.set(id, address ? msbotAt(address) : location.href);
     const isNew = closers.length > depth;
     if (isNew) depth += 1;
     mark(isNew);

@@ -21,12 +21,12 @@ const msbotBlocks = (() => {
 
   // Blockly takes itself for a module of an AMD loader where there is one; the page has none.
   async function load() {
-    const base = "/web/blockly";
+    const base = msbotAt("/web/blockly");
     await script(`${base}/blockly_compressed.js`);
     await script(`${base}/blocks_compressed.js`);
     await script(`${base}/python_compressed.js`);
     await script(`${base}/${language}.js`);
-    const [shapes, writer] = await Promise.all([import("/web/program/block_shapes.js"), import("/web/program/block_python.js")]);
+    const [shapes, writer] = await Promise.all([import(msbotAt("/web/program/block_shapes.js")), import(msbotAt("/web/program/block_python.js"))]);
     parts = { ...shapes, ...writer, ...shapes.defineBlocks(Blockly, robot, words) };
     defineLooks();
   }
@@ -61,7 +61,7 @@ const msbotBlocks = (() => {
   function inject() {
     const isNarrow = innerWidth < PHONE_PX, place = at("ms-blocks-place");
     workspace = Blockly.inject(place, {
-      toolbox: parts.toolboxOf(words, false), renderer: "zelos", theme: theme(), media: "/web/blockly/", sounds: false,
+      toolbox: parts.toolboxOf(words, false), renderer: "zelos", theme: theme(), media: msbotAt("/web/blockly/"), sounds: false,
       trashcan: !isNarrow, maxBlocks: MOST_BLOCKS, horizontalLayout: isNarrow, toolboxPosition: isNarrow ? "end" : "start",
       move: { scrollbars: true, drag: true, wheel: true },
       // Below 1 Blockly leaves out what wobbles; who wants no motion cannot zoom beyond.

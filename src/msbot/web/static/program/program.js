@@ -189,14 +189,14 @@ const msbotProgram = (() => {
     useDevice(/^\s*(import|from)\s+device\b/m.test(program));
     state("starting", "new", "");
     try {
-      files = files || (await (await fetch("/program/files.json")).json());
+      files = files || (await (await fetch(msbotAt("/program/files.json"))).json());
     } catch {
       if (mine !== begun) return;
       line("error", say("noFiles"), 0);
       return finish();
     }
     if (mine !== begun) return; // stopped meanwhile, or begun once more
-    const one = (worker = new Worker("/program/worker.js", { type: "module" }));
+    const one = (worker = new Worker(msbotAt("/program/worker.js"), { type: "module" }));
     worker.onmessage = ({ data }) => { if (worker === one) heard(data); };
     worker.onerror = (event) => { if (worker === one) { line("error", event.message || say("noFiles"), 0); finish(); } };
     askedAt = null;
@@ -204,7 +204,7 @@ const msbotProgram = (() => {
       do: "hold", on: held !== "",
     });
     worker.postMessage({
-      do: "run", base: location.origin, address: location.origin.replace("http", "ws") + "/api/link", files, program, name, uid: uid(), device,
+      do: "run", base: location.origin + msbotRoot, address: location.origin.replace("http", "ws") + msbotAt("/api/link"), files, program, name, uid: uid(), device,
     });
     document.documentElement.classList.add("ms-runs");
     sessionStorage.setItem("msbot_runs", name);
@@ -321,7 +321,7 @@ const msbotProgram = (() => {
     bar.removeAttribute("value");
     tellBoard(say("boardAsks"), "");
     const packageFiles = async (mpy) => {
-      const answer = await fetch(`/program/board.json?mpy=${mpy}`).catch(() => null);
+      const answer = await fetch(msbotAt(`/program/board.json?mpy=${mpy}`)).catch(() => null);
       if (!answer || !answer.ok) throw new BoardError("noFiles");
       return answer.json();
     };

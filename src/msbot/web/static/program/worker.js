@@ -3,7 +3,7 @@
 // can be reached but the VM's files and the robot's link, so that a program of somebody else can do nothing in the name
 // of whoever runs it, but be a part.
 
-import { openHome } from "/web/program/home.js";
+import { openHome } from "../web/program/home.js";
 
 const FLUSH_MS = 200, MOST_LINES = 50, LONGEST = 2000, LOOK_MS = 250, BACK_MS = 1000, WAITING = 64 * 1024;
 const REFUSED = 4400; // codes from here to 4499: the robot does not want this part
