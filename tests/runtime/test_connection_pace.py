@@ -34,3 +34,9 @@ def test_who_is_known_comes_in_beside_a_flood_from_everywhere() -> None:
     burst = int(KNOWN_TIMES * OF_ADDRESS * BURST_S)
     assert all(pace.takes("10.1.1.1", 20.0) for _ in range(burst))
     assert not pace.takes("10.1.1.1", 20.0)
+
+
+def test_an_address_that_passes_on_what_others_ask_has_no_bound() -> None:
+    pace = ConnectionPace(1.0, 1.0, lambda _: False, lambda address: address == "10.0.0.1")
+    assert all(pace.takes("10.0.0.1", 0.0) for _ in range(10_000))
+    assert not all(pace.takes("10.0.0.2", 0.0) for _ in range(10_000))

@@ -33,9 +33,9 @@ LONGEST_S = 0.3
 """A page that waits, for the database for instance, lets others go first after that time."""
 NOT_CONNECTED_S = 5.0
 """How long a page that is being loaded is left alone; it connects within that time."""
-LEAST_STEP_S, LONGEST_STEP_S = 0.03, 0.5
-"""Between two turns that are given: as long as making a page has taken lately, and as long again for what it loads."""
-LONGEST_TURN_S = 20.0
+LEAST_STEP_S, LONGEST_STEP_S = 0.03, 0.25
+"""Between two turns that are given: as long as making a page has taken lately, and half as long for what it loads."""
+LONGEST_TURN_S = 10.0
 """Turns are given so far ahead; who asks then is told to ask again."""
 WAITING = "so many of your pages are being made: wait until they are there"
 OPEN = "so many of your pages are open: close some of them"
@@ -128,7 +128,7 @@ class PageTurns:
             if not own:
                 del self._given[id(session)]
             return None
-        self._next_turn_at = at + min(max(2.0 * self._made_s, LEAST_STEP_S), LONGEST_STEP_S)
+        self._next_turn_at = at + min(max(1.5 * self._made_s, LEAST_STEP_S), LONGEST_STEP_S)
         own.append(at)
         return at - now
 
