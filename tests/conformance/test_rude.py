@@ -8,6 +8,7 @@ from random import Random
 
 import pytest
 
+from msbot.agent import AgentSettings
 from tests.agent.replay import load
 from tests.conformance.agent_rig import (
     DELETED,
@@ -285,7 +286,8 @@ def test_a_writer_on_a_subscriber_and_a_reader_of_no_topic(agent: AgentRig) -> N
     assert agent.say(f"81 01 02 00 {reader}") == packets(status("81 01 02 00", "00 79", "00 26", "80"))
 
 
-def test_more_objects_than_allowed_are_refused_with_err_resources(agent: AgentRig) -> None:
+def test_more_objects_than_allowed_are_refused_with_err_resources() -> None:
+    agent = AgentRig(settings=AgentSettings(max_objects=256))
     agent.log_in()
     codes = [
         code(agent.say(participant("81 00 00 00", object_id=f"{number >> 4:02x} {number & 15:x}1")))
@@ -294,3 +296,4 @@ def test_more_objects_than_allowed_are_refused_with_err_resources(agent: AgentRi
     assert codes == [0] * 256 + [0x87] * 44
     assert agent.say("81 01 00 00 03 01 04 00 00 77 00 11")
     assert code(agent.say(participant("81 00 00 00", object_id="ff 01"))) == 0
+    agent.close()

@@ -8,6 +8,7 @@ from msbot.xrce.messages.envelope import Envelope
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.sessions.settings import SessionSettings
 from msbot.xrce.streams.asking_again import AskingAgain
+from msbot.xrce.streams.overtaking import Overtaking
 from msbot.xrce.streams.receiving_in_order import ReliableInput
 from msbot.xrce.streams.session_output import SessionOutput
 
@@ -15,14 +16,14 @@ from msbot.xrce.streams.session_output import SessionOutput
 class Rig:
     """One reliable stream, whose receiver asks; the round trip takes 2 ms."""
 
-    def __init__(self, *, guesses: bool = True, measured: bool = True) -> None:
+    def __init__(self, *, guesses: bool = True, measured: bool = True, is_stock: bool = True) -> None:
         counters = SessionCounters()
         settings = SessionSettings()
         self.sender = SessionOutput(Envelope(0x81, 1, 512, pads=False), counters, settings)
         if measured:
             self.sender.round_trip.measure(0.002)
         self.stream = ReliableInput(16, Memory(1 << 20), counters)
-        self.asking = AskingAgain(self.sender, guesses=guesses)
+        self.asking = AskingAgain(self.sender, guesses=guesses, overtaking=Overtaking() if is_stock else None)
 
     def take(self, number: int, now: float) -> None:
         """A message comes in."""
@@ -79,7 +80,7 @@ def test_on_a_clean_link_or_a_bus_nothing_is_asked_for_that_may_not_exist(guesse
 
 
 def test_nothing_is_asked_again_while_the_round_trip_is_unknown() -> None:
-    rig = Rig(measured=False)
+    rig = Rig(measured=False, is_stock=False)
     rig.take(1, 1.0)
     assert rig.asking.next_at() is None
 

@@ -4,11 +4,12 @@ A gap is reported with the ACKNACK of the message that revealed it. If that repo
 lost, too, nothing else may arrive that would reveal it, so the report is repeated after a while. On a lossy link the
 newest messages may be missing as well, or the ACKNACK of the newest may be lost; the peer notices only with its own
 timer, 100 ms later in C clients, and never if it is run in shorter slices. So there, the message after the newest one
-is asked for too, as if it were known to be missing, as long as the link counts as lossy. A peer that has it sends it at
-once, and one that has nothing more ignores the question. The waits grow, up to the peer's own period.
+is asked for too, as if it were known to be missing: a few times, and of a stock client over UDP as long as the link
+counts as lossy. A peer that has it sends it at once, and one that has nothing more ignores the question. The waits
+grow, up to the peer's own period.
 
-Bounds. A receiver with a gap would say so with every message that arrives, and a stock client answers each time with
-everything it has. So the same gap is reported again only when the wait for an answer is over.
+Bounds. A receiver with a gap says so with every message that arrives, and a stock client answers each time with
+everything it has. So over UDP the same gap is reported to it again only when the wait for an answer is over.
 
 Networks that reorder (`Overtaking`). There, the time that a packet may be late is left
 
@@ -33,6 +34,9 @@ from msbot.xrce.streams.session_output import SessionOutput
 
 REPEATS_MAX = 8
 """How often the same gap is reported, at least, while nothing arrives; after that as long as the link is lossy."""
+
+GUESSES_MAX = 4
+"""How often the message after the newest one is asked for, at least."""
 
 UNMEASURED_S = 0.02
 """The wait for an answer of a stock client while the round trip is not known. Elsewhere nothing is repeated then."""
@@ -108,6 +112,8 @@ class AskingAgain:
             question.repeat_at = due_at if question.kind is _Kind.LATER else min(due_at, question.repeat_at)
             self.questions[stream_id] = (stream, question)
             return False
+        if question is not None and self._overtaking is None:
+            question.repeated = 0
         self._plan(stream_id, stream, question, first, bits, now, delay_s, ripe_at)
         return True
 
@@ -182,6 +188,8 @@ class AskingAgain:
         was_asked: bool,
     ) -> float:  # fmt: skip
         """When the ACKNACK may go that what came calls for."""
+        if self._overtaking is None:
+            return now
         if first == stream.told_first and bits and bits == stream.told_bits and question is not None and not was_asked:
             return question.repeat_at
         return stream.told_at + delay_s if delay_s else now
@@ -204,7 +212,8 @@ class AskingAgain:
             return
         if question is None or question.kind is not kind:
             question = _Question(first, kind, now)
-        may_repeat = question.repeated < REPEATS_MAX or (is_lossy and self._guesses)
+        most = GUESSES_MAX if kind is _Kind.GUESS else REPEATS_MAX
+        may_repeat = question.repeated < most or (is_lossy and self._overtaking is not None)
         if kind is _Kind.LATER and ripe_at is not None:
             question.repeat_at = ripe_at
         elif may_repeat and sender.round_trip.smoothed_s is not None:
