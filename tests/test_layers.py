@@ -20,12 +20,3 @@ def test_every_room_is_in_the_table() -> None:
     rooms = [path for path in (ROOT / "src/msbot").iterdir() if path.is_dir() and path.name != "__pycache__"]
     for room in rooms:
         assert f"| `{room.name}` |" in table
-
-
-def test_files_stay_readable() -> None:
-    long = {
-        str(path.relative_to(ROOT)): lines
-        for path in (ROOT / "src").rglob("*.py")
-        if (lines := len((text := path.read_text()).splitlines())) > 400 and "written by `msbot idl`" not in text[:200]
-    }
-    assert not long

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 HEAVY = {"asyncio", "sqlalchemy", "alembic", "rich", "msgspec", "can", "serialx", "cyclonedds", "nicegui", "numpy"}
-MOST_MODULES = 1480
+MOST_MODULES = 1500
 """What a robot with its page may load; 1,723 before anybody counted."""
 
 

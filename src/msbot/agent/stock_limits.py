@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from msbot.agent.gate import ClientInfo
 from msbot.runtime.tally import Tally
-from msbot.xrce.streams.receiving_in_order import GIVEN_UP
+from msbot.xrce import GIVEN_UP
 
 logger = logging.getLogger(__name__)
 

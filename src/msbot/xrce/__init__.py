@@ -13,9 +13,11 @@ from msbot.xrce.sessions.agent import AgentSession
 from msbot.xrce.sessions.client import ClientSession
 from msbot.xrce.sessions.client_state import ClientState
 from msbot.xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
+from msbot.xrce.streams.receiving_in_order import GIVEN_UP
 from msbot.xrce.wireshark import dissector
 
 __all__ = [
+    "GIVEN_UP",
     "AgentSession",
     "AgentSessionSettings",
     "ClientSession",

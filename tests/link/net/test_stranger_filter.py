@@ -12,7 +12,7 @@ from itertools import islice
 import pytest
 
 from msbot.link import Peer
-from msbot.link.net.flood_watch import CHANCES, LOOK_S, Admission
+from msbot.link.net.flood_watch import CHANCES, LOOK_S, StrangersHeard
 from msbot.link.net.stranger_filter import (
     FEW_KNOWN,
     MOST_KNOWN,
@@ -86,7 +86,7 @@ def test_known_peers_come_through_by_address_and_port_and_of_strangers_one_group
         heard(opened)
         through: list[set[str]] = []
         for turn in range(4):
-            attach(opened, strangers_program(Admission(4, turn, CHANCES), tuple(known)))
+            attach(opened, strangers_program(StrangersHeard(4, turn, CHANCES), tuple(known)))
             for host, port in known:
                 sent(opened, host, port=port)
             assert heard(opened) == known
@@ -104,7 +104,7 @@ def test_another_port_of_a_known_address_is_a_stranger() -> None:
         heard(opened)
         shut = 0
         for turn in range(2):
-            attach(opened, strangers_program(Admission(2, turn, CHANCES), (known,)))
+            attach(opened, strangers_program(StrangersHeard(2, turn, CHANCES), (known,)))
             sent(opened, "127.0.0.2")
             shut += not heard(opened)
         assert shut == 1
@@ -112,7 +112,7 @@ def test_another_port_of_a_known_address_is_a_stranger() -> None:
 
 def test_of_a_group_that_sends_too_much_a_part_comes_through_by_chance() -> None:
     with listening() as opened:
-        attach(opened, strangers_program(Admission(1, 0, CHANCES // 4), ()))
+        attach(opened, strangers_program(StrangersHeard(1, 0, CHANCES // 4), ()))
         sent(opened, "127.0.0.2", 200)
         assert 20 < len(heard(opened)) < 90
 
@@ -121,7 +121,7 @@ def test_of_a_group_that_sends_too_much_a_part_comes_through_by_chance() -> None
 def test_so_many_peers_have_room_in_the_filter(count: int, by_port: bool) -> None:
     with listening() as opened:
         known = [(f"127.0.{number // 200}.{1 + number % 200}", 40_000 + number) for number in range(count)]
-        attach(opened, strangers_program(Admission(1 << 20, 0, CHANCES), tuple(known), by_port=by_port))
+        attach(opened, strangers_program(StrangersHeard(1 << 20, 0, CHANCES), tuple(known), by_port=by_port))
         for host, port in (known[0], known[count // 2], known[-1]):
             sent(opened, host, port=port)
             assert heard(opened) == [(host, port)]
@@ -138,7 +138,9 @@ def test_a_socket_of_both_kinds_hears_known_peers_of_both() -> None:
         four = sent(opened, "127.0.0.2")
         heard(opened)
         program = strangers_program(
-            Admission(1 << 20, 0, CHANCES), (("::1", six[1], 0, 0), (f"::ffff:{four[0]}", four[1], 0, 0)), is_ipv6=True
+            StrangersHeard(1 << 20, 0, CHANCES),
+            (("::1", six[1], 0, 0), (f"::ffff:{four[0]}", four[1], 0, 0)),
+            is_ipv6=True,
         )
         attach(opened, program)
         for host, port in (six, four):

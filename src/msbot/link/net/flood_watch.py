@@ -42,7 +42,7 @@ MOST_HEARD = 16384
 
 
 @dataclass(frozen=True, slots=True)
-class Admission:
+class StrangersHeard:
     """Which strangers are heard now."""
 
     turns: int
@@ -57,7 +57,7 @@ class FloodWatch:
     """See the module's docstring."""
 
     def __init__(self) -> None:
-        self.admission: Admission | None = None
+        self.admission: StrangersHeard | None = None
         """Who is heard; None: everybody, it is calm."""
         self.per_s = 0.0
         """How many datagrams a second came from strangers at the latest look."""
@@ -69,7 +69,7 @@ class FloodWatch:
         self._heard: dict[Hashable, float] = {}
         self._heard_before: dict[Hashable, float] = {}
 
-    def look(self, read: int, dropped: int, now: float) -> Admission | None:
+    def look(self, read: int, dropped: int, now: float) -> StrangersHeard | None:
         """Take the counts since the last look into account; returns who is heard from now on.
 
         Args:
@@ -108,7 +108,7 @@ class FloodWatch:
 
     def _begin_turn(self, turn: int, now: float) -> None:
         turns = min(MOST_TURNS, max(2, math.ceil(self._usual / READ_PER_S)))
-        self.admission = Admission(turns, turn % turns, CHANCES)
+        self.admission = StrangersHeard(turns, turn % turns, CHANCES)
         self._turn_ends_at = now + TURN_S
 
     def _bound(self, read_per_s: float) -> None:
@@ -117,7 +117,7 @@ class FloodWatch:
         assert admission is not None
         if read_per_s > 1.5 * READ_PER_S:
             chance = max(1, int(admission.chance * READ_PER_S / read_per_s))
-            self.admission = Admission(admission.turns, admission.turn, chance)
+            self.admission = StrangersHeard(admission.turns, admission.turn, chance)
 
     def _is_over(self, now: float) -> bool:
         if self.per_s >= CALM_PER_S:

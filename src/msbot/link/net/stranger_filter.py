@@ -19,7 +19,7 @@ from collections.abc import Hashable
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from msbot.link.contract import KnownPeers, Peer
-from msbot.link.net.flood_watch import CHANCES, LOOK_S, Admission, FloodWatch
+from msbot.link.net.flood_watch import CHANCES, LOOK_S, FloodWatch, StrangersHeard
 from msbot.runtime.tally import Tally
 
 NOT_READ = "datagram of a stranger during a flood: not read"
@@ -72,7 +72,7 @@ class StrangerFilter:
         self._read = 0
         self._strangers = known.strangers
         self._drops = _drops(opened)
-        self._set: tuple[Admission, tuple[Peer, ...]] | None = None
+        self._set: tuple[StrangersHeard, tuple[Peer, ...]] | None = None
         self._told_at: float | None = None
         self._timer: asyncio.TimerHandle | None = None
 
@@ -133,7 +133,7 @@ class StrangerFilter:
                 self._name, self._watch.per_s,
             )  # fmt: skip
 
-    def _attach(self, admission: Admission) -> None:
+    def _attach(self, admission: StrangersHeard) -> None:
         wanted = (admission, tuple(self._known.first(MOST_KNOWN)))
         if wanted == self._set or sys.platform != "linux":
             return
@@ -155,7 +155,7 @@ class StrangerFilter:
 
 
 def strangers_program(
-    admission: Admission, known: tuple[Peer, ...], *, is_ipv6: bool = False, by_port: bool = True
+    admission: StrangersHeard, known: tuple[Peer, ...], *, is_ipv6: bool = False, by_port: bool = True
 ) -> list[Instruction]:  # fmt: skip
     """The filter, in classic BPF.
 
@@ -196,7 +196,7 @@ def attach(opened: socket.socket, program: list[Instruction]) -> None:
     opened.setsockopt(socket.SOL_SOCKET, _ATTACH, what)
 
 
-def _section(version: int, admission: Admission, ports: _Ports) -> list[Instruction]:
+def _section(version: int, admission: StrangersHeard, ports: _Ports) -> list[Instruction]:
     """The filter for one version of IP: first each known address with its ports, then the strangers."""
     source = [_NETWORK + 12] if version == 4 else [_NETWORK + 8 + 4 * number for number in range(4)]
     program: list[Instruction] = [(_WORD, 0, 0, source[0])] if version == 4 else []
@@ -220,7 +220,7 @@ def _ports(ports: list[int]) -> list[Instruction]:
     return [one for port in sorted(set(ports)) for one in ((_EQUAL, 0, 1, port), (_RETURN, 0, 0, _WHOLE))]
 
 
-def _strangers(source: list[int], admission: Admission) -> list[Instruction]:
+def _strangers(source: list[int], admission: StrangersHeard) -> list[Instruction]:
     program: list[Instruction] = [(_WORD, 0, 0, source[0])]
     for at in source[1:]:
         program += [(_TO_X, 0, 0, 0), (_WORD, 0, 0, at), (_XOR_X, 0, 0, 0)]
