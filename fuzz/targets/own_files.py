@@ -245,7 +245,10 @@ _STATUS = json.dumps(
     {"format": FORMAT, "what": "agent", "name": "a", "details": {}, "up_s": 1.5, "links": [], "topics": [],
      "dropped": {}}
 ) + '\n{"end": 0}'  # fmt: skip
-_SESSION = '{"key": "ab", "name": "bob", "csrf": "x", "age_s": 5.0, "idle_s": 1.0, "guest_of": ""}'
+_SESSION = json.dumps(
+    {"key": "ab", "name": "bob", "csrf": "x", "age_s": 5.0, "idle_s": 1.0, "guest_of": "",
+     "mark": _accounts().mark_of("bob")}
+)  # fmt: skip
 
 OWN: dict[str, Parser] = {
     "sessions": Parser(

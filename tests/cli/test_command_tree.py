@@ -27,7 +27,7 @@ NO_FACTS = {
         "user remove", "key board", "key remove", "bus send", "board reset", "rec start", "rec stop",
         "class apply", "class undo", "pupils robot", "class join", "class leave", "user revoke",
     ), DOES),
-    **dict.fromkeys(("user add", "user passwd", "user token", "key new"), SECRET),
+    **dict.fromkeys(("user add", "user passwd", "user ticket", "user token", "key new"), SECRET),
     "plot": "draws; `--out FILE.csv` has the numbers",
     "log diff": "writes lines as `diff` does, and its exit status says whether there are any",
 }  # fmt: skip
@@ -40,7 +40,8 @@ NOT_ONE_ROBOT = {
     **dict.fromkeys(("master", "diff", "apply", "slot add", "service install"), BLUEPRINT),
     **dict.fromkeys(("robots", "db backup", "db check", "db migrate", "db restore"), WHOLE),
     **dict.fromkeys(("class list", "class stop", "class apply", "class undo"), "is about all robots of the class"),
-    **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user revoke", "user role", "user token"),
+    **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user revoke", "user role", "user ticket",
+                     "user token"),
                     "people may sign in at every robot of the database"),
     **dict.fromkeys(("key board", "key new", "key list", "key remove"),
                     "a key is its part's, whichever robot that joins"),

@@ -25,7 +25,7 @@ WORDS = {
     "set": "AA gain 1", "publish": "AA.out 1", "bind": "topic --type HelloWorld", "unbind": "topic", "identify": "AA",
     "simulate": "AA", "slot add": "claw ABCD", "slot remove": "AA", "class apply": "robot.toml --yes",
     "user add": "ann --generate", "user passwd": "ann --generate", "user remove": "ann", "user revoke": "ann page",
-    "user role": "ann teacher", "user token": "ann page", "pupils group": "red --slot AA",
+    "user role": "ann teacher", "user ticket": "ann van", "user token": "ann page", "pupils group": "red --slot AA",
     "pupils hand-back": "ann", "pupils take-over": "ann", "pupils ungroup": "red", "db backup": "copy.db",
     "rec save": "odd", "rec start": "odd", "play": "odd.mcap --acts", "fault add": "noise", "mission answer": "noise",
     "mission repair": "tighten", "mission start": "a-bad-day", "lesson start": "hello",

@@ -80,7 +80,7 @@ def counts(world: World, heard: list[int]) -> Part:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_bad_serial_line(seed: int) -> None:
-    """Nothing is lost or doubled, even where so many answers to beats are (2 of 500 seeds) that a part starts over."""
+    """Nothing is lost or doubled, and the part does not start over."""
 
     async def main() -> None:
         world = World(ROBOT, MicroPython(DoubleEngine(), "serial"), PROGRAM, "program.py")
@@ -96,9 +96,7 @@ def test_a_bad_serial_line(seed: int) -> None:
         spoiler.is_on = True
         counts(world, heard)
         await asyncio.sleep(30.0)
-        starts_over = [line for line in world.log if line == "lost the inventory has not answered any beat lately"]
-        assert len(starts_over) == (seed == 5)
-        assert [line for line in world.log if line not in starts_over] == [str(number) for number in NUMBERS]
+        assert world.log == [str(number) for number in NUMBERS]
         assert heard == NUMBERS[len(NUMBERS) - len(heard) :]
         assert len(heard) > 30
         await world.close()

@@ -130,12 +130,15 @@ def test_words_are_made_whole_without_touching_what_is() -> None:
 
 @pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_what_was_found_in_requests_is_answered() -> None:
-    """An origin that is no address, a length of 5,000 digits, half a character in a ticket and in a body."""
+    """An origin that is no address, a length of 5,000 digits, half a character in a ticket and in a body.
+
+    What is odd about a STOP is dropped, and the robot stops.
+    """
     found = (
         ("head POST /login", b"origin: http://[", 403),
         ("head POST /login", b"content-length: " + b"9" * 5000, 400),
         ("form POST /pass", b"ticket=YWRh.ffffffff.%ED%A0%80", 403),
-        ("call POST /api/stop", b'{"reason": "\\ud800"}', 422),
+        ("call POST /api/stop", b'{"reason": "\\ud800"}', 200),
     )
     seen = TARGETS["page"].run(tuple(Step(verb, octets, (2,)) for verb, octets, _ in found))
     assert {f"{verb.partition(' ')[2]} {status}" for verb, _, status in found} <= {*seen}, seen

@@ -35,11 +35,11 @@ def ask(*arguments: str) -> Result:
     @page_options
     def command(
         *, port: int | None, host: str, no_page: bool, certificate: Path | None, certificate_key: Path | None,
-        page_names: tuple[str, ...],
+        page_names: tuple[str, ...], trusted_proxies: tuple[str, ...],
     ) -> None:  # fmt: skip
         found.append(
             page_wishes(port=port, host=host, no_page=no_page, certificate=certificate,
-                        certificate_key=certificate_key, page_names=page_names)
+                        certificate_key=certificate_key, page_names=page_names, trusted_proxies=trusted_proxies)
         )  # fmt: skip
         click.echo(repr(found[0]))
 

@@ -7,11 +7,12 @@ import json
 import click
 
 from msbot.cli.change.stop_route import Meant, say_go
+from msbot.cli.numbers import WholeRange
 from msbot.cli.options import robot_options, stop_group_option
 
 
 @click.command("go")
-@click.option("--stop", "number", type=click.IntRange(1), help="End this STOP, and none that was said after it.")
+@click.option("--stop", "number", type=WholeRange(1), help="End this STOP, and none that was said after it.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @stop_group_option
 @robot_options
