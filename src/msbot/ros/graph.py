@@ -97,6 +97,8 @@ class RosGraph:
 
     def _tell(self) -> None:
         self._timer = None
+        if not self._space.participants():
+            return  # the space has left DDS
         self._see_to_parameters()
         nodes = self._nodes()
         for domain, participant in self._space.participants().items():

@@ -83,15 +83,18 @@ class RobotInRos:
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._parameters.run())
-            if self._is_shown:
-                tasks.create_task(self._diagnose())
-            if self._master.blueprint.ros.clock:
-                tasks.create_task(self._tell_time())
-            if self._description:
-                text: type[Message] = String
-                self._writer("robot_description", text, LAST_ONE).write(String(data=self._description).encode())
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._parameters.run())
+                if self._is_shown:
+                    tasks.create_task(self._diagnose())
+                if self._master.blueprint.ros.clock:
+                    tasks.create_task(self._tell_time())
+                if self._description:
+                    text: type[Message] = String
+                    self._writer("robot_description", text, LAST_ONE).write(String(data=self._description).encode())
+        finally:
+            self._graph.close()
 
     # Nodes.
 

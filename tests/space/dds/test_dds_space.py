@@ -250,6 +250,23 @@ async def test_spaces_are_told_when_their_neighbours_end(caplog: pytest.LogCaptu
     assert caplog.records == []
 
 
+async def test_what_is_written_after_the_space_has_left_dds_goes_nowhere(pair: tuple[DdsSpace, DdsSpace]) -> None:
+    """The library has freed its writers by then: one call with an old one would end the program."""
+    here, there = pair
+    kept = here.writer(CHATTER, Qos(transient_local=True), guid(1))
+    inbox = Inbox()
+    there.reader(CHATTER, Qos(transient_local=True), inbox)
+    kept.write(b"before")
+    await until(lambda: inbox.payloads == [b"before"])
+    here.close()
+    DdsSpace(0).close()  # what comes next in the library's memory
+    for _ in range(100):
+        kept.write(b"after")
+    assert here.participants() == {}
+    assert here.writer(CHATTER, RELIABLE, guid(2)).troubles() == ("topic rt/chatter: the program has left DDS",)
+    assert inbox.payloads == [b"before"]
+
+
 def test_a_space_is_opened_by_its_address() -> None:
     async def main() -> None:
         with open_space(parse_space("dds:9?interface=lo"), partition="p") as space:

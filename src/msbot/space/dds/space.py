@@ -171,6 +171,8 @@ class DdsSpace:
         if self._retry is not None:
             self._retry.cancel()
         self._waiter.close()
+        for outlet in self._outlets:
+            outlet.end()
         for driver in self._rtps.values():
             driver.close()
         for domain in self._domains.values():
@@ -183,6 +185,8 @@ class DdsSpace:
         return replace(topic, domain=self._domain) if topic.domain == 0 and self._domain else topic
 
     def _domain_of(self, topic: Topic) -> Domain:
+        if not self._domains:
+            raise ConfigError(f"topic {topic.name}: the program has left DDS")
         return self._domains.get(topic.domain) or self._join(topic.domain)
 
     def _join(self, number: int) -> Domain:

@@ -23,7 +23,7 @@ OFFERED_STATUSES = PUBLICATION_MATCHED | OFFERED_INCOMPATIBLE
 class Outlet(Crossing):
     """One writer in the library, under one of the topic's names."""
 
-    __slots__ = ("_backlog", "_retry", "has_readers", "is_kept", "sample_type", "token")
+    __slots__ = ("_backlog", "_has_ended", "_retry", "has_readers", "is_kept", "sample_type", "token")
 
     WRITES = True
     DIFFERS = "a DDS peer asked for what is not offered"
@@ -44,6 +44,7 @@ class Outlet(Crossing):
         """Its token at the waiter."""
         self._retry = retry
         self._backlog: deque[bytes] = deque()
+        self._has_ended = False
 
     @property
     def waiting(self) -> int:
@@ -80,7 +81,14 @@ class Outlet(Crossing):
         """Forget the samples that wait."""
         self._backlog.clear()
 
+    def end(self) -> None:
+        """The space leaves DDS, and the library forgets the writer: what is written from now on goes nowhere."""
+        self._has_ended = True
+        self.close()
+
     def _put(self, payload: bytes) -> int:
+        if self._has_ended:
+            return 0
         try:
             code = self._serialiser.write(self.entity, self.sample_type, payload)
         except RemoteProtocolError:

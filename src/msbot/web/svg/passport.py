@@ -16,7 +16,9 @@ def picture_of(part_type: PartType) -> Markup:
     As an image, not as a piece of the page: nothing in it is HTML, runs, or fetches anything, whatever it holds.
     """
     data = base64.b64encode(picture_svg(part_type).encode()).decode()
-    return render("part_picture", source=f"data:image/svg+xml;base64,{data}", words=part_type.name)
+    return render(
+        "part_picture", source=f"data:image/svg+xml;base64,{data}", words=f"{part_type.number}: {part_type.name}"
+    )
 
 
 def qr_svg(text: str, *, scale: int = 4) -> Markup:
