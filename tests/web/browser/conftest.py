@@ -39,6 +39,8 @@ NOTE_TOLD = """window.told = [];
   }).observe(document, { childList: true, subtree: true, characterData: true });
 })()"""
 """Notes what notifications say: most go by themselves after 5 s, in which a busy test may not come to look."""
+FORGOTTEN = "window.isOld = true, socket.io.opts.query.client_id = 'of-an-earlier-run', socket.disconnect()"
+"""Evaluated in a page: its connection breaks, and the robot knows the page no more when it is back."""
 CLICK = "(one) => !document.documentElement.classList.contains('ms-dead') && (one.click(), true)"
 """In one turn: a page that has become grey since one has looked takes no click."""
 POLICY = "Content Security Policy"

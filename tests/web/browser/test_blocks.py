@@ -17,7 +17,7 @@ from tests.e2e.processes import running
 from tests.effort import THOROUGH
 from tests.lessons.lesson_stage import blocks_of_the_handbook
 from tests.web.browser.accessible import hurdles_by_day_and_night
-from tests.web.browser.conftest import CLICK, Site, again_until, call, go, new_page, told
+from tests.web.browser.conftest import CLICK, FORGOTTEN, Site, again_until, call, go, new_page, told
 from tests.web.browser.keyboard import tab_to
 from tests.web.browser.test_demo_pages import FITS
 
@@ -459,7 +459,7 @@ def test_from_blocks_to_python_and_back_and_all_of_it_kept(desk: Pupil, child: B
     page.wait_for_function("msbotBlocks.isShown()")
     desk.expect_text(made)
     # The robot is out of reach for so long that the page makes itself anew.
-    page.evaluate("window.isOld = true, socket.disconnect()")
+    page.evaluate(FORGOTTEN)
     desk.append({"type": "text_print", "id": "added"}, "")
     page.wait_for_function("!window.isOld && window.did_handshake && msbotBlocks.isShown()")
     page.wait_for_function("msbotBlocks.workspace().getBlockById('added') !== null")

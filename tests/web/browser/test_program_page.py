@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from msbot.web.language import COOKIE
 from tests.e2e.processes import run, running
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
-from tests.web.browser.conftest import Site, go, new_page, told
+from tests.web.browser.conftest import FORGOTTEN, Site, go, new_page, told
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PASSWORD = "correct horse"
@@ -397,7 +397,7 @@ def test_what_is_typed_while_the_robot_is_out_of_reach_is_kept_as_it_was_typed(o
     # It has been away for so long that the page makes itself anew.
     page.locator(".cm-content").click()
     page.keyboard.press("Control+End")
-    page.evaluate("window.isOld = true, socket.disconnect()")
+    page.evaluate(FORGOTTEN)
     page.keyboard.insert_text("three = 3\n")
     page.wait_for_function(f"!window.isOld && window.did_handshake && {TEXT}.endsWith('two = 2\\nthree = 3\\n')")
     told(page, "What you typed while the robot was out of reach is here again.")
