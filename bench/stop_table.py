@@ -14,7 +14,7 @@ import argparse
 import logging
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from bench.machine import describe_machine
@@ -24,7 +24,7 @@ from tests.firmware.pipe import Firmware
 from tests.homes.chromium import BrowserHome, Chromium
 from tests.homes.test_conformance import HOMES
 from tests.homes.world import Home
-from tests.stop.kinds import HAPPENINGS, CHome, story
+from tests.stop.kinds import CHome, stories
 from tests.stop.oracle import Verdict
 from tests.stop.ways import CUTS, agents_story, takeover_story
 from tests.stop.work import DEEDS, work_story
@@ -37,8 +37,12 @@ NAMES = {
 }  # fmt: skip
 
 
-def stories(firmware: Firmware, chromium: Chromium) -> Iterator[tuple[str, str, Callable[[Path], Verdict]]]:
-    """Parts, what happens meanwhile, and the story."""
+Told = Iterator[tuple[str, str, Verdict]]
+"""Parts, what happened meanwhile, and what came of it."""
+
+
+def tell(firmware: Firmware, chromium: Chromium) -> Told:
+    """All stories."""
 
     def home(kind: str) -> Home:
         if kind == "c":
@@ -46,14 +50,16 @@ def stories(firmware: Firmware, chromium: Chromium) -> Iterator[tuple[str, str, 
         return BrowserHome(chromium) if kind == "browser" else HOMES[kind]()
 
     for kind, name in NAMES.items():
-        for happening in HAPPENINGS:
-            words = (happening.__doc__ or "").rstrip(".")
-            yield name, words, lambda _, kind=kind, happening=happening: story(home(kind), happening)  # type: ignore[misc]
-    yield "Python, C", "the master is killed, another one takes over", lambda folder: takeover_story(folder, firmware)
+        for words, verdict in stories(home(kind)).items():
+            yield name, words, verdict
+    with tempfile.TemporaryDirectory() as folder:
+        verdict = takeover_story(Path(folder), firmware)
+        yield "Python, C", "the master is killed, another one takes over", verdict
     for cut in CUTS:
-        yield "Python, at two agents", cut, lambda _, cut=cut: agents_story(cut)  # type: ignore[misc]
+        yield "Python, at two agents", cut, agents_story(cut)
     for deed in DEEDS:
-        yield "simulated rover", deed, lambda folder, deed=deed: work_story(folder, deed)  # type: ignore[misc]
+        with tempfile.TemporaryDirectory() as folder:
+            yield "simulated rover", deed, work_story(Path(folder), deed)
 
 
 def main() -> None:
@@ -67,9 +73,7 @@ def main() -> None:
     firmware, chromium = Firmware(pipe_program()), Chromium()
     all_held = True
     try:
-        for parts, words, tell in stories(firmware, chromium):
-            with tempfile.TemporaryDirectory() as folder:
-                verdict = tell(Path(folder))
+        for parts, words, verdict in tell(firmware, chromium):
             all_held = all_held and verdict.is_right
             lines.append(
                 f"| {parts} | {words} | {verdict.confirmed_ms:.1f} | {verdict.on_the_way} "

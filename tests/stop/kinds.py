@@ -7,7 +7,7 @@ kind that is tried, which does the same.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 
 from msbot import Level
 from msbot.link.can.protocol.frames import Frame
@@ -19,7 +19,7 @@ from tests.homes.runners import as_micropython
 from tests.homes.world import UID, Home, Robot, World, run_virtual
 from tests.stop.oracle import POWER, SPEED, Oracle, Verdict, until_all_confirm
 
-EVERY_S = 0.05
+EVERY_S = 0.1
 SOME_S = 2.0
 PROGRAM = f"""
 from msbot import Level, Part
@@ -108,7 +108,7 @@ async def stopped_again(world: World, _plug_partner: Callable[[], object]) -> No
 async def the_partner_is_exchanged(world: World, plug_partner: Callable[[], object]) -> None:
     """The partner is pulled out, and another one comes."""
     await world.pull_partner()
-    await asyncio.sleep(8.0)
+    await asyncio.sleep(5.0)
     plug_partner()
 
 
@@ -136,9 +136,10 @@ HAPPENINGS: tuple[Happening, ...] = (
 """What may happen while STOP holds."""
 
 
-def story(home: Home, happening: Happening) -> Verdict:
-    """STOP, something happens, all confirm, a while, GO."""
-    oracle, verdict = Oracle(), Verdict()
+def stories(home: Home) -> Mapping[str, Verdict]:
+    """One robot, and for each happening: STOP, it happens, all confirm, a while, GO; what came of each."""
+    oracle = Oracle()
+    verdicts: dict[str, Verdict] = {}
 
     async def play() -> None:
         world = World(ROBOT, home, PROGRAM, "program.py")
@@ -167,25 +168,32 @@ def story(home: Home, happening: Happening) -> Verdict:
             world.plug()
             await world.until_state("active")
             await asyncio.sleep(SOME_S)
-            verdict.before = oracle.since({})
-            world.master.say_stop("ann")
-            verdict.confirmed_ms = await until_all_confirm(world.master, 2)
-            at, sent = dict(oracle.counts), oracle.on_the_way
-            await happening(world, plug_partner)
-            await until_all_confirm(world.master, 2)
-            await asyncio.sleep(SOME_S)
-            verdict.after, verdict.on_the_way = oracle.since(at), oracle.on_the_way - sent
-            at = dict(oracle.counts)
-            world.master.say_go("ann")
-            await asyncio.sleep(SOME_S)
-            verdict.again = oracle.since(at)
+            at: dict[str, int] = {}
+            for happening in HAPPENINGS:
+                verdict = verdicts[words_of(happening)] = Verdict(before=oracle.since(at))
+                world.master.say_stop("ann")
+                verdict.confirmed_ms = await until_all_confirm(world.master, 2)
+                at, sent = dict(oracle.counts), oracle.on_the_way
+                await happening(world, plug_partner)
+                await until_all_confirm(world.master, 2)
+                await asyncio.sleep(SOME_S)
+                verdict.after, verdict.on_the_way = oracle.since(at), oracle.on_the_way - sent
+                at = dict(oracle.counts)
+                world.master.say_go("ann")
+                await asyncio.sleep(SOME_S / 2)
+                verdict.again = oracle.since(at)
             speaking.cancel()
         finally:
             await world.close()
 
     with as_micropython():
         run_virtual(play())
-    return verdict
+    return verdicts
+
+
+def words_of(happening: Happening) -> str:
+    """What happens, as people are told."""
+    return (happening.__doc__ or "").rstrip(".")
 
 
 class _Heard(list[str]):

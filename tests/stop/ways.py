@@ -17,7 +17,7 @@ from tests.master.fed_stage import Stage
 from tests.master.fed_stage import play as play_agents
 from tests.stop.oracle import Verdict, until_all_confirm
 
-EVERY_S = 0.05
+EVERY_S = 0.1
 SOME_S = 2.0
 SWITCH_ON = b"\x01"
 

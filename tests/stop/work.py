@@ -18,7 +18,7 @@ from tests.lab.fault_stage import FaultStage, fault_scene
 from tests.lab.test_missions import OWN, Played
 from tests.stop.oracle import Oracle, Verdict, until_all_confirm
 
-SOME_S = 2.0
+SOME_S = 1.0
 
 Deed = Callable[[FaultStage, Path], Awaitable[None]]
 
@@ -53,11 +53,11 @@ async def _by_hand(stage: FaultStage, _folder: Path) -> None:
 
 
 async def _fault(stage: FaultStage, _folder: Path) -> None:
-    await stage.plant("unplug", "knob", **{"after": SOME_S + 1.0, "for": 5.0})
+    await stage.plant("unplug", "knob", **{"after": SOME_S + 0.5, "for": 2.0})
 
 
 async def _noise(stage: FaultStage, _folder: Path) -> None:
-    await stage.plant("loss", "fan", **{"for": 6.0})
+    await stage.plant("loss", "fan", **{"for": 4.0})
 
 
 async def _mission(stage: FaultStage, _folder: Path) -> None:
@@ -137,7 +137,6 @@ def work_story(folder: Path, name: str) -> Verdict:
         await until_all_confirm(master, 2)
         verdict.after, verdict.on_the_way = oracle.since(at), _published(stage) - sent
         await stage.operations.do("clear_fault", who="Ada")
-        await asyncio.sleep(SOME_S)
         at = dict(oracle.counts)
         master.say_go("ann")
         await asyncio.sleep(2 * SOME_S)
