@@ -17,6 +17,7 @@ NEEDED = "MSBOT_NEED_PROXIES"
 """Set where no test with a reverse proxy may be skipped, as in CI."""
 PATIENCE_S = 30.0
 WHOLE = """
+{user}
 pid {folder}/nginx.pid;
 error_log {folder}/error.log;
 worker_processes 1;
@@ -49,7 +50,9 @@ def nginx(folder: Path, servers: str, *ports: int) -> Iterator[Path]:
     """nginx with these `server` blocks, as soon as it listens on the ports; gives the file of its errors."""
     folder.mkdir()
     file = folder / "nginx.conf"
-    file.write_text(WHOLE.format(folder=folder, servers=servers))
+    # Started by root, nginx would work as nobody, who cannot write what a slow browser has not read yet into the folder.
+    user = "user root;" if os.geteuid() == 0 else ""
+    file.write_text(WHOLE.format(user=user, folder=folder, servers=servers))
     with proxy([command("nginx"), "-p", str(folder), "-c", str(file), "-e", str(folder / "error.log")], *ports):
         yield folder / "error.log"
 

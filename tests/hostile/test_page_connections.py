@@ -23,8 +23,14 @@ from msbot.web import connections
 from msbot.web.connections import MOST_HEAD, Connections, WatchedConnection
 
 
+SIGNED_IN = "/signed-in"
+"""Where a request has a session, as the page's guard gives it one."""
+
+
 async def answer(scope: Scope, receive: Receive, send: Send) -> None:
     """The application: reads the whole body, says how long it was."""
+    if scope["path"] == SIGNED_IN:
+        scope["state"]["session"] = object()
     octets, more = 0, True
     while more:
         message = await receive()
@@ -193,6 +199,37 @@ async def test_one_address_makes_room_among_its_own(monkeypatch: pytest.MonkeyPa
         assert b"200 OK" in await server.ask()
         assert len(server.open) <= 5
         for _, writer in idle:
+            writer.close()
+
+
+async def kept_open(server: Site, path: str = "/") -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A connection on which one request was answered, and which stays open for the next one."""
+    reader, writer = await server.connect()
+    await ask_again(reader, writer, path)
+    return reader, writer
+
+
+async def ask_again(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, path: str = "/") -> None:
+    writer.write(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+    head = await reader.readuntil(b"\r\n\r\n")
+    assert b"200 OK" in head
+    await reader.readexactly(1)
+
+
+@pytest.mark.promise("Idle connections keep nobody out")
+async def test_the_open_connection_of_somebody_signed_in_makes_room_last() -> None:
+    """Over it comes STOP: neither silent connections nor strangers who ask put it out, however long it was idle."""
+    async with site(most=10) as server:
+        person = await kept_open(server, SIGNED_IN)
+        strangers = [await kept_open(server) for _ in range(6)]
+        silent = [await server.connect() for _ in range(40)]
+        await ask_again(*person, SIGNED_IN)
+        strangers += [await kept_open(server) for _ in range(40)]
+        await ask_again(*person, SIGNED_IN)
+        while len(server.open) > 1:  # the process has no descriptor left, again and again
+            server.open.make_room()
+        await ask_again(*person, SIGNED_IN)
+        for _, writer in (person, *strangers, *silent):
             writer.close()
 
 

@@ -1,7 +1,9 @@
 """The connections of the page: how many may be open, and how long they may be slow.
 
-A connection that says nothing is closed after a while; when there are too many, the one that has been idle longest
-makes room. So connections that are only held open neither use up the robot's file descriptors nor keep people out.
+A connection that says nothing is closed after a while. When there are too many, an idle one makes room: first one that
+never asked anything, then a stranger's, last that of somebody who is signed in, over which STOP may come; among equals
+the one that has been idle longest. So connections that are only held open neither use up the robot's file descriptors
+nor keep people out.
 """
 
 from __future__ import annotations
@@ -71,7 +73,7 @@ class Connections:
         return True
 
     def make_room(self) -> None:
-        """Close the connection that has been idle longest, if there is one: the process has no descriptor left."""
+        """Close the idle connection that is needed least, if there is one: the process has no descriptor left."""
         self._drop_idle(list(self._open))
 
     def active(self, connection: WatchedConnection) -> None:
@@ -85,11 +87,12 @@ class Connections:
         self._open.pop(connection, None)
 
     def _drop_idle(self, among: list[WatchedConnection]) -> bool:
-        for connection in among:
-            if connection.is_idle():
-                connection.drop()
-                return True
-        return False
+        idle = (connection for connection in among if connection.is_idle())
+        needed_least = min(idle, key=WatchedConnection.rank, default=None)  # the first of equals: idle for longest
+        if needed_least is None:
+            return False
+        needed_least.drop()
+        return True
 
 
 class WatchedConnection(HttpToolsProtocol):
@@ -119,6 +122,13 @@ class WatchedConnection(HttpToolsProtocol):
     def is_idle(self) -> bool:
         """Whether no request on it is being processed."""
         return not self._is_websocket and (self.cycle is None or self.cycle.response_complete)
+
+    def rank(self) -> int:
+        """How much it is needed: 0 if nothing was asked over it yet, 1 if a stranger asked, 2 if somebody signed in."""
+        if self.cycle is None:
+            return 0
+        # The page's guard notes the session of a request in its state.
+        return 1 if self.scope.get("state", {}).get("session") is None else 2
 
     def is_closing(self) -> bool:
         """Whether it is closed, or will be in a moment."""
