@@ -50,7 +50,7 @@ def nginx(folder: Path, servers: str, *ports: int) -> Iterator[Path]:
     """nginx with these `server` blocks, as soon as it listens on the ports; gives the file of its errors."""
     folder.mkdir()
     file = folder / "nginx.conf"
-    # Started by root, nginx would work as nobody, who cannot write what a slow browser has not read yet into the folder.
+    # Started by root, nginx works as nobody, who cannot write into the folder what a slow browser has not read yet.
     user = "user root;" if os.geteuid() == 0 else ""
     file.write_text(WHOLE.format(user=user, folder=folder, servers=servers))
     with proxy([command("nginx"), "-p", str(folder), "-c", str(file), "-e", str(folder / "error.log")], *ports):

@@ -6,8 +6,10 @@ import asyncio
 import contextlib
 import errno
 import socket
+import ssl
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -21,7 +23,7 @@ from msbot.runtime.accept_connections import ProtocolAcceptor
 from msbot.runtime.tally import Tally
 from msbot.web import connections
 from msbot.web.connections import MOST_HEAD, Connections, WatchedConnection
-
+from tests.certificate import Certificate
 
 SIGNED_IN = "/signed-in"
 """Where a request has a session, as the page's guard gives it one."""
@@ -63,7 +65,9 @@ class Site:
 
 
 @asynccontextmanager
-async def site(most: int = 100, make_socket: type[socket.socket] = socket.socket) -> AsyncIterator[Site]:
+async def site(
+    most: int = 100, make_socket: type[socket.socket] = socket.socket, tls: ssl.SSLContext | None = None
+) -> AsyncIterator[Site]:
     """A server with our connections and nothing else."""
     config = uvicorn.Config(answer, log_level="error", lifespan="off")
     config.load()
@@ -72,7 +76,13 @@ async def site(most: int = 100, make_socket: type[socket.socket] = socket.socket
         listening.bind(("127.0.0.1", 0))
         listening.listen()
         failed = Tally()
-        acceptor = ProtocolAcceptor(listening, lambda: WatchedConnection(open_ones, config, state, {}), failed)
+        acceptor = ProtocolAcceptor(
+            listening,
+            lambda: WatchedConnection(open_ones, config, state, {}),
+            failed,
+            tls=tls,
+            make_room=open_ones.make_room,
+        )
         task = asyncio.create_task(acceptor.run())
         try:
             yield Site(listening.getsockname()[1], open_ones, failed)
@@ -226,8 +236,9 @@ async def test_the_open_connection_of_somebody_signed_in_makes_room_last() -> No
         await ask_again(*person, SIGNED_IN)
         strangers += [await kept_open(server) for _ in range(40)]
         await ask_again(*person, SIGNED_IN)
-        while len(server.open) > 1:  # the process has no descriptor left, again and again
-            server.open.make_room()
+        while server.open.make_room():  # the process has no descriptor left, again and again
+            pass
+        assert len(server.open) == 1
         await ask_again(*person, SIGNED_IN)
         for _, writer in (person, *strangers, *silent):
             writer.close()
@@ -256,3 +267,55 @@ async def test_without_descriptors_accepting_pauses_instead_of_spinning(
     assert [record.message for record in caplog.records if record.name == accept_connections.__name__] == [
         "no more connections can be accepted for now: Too many open files"
     ]
+
+
+class Starved(socket.socket):
+    """A listening socket of a process that has descriptors for eight connections."""
+
+    def __init__(self, *how: Any) -> None:
+        super().__init__(*how)
+        self._accepted: list[socket.socket] = []
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        self._accepted = [one for one in self._accepted if one.fileno() != -1]
+        if len(self._accepted) == 8:
+            raise OSError(errno.EMFILE, "Too many open files")
+        found = super().accept()
+        self._accepted.append(found[0])
+        return found
+
+
+@pytest.mark.promise("Idle connections keep nobody out")
+async def test_without_descriptors_silent_and_dead_connections_make_room_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However many wait in front of somebody: each takes one turn of the loop, not a pause."""
+    monkeypatch.setattr(accept_connections, "PAUSE_S", 3600.0)
+    async with site(make_socket=Starved) as server:
+        person = await kept_open(server, SIGNED_IN)
+        silent = [await server.connect() for _ in range(40)]
+        for number in range(40):
+            _, writer = await server.connect()
+            writer.close()
+            if number % 8 == 0:
+                assert b"200 OK" in await server.ask()
+        await ask_again(*person, SIGNED_IN)
+        for _, writer in (person, *silent):
+            writer.close()
+
+
+@pytest.mark.promise("Idle connections keep nobody out")
+@pytest.mark.parametrize("make_socket", [socket.socket, Starved])
+async def test_connections_that_only_begin_tls_make_room(make_socket: type[socket.socket], tmp_path: Path) -> None:
+    """As many as may come at the pace of strangers, each silent from its first octet on."""
+    certificate = Certificate(tmp_path)
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    tls.load_cert_chain(certificate.certificate, certificate.key)
+    trust = ssl.create_default_context(cafile=certificate.certificate)
+    async with site(make_socket=make_socket, tls=tls) as server:
+        silent = [await server.connect() for _ in range(2 * accept_connections.MOST_BEGINNING)]
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port, ssl=trust, server_hostname="localhost")
+        await ask_again(reader, writer)
+        assert await closed(silent[0][0])
+        for _, one in (*silent, (reader, writer)):
+            one.close()

@@ -2,7 +2,8 @@
 
 While a process has no file descriptor left, asyncio's own servers retry in a tight loop and log every failure. Here a
 failure is counted once per pause and logged once, and everything else keeps running. A listener that must not be
-locked out, because STOP comes that way, reserves descriptors for such a time.
+locked out, because STOP comes that way, reserves descriptors for such a time, and closes what is needed least as long
+as there is such a connection: then the next one is accepted in the next turn of the loop, not after the pause.
 """
 
 from __future__ import annotations
@@ -26,12 +27,17 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 PAUSE_S = 0.5
-"""Pause after the system had no descriptor or memory for another connection."""
+"""Longest pause after the system had no descriptor or memory for another connection."""
+FIRST_PAUSE_S = 0.001
+"""The first one; each further one is twice as long."""
 
 PER_TURN = 8
 """Connections that begin before the rest of the loop gets its turn: a negotiation of TLS takes a millisecond or two."""
 LOOKED_AT = 64
 """Connections that are accepted in a turn, those included that are closed at once."""
+MOST_BEGINNING = 64
+"""Connections that negotiate TLS at a time; a further one takes the place of the oldest, which has had half a second
+at the pace at which strangers are taken."""
 
 EXHAUSTED = "connection waits: the system has no more file descriptors"
 BROKEN = "connection broke before it was accepted"
@@ -46,7 +52,7 @@ class Acceptor:
 
     def __init__(
         self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally, *,
-        pace: ConnectionPace | None = None, reserved: int = 0, make_room: Callable[[], object] = lambda: None,
+        pace: ConnectionPace | None = None, reserved: int = 0, make_room: Callable[[], bool] = lambda: False,
     ) -> None:  # fmt: skip
         """Begin at once, in the running loop.
 
@@ -56,7 +62,7 @@ class Acceptor:
             dropped: where failures are counted.
             pace: which connections are taken at all; None: all.
             reserved: descriptors that are held for connections that come when the process has no others left.
-            make_room: called then, to close what is needed least.
+            make_room: called then, to close what is needed least; False: there is nothing.
         """
         listening.setblocking(False)
         self._listening = listening
@@ -65,6 +71,7 @@ class Acceptor:
         self._pace_of_strangers = pace
         self._loop = asyncio.get_running_loop()
         self._pause: asyncio.TimerHandle | None = None
+        self._pause_s = FIRST_PAUSE_S
         self._most_reserved = reserved
         self._reserved: list[int] = []
         self._make_room = make_room
@@ -117,13 +124,18 @@ class Acceptor:
                     if EXHAUSTED not in self._dropped:
                         _log.warning("no more connections can be accepted for now: %s", error.strerror)
                     self._dropped.count(EXHAUSTED)
-                    if error.errno in _NO_DESCRIPTOR and self._use_reserve():
-                        continue
+                    if error.errno in _NO_DESCRIPTOR:
+                        if self._use_reserve():
+                            continue
+                        if self._make_room():
+                            return  # its descriptor is free in the next turn
                     self._loop.remove_reader(self._listening)
-                    self._pause = self._loop.call_later(PAUSE_S, self._listen)
+                    self._pause = self._loop.call_later(self._pause_s, self._listen)
+                    self._pause_s = min(2 * self._pause_s, PAUSE_S)
                     return
                 self._dropped.count(BROKEN)
                 continue
+            self._pause_s = FIRST_PAUSE_S
             if not self._is_taken(address):
                 connection.close()
                 continue
@@ -171,7 +183,7 @@ class ProtocolAcceptor:
         handshake_s: float = 60.0,
         pace: ConnectionPace | None = None,
         reserved: int = 0,
-        make_room: Callable[[], object] = lambda: None,
+        make_room: Callable[[], bool] = lambda: False,
     ) -> None:
         self._reserved = reserved
         self._make_room = make_room
@@ -181,7 +193,8 @@ class ProtocolAcceptor:
         self._tls = tls
         self._handshake_s = handshake_s if tls else None
         self._pace = pace
-        self._beginning: set[asyncio.Task[None]] = set()
+        self._beginning: dict[asyncio.Task[None], None] = {}
+        """In the order in which they came."""
 
     async def run(self) -> None:
         """Accept until cancelled; a connection that has no protocol by then is closed."""
@@ -191,7 +204,7 @@ class ProtocolAcceptor:
             self._dropped,
             pace=self._pace,
             reserved=self._reserved,
-            make_room=self._make_room,
+            make_room=self._close_one,
         )
         try:
             await asyncio.get_running_loop().create_future()
@@ -201,9 +214,22 @@ class ProtocolAcceptor:
                 task.cancel()
             await asyncio.gather(*self._beginning, return_exceptions=True)
 
+    def _close_one(self) -> bool:
+        return self._make_room() or self._drop_oldest()
+
+    def _drop_oldest(self) -> bool:
+        """Close the connection that negotiates TLS for longest; False: there is none, or none waits for its peer."""
+        oldest = next(iter(self._beginning), None) if self._tls else None
+        if oldest is None:
+            return False
+        del self._beginning[oldest]
+        return oldest.cancel()
+
     def _take(self, connection: socket.socket) -> None:
+        if len(self._beginning) >= MOST_BEGINNING:
+            self._drop_oldest()
         task = asyncio.get_running_loop().create_task(self._begin(connection))
-        self._beginning.add(task)
+        self._beginning[task] = None
         task.add_done_callback(partial(self._begun, connection))
 
     async def _begin(self, connection: socket.socket) -> None:
@@ -217,7 +243,7 @@ class ProtocolAcceptor:
         connection.close()
 
     def _begun(self, connection: socket.socket, task: asyncio.Task[None]) -> None:
-        self._beginning.discard(task)
+        self._beginning.pop(task, None)
         if task.cancelled():  # perhaps before its first step
             connection.close()
 

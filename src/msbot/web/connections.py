@@ -33,6 +33,9 @@ RESERVED = 4
 MOST = 600
 """Connections in all; never more than half of the file descriptors that the process may have."""
 
+SIGNED_IN = 2
+"""Rank of a connection over which somebody who is signed in has asked."""
+
 LINGER_S = 2.0
 """How long what still comes on a refused connection is read and thrown away."""
 MOST_LINGER = 1024 * 1024
@@ -72,9 +75,9 @@ class Connections:
         self._open[connection] = address
         return True
 
-    def make_room(self) -> None:
-        """Close the idle connection that is needed least, if there is one: the process has no descriptor left."""
-        self._drop_idle(list(self._open))
+    def make_room(self) -> bool:
+        """Close an idle connection of a stranger, because the process has no descriptor left; False: there is none."""
+        return self._drop_idle([one for one in self._open if one.rank() < SIGNED_IN])
 
     def active(self, connection: WatchedConnection) -> None:
         """Note that something came from a connection."""
@@ -124,11 +127,11 @@ class WatchedConnection(HttpToolsProtocol):
         return not self._is_websocket and (self.cycle is None or self.cycle.response_complete)
 
     def rank(self) -> int:
-        """How much it is needed: 0 if nothing was asked over it yet, 1 if a stranger asked, 2 if somebody signed in."""
+        """How much it is needed: 0 if nothing was asked over it yet, 1 if a stranger asked, `SIGNED_IN` at most."""
         if self.cycle is None:
             return 0
         # The page's guard notes the session of a request in its state.
-        return 1 if self.scope.get("state", {}).get("session") is None else 2
+        return 1 if self.scope.get("state", {}).get("session") is None else SIGNED_IN
 
     def is_closing(self) -> bool:
         """Whether it is closed, or will be in a moment."""

@@ -69,6 +69,8 @@ STATIC = Path(str(files("msbot.web") / "static"))
 DEFAULT_PORT = 8080
 NEXT_PORTS = 20
 """Ports from that one on which are tried before any free one is taken."""
+BACKLOG = 1024
+"""Connections that the system keeps until we accept them; who finds no place tries again after 1, 3, 7 ... seconds."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANY_HOST = ("0.0.0.0", "::")
 CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S = 60.0, 120.0
@@ -342,7 +344,7 @@ def _bind(settings: WebSettings) -> socket.socket:
             if error.errno != errno.EADDRINUSE or not settings.or_any_port:
                 raise
             _bind_beside(bound, settings)
-        bound.listen(128)
+        bound.listen(BACKLOG)
         bound.setblocking(False)
     except OSError as error:
         bound.close()
