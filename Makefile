@@ -1,5 +1,6 @@
 # The two commands a new user needs:  make demo   and   make test.
-# Everything runs from .venv, which sets itself up with the versions of constraints.txt.
+# Everything runs from .venv, which sets itself up with what requirements/ names: versions and hashes.
+# Where packages come with other hashes (piwheels on a Raspberry Pi):  make demo HASHES=no
 
 # A Python with pip, the system's before that of an environment which happens to be activated; .venv has none.
 PYTHON ?= $(shell all=$$(printf %s "$$PATH" | sed 's,$(CURDIR)/.venv/bin:,,g'); \
@@ -11,11 +12,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
+HASHES ?= yes
 
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test tests check format vm bench wheel docs screenshots assets board constraints clean help
+.PHONY: demo test tests check format vm bench wheel docs screenshots assets board requirements clean help
 
 help:
 	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
@@ -28,6 +30,7 @@ help:
 	@echo 'make board   compile the package for boards with MicroPython into build/board'
 	@echo 'make assets  fetch the files of others that are carried along again (needs npm), and compare them'
 	@echo 'make wheel   make a package for other computers: dist/msbot-...whl'
+	@echo 'make requirements   write requirements/ anew; ARGS=--upgrade takes the newest versions'
 	@echo 'make docs    build the documentation site into site/'
 
 $(BIN)/python:
@@ -35,20 +38,20 @@ $(BIN)/python:
 	@$(PYTHON) -m pip --version >/dev/null 2>&1 || { echo 'MsBOT needs pip, and $(PYTHON) has none. On Debian, Ubuntu, Raspberry Pi OS: sudo apt install python3-pip' >&2; exit 1; }
 	@$(PYTHON) -m venv --without-pip $(VENV)
 
-INSTALL = $(PYTHON) tools/set_up.py $(BIN)/python
+INSTALL = $(PYTHON) tools/set_up.py $(if $(filter no,$(HASHES)),--no-hashes) $(BIN)/python
 
-$(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.run: pyproject.toml requirements/run.txt | $(BIN)/python
 	@echo 'Setting up MsBOT in $(VENV), once: about a minute.' >&2
-	@$(INSTALL) '.[master]'
+	@$(INSTALL) requirements/run.txt
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.dev: pyproject.toml requirements/dev.txt | $(BIN)/python
 	@echo 'Setting up MsBOT for development in $(VENV), once: about two minutes.' >&2
-	@$(INSTALL) '.[all,dev]'
+	@$(INSTALL) requirements/dev.txt
 	@touch $@ $(VENV)/.run
 
-$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
-	@$(INSTALL) '.[master,docs]'
+$(VENV)/.docs: pyproject.toml requirements/docs.txt | $(BIN)/python
+	@$(INSTALL) requirements/docs.txt
 	@touch $@
 
 demo: $(VENV)/.run
@@ -98,9 +101,9 @@ bench: $(VENV)/.dev
 	PYTHONPATH=. $(BIN)/python bench/matrix.py --write
 	PYTHONPATH=. $(BIN)/python bench/ways.py --write
 
-wheel: | $(BIN)/python
+wheel: $(VENV)/.run
 	@rm -rf dist && mkdir dist
-	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
 	@echo "dist/$$(ls dist) is made. Elsewhere: pip install 'dist/$$(ls dist)[all]'"
 
 docs: $(VENV)/.docs
@@ -116,10 +119,8 @@ board: $(VENV)/.dev
 assets:
 	$(PYTHON) tools/assets.py $(ARGS)
 
-constraints: $(VENV)/.dev
-	$(PYTHON) -m pip --python $(BIN)/python install --quiet uv
-	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --no-emit-index-url --no-header --no-annotate --quiet --upgrade -o constraints.txt
-	sed -i '1i # Exact versions the project is tested with; made by `make constraints`.' constraints.txt
+requirements: $(VENV)/.dev
+	$(BIN)/python tools/requirements.py $(BIN)/uv $(ARGS)
 
 clean:
 	rm -rf $(VENV) site dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis

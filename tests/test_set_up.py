@@ -1,15 +1,18 @@
-"""The set-up of `make demo`, where the folder has a name that not every locale can write."""
+"""The set-up of `make demo`: files are installed by their hashes, and a folder may have any name."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
-from tools.set_up import point_without_letters
+from tools.set_up import install_requirements, point_without_letters
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="make sets up Unix only; its folders are laid out otherwise there")
@@ -30,3 +33,58 @@ def test_a_folder_with_an_umlaut_is_found_in_the_locale_c_too(tmp_path: Path) ->
         env={**os.environ, "LC_ALL": "C"}, cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (started.stdout, started.stderr) == ("found\n", "")
+
+
+def make_index(folder: Path, says: str) -> str:
+    """Make an index with version 1.0 of a package that says something; returns the hash of its file."""
+    place = folder / "blinker-box"
+    place.mkdir(parents=True)
+    name = "blinker_box-1.0-py3-none-any.whl"
+    with zipfile.ZipFile(place / name, "w") as wheel:
+        about = "blinker_box-1.0.dist-info"
+        wheel.writestr("blinker_box.py", f"says = {says!r}\n")
+        wheel.writestr(f"{about}/METADATA", "Metadata-Version: 2.1\nName: blinker-box\nVersion: 1.0\n")
+        wheel.writestr(f"{about}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        wheel.writestr(f"{about}/RECORD", "")
+    digest = hashlib.sha256((place / name).read_bytes()).hexdigest()
+    (place / "index.html").write_text(f'<a href="{name}#sha256={digest}">{name}</a>')
+    return digest
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="make sets up Unix only; its folders are laid out otherwise there")
+@pytest.mark.promise("What make installs is the file that the project was tested with, or the set-up says so")
+def test_a_file_with_another_hash_is_refused_unless_somebody_wants_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    base = str(Path(sys.base_prefix, "bin", "python3"))  # .venv has no pip
+    if subprocess.run([base, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
+        pytest.skip(f"{base} has no pip")
+    monkeypatch.setattr("sys.executable", base)
+    for name in [name for name in os.environ if name.startswith("PIP_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    tested = make_index(tmp_path / "tested", "tested")
+    make_index(tmp_path / "changed", "changed")
+    environment = tmp_path / "env"
+    subprocess.run([base, "-m", "venv", "--without-pip", environment], check=True)
+    python = str(environment / "bin" / "python")
+    requirements = tmp_path / "run.txt"
+    requirements.write_text(f"# what is installed\nblinker-box==1.0 \\\n    --hash=sha256:{tested}\n")
+
+    def what_it_says() -> str:
+        asked = [python, "-c", "import blinker_box; print(blinker_box.says)"]
+        return subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()
+
+    monkeypatch.setenv("PIP_INDEX_URL", (tmp_path / "changed").as_uri())
+    assert install_requirements(python, requirements, hashes=True)
+    assert "make demo HASHES=no" in capfd.readouterr().err
+    assert what_it_says() == ""
+    # A second server with files of its own does no harm: pip takes the one with the hash.
+    monkeypatch.setenv("PIP_EXTRA_INDEX_URL", (tmp_path / "tested").as_uri())
+    assert not install_requirements(python, requirements, hashes=True)
+    assert what_it_says() == "tested"
+    shutil.rmtree(environment)
+    subprocess.run([base, "-m", "venv", "--without-pip", environment], check=True)
+    monkeypatch.delenv("PIP_EXTRA_INDEX_URL")
+    assert not install_requirements(python, requirements, hashes=False)
+    assert what_it_says() == "changed"

@@ -1,6 +1,10 @@
 """Installs MsBOT and what it needs into an environment, and shows how far it is; called by the Makefile.
 
-    python tools/set_up.py .venv/bin/python '.[master]' [more ...]
+    python tools/set_up.py [--no-hashes] .venv/bin/python requirements/run.txt
+
+First what the file names, each package in its version and with one of its hashes; then MsBOT itself, built by what has
+just been installed. `--no-hashes` takes the versions only: piwheels, which Raspberry Pi OS asks, makes wheels of its
+own of the same versions.
 
 pip works from outside the environment (pip >= 22.3), so that a Python without ensurepip will do. What is shown goes to
 standard error; when something fails, the last lines of pip tell what.
@@ -12,43 +16,72 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from collections import deque
 from pathlib import Path
 
 PACKAGE = re.compile(r"^\s*(?:Collecting|Requirement already satisfied:) ([\w.-]+)")
+HASH = re.compile(r" \\\n\s*--hash=\S+")
 PHASES = {"Installing collected packages": "installing them, which takes half of the time",
           "Successfully installed": "they are installed"}  # fmt: skip
 COMPILING = "compiling MsBOT, so that its first start is as quick as the next one"
+WRONG_HASH = "DO NOT MATCH THE HASHES"
+"""How pip begins when a file is not the one that it should be."""
 
 
-def main(python: str, *wanted: str) -> int:
+def main(*arguments: str) -> int:
     """Install; returns the exit status of pip."""
-    command = [
-        sys.executable, "-m", "pip", "--python", python, "install", "--progress-bar", "off",
-               "--disable-pip-version-check", "--no-input", "--constraint", "constraints.txt", "--editable", *wanted,
-    ]  # fmt: skip
+    python, requirements = (argument for argument in arguments if argument != "--no-hashes")
+    status = install_requirements(python, Path(requirements), hashes="--no-hashes" not in arguments)
+    if not status:
+        status = run_pip(python, "--no-deps", "--no-build-isolation", "--editable", ".")
+    if not status:
+        point_without_letters(Path(python).parents[1])
+        say(COMPILING)
+        # pip does this for what it installs, but not for what is used where it lies; the first start would take twice
+        # as long. A folder that cannot be written to is no reason to fail.
+        subprocess.run([python, "-m", "compileall", "-q", "-j", "0", "src"], stdout=subprocess.DEVNULL, check=False)
+    end_line()
+    return status
+
+
+def install_requirements(python: str, requirements: Path, *, hashes: bool) -> int:
+    """Install what a file of requirements/ names; the file names everything, so pip adds nothing to it."""
+    if hashes:
+        return run_pip(python, "--no-deps", "--require-hashes", "--requirement", str(requirements))
+    with tempfile.TemporaryDirectory() as scratch:
+        versions = Path(scratch, requirements.name)
+        versions.write_text(HASH.sub("", requirements.read_text(encoding="utf-8")), encoding="utf-8")
+        return run_pip(python, "--no-deps", "--requirement", str(versions))
+
+
+def run_pip(python: str, *what: str) -> int:
+    """Let pip install something, and show what it says: a state at a time, and its last lines when it fails."""
+    command = [sys.executable, "-m", "pip", "--python", python, "install", "--progress-bar", "off"]
+    command += ["--disable-pip-version-check", "--no-input", *what]
     lines: deque[str] = deque(maxlen=20)
     seen: set[str] = set()
+    wrong_hash = False
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as pip:
         assert pip.stdout is not None
         for line in pip.stdout:
             lines.append(line)
+            wrong_hash |= WRONG_HASH in line
             if found := PACKAGE.match(line):
                 seen.add(found[1].lower())
                 say(f"{len(seen)} packages looked up, now {found[1]}")
             for begin, words in PHASES.items():
                 if line.startswith(begin):
                     say(words)
-    if not pip.returncode:
-        point_without_letters(Path(python).parents[1])
-        say(COMPILING)
-        # pip does this for what it installs, but not for what is used where it lies; the first start would take twice
-        # as long. A folder that cannot be written to is no reason to fail.
-        subprocess.run([python, "-m", "compileall", "-q", "-j", "0", "src"], stdout=subprocess.DEVNULL, check=False)
-    if sys.stderr.isatty():
-        sys.stderr.write("\r\033[K")
     if pip.returncode:
+        end_line()
         sys.stderr.write("".join(lines) + "\nThe set-up failed; the lines above are pip's.\n")
+    if wrong_hash:
+        sys.stderr.write(
+            "A package is not the file that the project was tested with, so nothing was installed. Where pip asks a"
+            " server that makes files of its own (a Raspberry Pi asks piwheels; `pip config list` tells), take the"
+            " versions without the hashes: make demo HASHES=no. Anywhere else somebody may have changed the file.\n"
+        )
     return pip.returncode
 
 
@@ -63,6 +96,12 @@ def point_without_letters(environment: Path) -> None:
         lines = pointer.read_text(encoding="utf-8").splitlines()
         relative = [os.path.relpath(line, os.path.abspath(pointer.parent)) for line in lines if line]
         pointer.write_text("\n".join(relative) + "\n", encoding="utf-8")
+
+
+def end_line() -> None:
+    """Clear the line of states, so that what follows begins on one of its own."""
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
 
 
 _last = ""
