@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from msbot.cli import first_page
 from msbot.operations.table import OPERATIONS
+from msbot.runtime.extensions import extensions
 
 if TYPE_CHECKING:
     from msbot.cli.group import msbot
@@ -75,6 +76,7 @@ COMMANDS = {
     "gateway": ("wide.gateway", "Carry topics between this site's data space and other sites, by a list."),
     "router": ("wide.router", "Run a Zenoh router, to which the sites of a wide network connect."),
     "clients": ("agent.clients", "List the sessions of every agent and master that runs here."),
+    "extensions": ("extensions", "List the extensions that are installed, and what is wrong with them."),
     "completion": ("completion", "Print what completes `msbot` commands in bash, zsh or fish."),
 }
 """Every command: the module below `msbot.cli` that has it, and its line in `msbot --help`."""
@@ -90,11 +92,18 @@ def main() -> None:
 
         fill_closed_streams()
     if sys.argv[1:] in _HELP and "_MSBOT_COMPLETE" not in os.environ:
-        first_page.show(COMMANDS)
+        first_page.show({name: words for name, (_, words) in COMMANDS.items()} | brought_commands())
         return
     from msbot.cli.group import run
 
     run()
+
+
+def brought_commands() -> dict[str, str]:
+    """The commands of extensions, with what their packages say of themselves; none is imported."""
+    return {
+        name: f"{one.summary} ({one.package})".strip() for name, one in extensions().names("commands", COMMANDS).items()
+    }
 
 
 def __getattr__(name: str) -> object:

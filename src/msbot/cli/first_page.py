@@ -17,7 +17,7 @@ _WIDEST, _NARROWEST = 78, 50
 _INDENT = 2
 
 
-def show(commands: Mapping[str, tuple[str, str]]) -> None:
+def show(commands: Mapping[str, str]) -> None:
     """Print it for the terminal's width."""
     try:
         print(page(commands, _columns()), flush=True)
@@ -34,13 +34,13 @@ def leave_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
-def page(commands: Mapping[str, tuple[str, str]], columns: int) -> str:
-    """The page for a terminal of that width; `commands`: name -> (module, what it does)."""
+def page(commands: Mapping[str, str], columns: int) -> str:
+    """The page for a terminal of that width; `commands`: name -> what it does."""
     width = max(min(columns - 2, _WIDEST), _NARROWEST)
     lines = ["Usage: msbot [OPTIONS] COMMAND [ARGS]...", ""]
     lines += textwrap.wrap(SUMMARY, width, initial_indent=" " * _INDENT, subsequent_indent=" " * _INDENT)
     lines += ["", "Options:", *_list(_OPTIONS.items(), width)]
-    lines += ["", "Commands:", *_list(((name, words) for name, (_, words) in commands.items()), width)]
+    lines += ["", "Commands:", *_list(commands.items(), width)]
     return "\n".join(lines)
 
 

@@ -10,16 +10,28 @@ from typing import TYPE_CHECKING
 from msbot.runtime.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from msbot.doctor.examination import CHECKS, Check, Examination, examine
-    from msbot.doctor.finding import Finding, Mending, NotSeen
+    from msbot.doctor.examination import CHECKS, Check, Examination, all_checks, examine
+    from msbot.doctor.finding import CannotSee, Finding, Mending, NotNeeded, NotSeen
     from msbot.doctor.patient import Patient
 
 _NAMES = {
-    "msbot.doctor.examination": ("CHECKS", "Check", "Examination", "examine"),
-    "msbot.doctor.finding": ("Finding", "Mending", "NotSeen"),
+    "msbot.doctor.examination": ("CHECKS", "Check", "Examination", "all_checks", "examine"),
+    "msbot.doctor.finding": ("CannotSee", "Finding", "Mending", "NotNeeded", "NotSeen"),
     "msbot.doctor.patient": ("Patient",),
 }
 
 __getattr__ = lazy_face(__name__, _NAMES)
 
-__all__ = ["CHECKS", "Check", "Examination", "Finding", "Mending", "NotSeen", "Patient", "examine"]
+__all__ = [
+    "CHECKS",
+    "CannotSee",
+    "Check",
+    "Examination",
+    "Finding",
+    "Mending",
+    "NotNeeded",
+    "NotSeen",
+    "Patient",
+    "all_checks",
+    "examine",
+]

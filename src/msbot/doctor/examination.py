@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
@@ -15,6 +16,7 @@ from msbot.doctor.finding import CannotSee, Finding, NotNeeded, NotSeen
 from msbot.doctor.gather import bus, installation, machine, network, robot, storage
 from msbot.doctor.patient import Patient
 from msbot.errors import ConfigError, MsbotError
+from msbot.runtime.extensions import extensions
 from msbot.runtime.lazy_dataclass import dataclass
 
 F = TypeVar("F")
@@ -87,18 +89,50 @@ class Examination:
         }
 
 
-def examine(patient: Patient, only: Collection[str] = (), checks: Iterable[Check[Any]] = CHECKS) -> Examination:
+def all_checks() -> Iterator[Check[Any]]:
+    """MsBOT's own checks, then those of extensions."""
+    yield from CHECKS
+    names = [check.name for check in CHECKS]
+    for name, check in extensions().all("checks", Check, names).items():
+        yield Check(name, partial(_gathered, name, check.gather), partial(_judged, name, check.judge))
+
+
+def _gathered(name: str, gather: Callable[[Patient], Any], patient: Patient) -> object:
+    """The facts of an extension's check; what it raises is one thing that could not be seen."""
+    try:
+        return gather(patient)
+    except (CannotSee, NotNeeded, MsbotError, OSError):
+        raise
+    except Exception as error:
+        raise CannotSee(_failed(name, error)) from error
+
+
+def _judged(name: str, judge: Callable[[Any], Iterable[Finding | NotSeen]], facts: object) -> list[Finding | NotSeen]:
+    """What it finds in them."""
+    try:
+        return list(judge(facts))
+    except Exception as error:  # other people's code may raise anything
+        return [NotSeen(_failed(name, error))]
+
+
+def _failed(name: str, error: Exception) -> str:
+    words = f"{type(error).__name__}: {error}"
+    extensions().leave_out_named("checks", name, words)
+    return f"the extension that brings this check failed: {words}"
+
+
+def examine(patient: Patient, only: Collection[str] = (), checks: Iterable[Check[Any]] | None = None) -> Examination:
     """Look at everything, or at some of it.
 
     Args:
         patient: whom.
         only: names of checks; empty: all.
-        checks: what there is to look at.
+        checks: what there is to look at; None: `all_checks`.
 
     Raises:
         ConfigError: there is no check of such a name.
     """
-    known = {check.name: check for check in checks}
+    known = {check.name: check for check in (all_checks() if checks is None else checks)}
     for name in only:
         if name not in known:
             raise ConfigError(f"the doctor has no check {name!r}; there are {', '.join(known)}")

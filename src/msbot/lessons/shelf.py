@@ -1,4 +1,4 @@
-"""Where lessons are: those that MsBOT brings, and those of teachers in folders of their own."""
+"""Where lessons are: those that MsBOT and its extensions bring, and those of teachers in folders of their own."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from msbot.errors import ConfigError
 from msbot.lessons.lesson import Lesson, LessonQuestion
 from msbot.lessons.reading import read_lesson
 from msbot.runtime.carried_files import carried_folder
+from msbot.runtime.extensions import extensions
 from msbot.runtime.sentence import said
 
 MOST_LESSONS = 200
@@ -25,7 +26,8 @@ def shipped_folder() -> Path:
 
 
 class LessonShelf:
-    """The lessons that there are; a file of a teacher's goes before one of MsBOT's with the same name.
+    """The lessons that there are; a file of a teacher's goes before one of MsBOT's with the same name, and that one
+    before an extension's.
 
     Args:
         folders: folders of teachers.
@@ -35,7 +37,7 @@ class LessonShelf:
         for folder in folders:
             if not folder.is_dir():
                 raise ConfigError(said("{folder}: there is no such folder with lessons", folder=str(folder)))
-        self._folders = (shipped_folder(), *folders)
+        self._folders = (*extensions().folders("lessons").values(), shipped_folder(), *folders)
         self._read: dict[Path, tuple[int, Lesson | ConfigError]] = {}
         self._lessons: dict[str, Lesson | ConfigError] | None = None
         self._translations: dict[tuple[str, str], Lesson] = {}

@@ -16,7 +16,7 @@ from msbot.link.contract import (
 )
 from msbot.link.disturbed import Disturbance, DisturbedLink, Treatment
 from msbot.link.in_process import InprocEnd, InprocHub, inproc_pair
-from msbot.link.link_schemes import bound_name, open_link, parse_host_and_port
+from msbot.link.link_schemes import Scheme, bound_name, link_kinds, open_link, parse_host_and_port
 from msbot.link.lossy import LossyLink
 from msbot.link.visitor import Visitor, pupil_behind, visitor_behind
 
@@ -35,6 +35,7 @@ __all__ = [
     "PacketHandler",
     "Peer",
     "RoomHandler",
+    "Scheme",
     "Signal",
     "SignalHandler",
     "Tap",
@@ -42,6 +43,7 @@ __all__ = [
     "Visitor",
     "bound_name",
     "inproc_pair",
+    "link_kinds",
     "open_link",
     "parse_host_and_port",
     "pupil_behind",

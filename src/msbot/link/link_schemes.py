@@ -9,8 +9,9 @@ from __future__ import annotations
 import ipaddress
 import re
 from collections.abc import Callable
+from functools import partial
 
-from msbot.errors import ConfigError
+from msbot.errors import ConfigError, MsbotError
 from msbot.link.can.can_address import (
     CAN_EXAMPLE,
     CANFD_EXAMPLE,
@@ -29,6 +30,7 @@ from msbot.link.net.websocket_client import open_websocket
 from msbot.link.serial.lines import CLIENT_ADDRESS
 from msbot.link.serial.port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
 from msbot.link.serial.pty import PtyServerLink
+from msbot.runtime.extensions import extensions
 from msbot.runtime.lazy_dataclass import dataclass
 
 
@@ -60,14 +62,34 @@ def open_link(address: str, *, serve: bool = False, can: CanSettings | None = No
             raise ConfigError(f"link {address!r}: a master serves each of them: give --link several times")
         return EitherLink([open_link(one, can=can) for one in several])
     name, colon, rest = address.strip().partition(":")
-    scheme = SCHEMES.get(name.lower())
+    scheme = SCHEMES.get(name.lower()) or _brought(name.lower())
     if scheme is None or not colon:
-        kinds = ", ".join(f"`{known.example}`" for known in SCHEMES.values())
+        kinds = ", ".join(f"`{known.example}`" for known in link_kinds().values())
         raise ConfigError(f"link {address!r}: unknown kind of link {name!r}; there are {kinds}")
     try:
         return scheme.open(rest, serve, can or CanSettings())
     except ConfigError as error:
         raise ConfigError(f"link {address!r}: {error}; write it like `{scheme.example}`") from error
+
+
+def link_kinds() -> dict[str, Scheme]:
+    """Every kind of link that an address can name, those of extensions included, by name."""
+    return {**SCHEMES, **extensions().all("links", Scheme, SCHEMES)}
+
+
+def _brought(name: str) -> Scheme | None:
+    """A kind of link that an extension brings; whatever it raises when it is opened is a mistake in the address."""
+    scheme = extensions().get("links", name, Scheme)
+    return None if scheme is None else Scheme(scheme.example, partial(_open_brought, name, scheme))
+
+
+def _open_brought(name: str, scheme: Scheme, rest: str, serve: bool, can: CanSettings) -> Link:
+    try:
+        return scheme.open(rest, serve, can)
+    except MsbotError:
+        raise
+    except Exception as error:
+        raise ConfigError(f"the extension that brings {name} links failed: {type(error).__name__}: {error}") from error
 
 
 def bound_name(link: Link) -> str:
@@ -192,4 +214,4 @@ SCHEMES: dict[str, Scheme] = {
     "can-legacy": Scheme(LEGACY_EXAMPLE, open_can_legacy),
     "sim": Scheme(SIM_EXAMPLE, open_sim),
 }
-"""Every kind of link that an address can name."""
+"""Every kind of link that an address can name without an extension."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import re
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 from msbot.errors import ConfigError
+from msbot.runtime.extensions import extensions
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space.contract import Space
 from msbot.space.dds_topics import ROBOTS, DdsTopicsOf, as_it_is
@@ -16,6 +18,7 @@ from msbot.space.memory import MemorySpace
 MEMORY = "memory"
 DDS = "dds"
 ZENOH = "zenoh"
+KINDS = (MEMORY, DDS, ZENOH)
 
 MAX_DOMAIN = 232
 """DDS domains above this have no UDP ports (DDSI-RTPS 2.3 §9.6.1.1)."""
@@ -52,6 +55,25 @@ class SpaceAddress:
     """Zenoh: the router's endpoint, or several to choose from."""
     tls: TlsFiles | None = None
     """Zenoh: certificates for endpoints with TLS."""
+    rest: str = ""
+    """Of a kind that an extension brings: what follows its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpaceKind:
+    """A kind of data space that an extension brings."""
+
+    example: str
+    """An address that a person can copy."""
+    check: Callable[[str], object]
+    """`(what follows the name and its colon)`; raises ConfigError if it makes no sense."""
+    open: Callable[[str, str, DdsTopicsOf], AbstractContextManager[Space]]
+    """`(that, partition, names of a topic)`: opens it, for use with `with` on a running event loop."""
+
+
+def brought_kinds() -> dict[str, SpaceKind]:
+    """The kinds of data spaces that extensions bring, by name."""
+    return extensions().all("spaces", SpaceKind, KINDS)
 
 
 def parse_space(text: str, *, folder: Path = Path()) -> SpaceAddress:
@@ -62,7 +84,14 @@ def parse_space(text: str, *, folder: Path = Path()) -> SpaceAddress:
     """
     match = _FORM.fullmatch(text)
     kind = match["kind"] if match else ""
-    if match is None or kind not in (MEMORY, DDS, ZENOH) or (kind == MEMORY and text != MEMORY):
+    if kind not in KINDS and (brought := extensions().get("spaces", kind, SpaceKind)):
+        rest = text.removeprefix(kind).removeprefix(":")
+        try:
+            brought.check(rest)
+        except ConfigError as error:
+            raise ConfigError(f"data space {text!r}: {error}; write it like `{brought.example}`") from error
+        return SpaceAddress(kind, rest=rest)
+    if match is None or kind not in KINDS or (kind == MEMORY and text != MEMORY):
         raise ConfigError(
             f"{text!r} is not a data space: memory, dds, dds:DOMAIN or zenoh:tcp/HOST:PORT is needed, for example dds:5"
         )
@@ -90,8 +119,8 @@ def check_endpoint(endpoint: str, *, least_port: int = 1) -> None:
 
 
 def robot_partition(address: SpaceAddress, robot: str) -> str:
-    """The partition of a robot's topics: in Zenoh its name, in DDS with a prefix."""
-    return robot if address.kind == ZENOH else f"{ROBOTS}{robot}"
+    """The partition of a robot's topics: its name, in DDS with a prefix."""
+    return f"{ROBOTS}{robot}" if address.kind == DDS else robot
 
 
 def open_space(
@@ -113,6 +142,11 @@ def open_space(
         from msbot.space.zenoh import ZenohSpace
 
         return ZenohSpace(address.routers, tls=address.tls, partition=partition, dds_topics_of=dds_topics_of)
+    if address.kind != DDS:
+        brought = extensions().get("spaces", address.kind, SpaceKind)
+        if brought is None:
+            raise ConfigError(f"the extension with the data space {address.kind!r} is left out: `msbot extensions`")
+        return brought.open(address.rest, partition, dds_topics_of)
     from msbot.space.dds import DdsSpace
 
     return DdsSpace(address.domain, partition=partition, dds_topics_of=dds_topics_of, interface=address.interface)

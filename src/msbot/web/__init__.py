@@ -3,8 +3,28 @@
 Heavy to import (NiceGUI), so only commands that serve a page import it, and only when they run.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from msbot.runtime.late_modules import leave_out, load_late
+from msbot.runtime.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot.web.pages.extension_page import ExtensionPage
+    from msbot.web.pages.layout import Page
+    from msbot.web.service import Service
 
 load_late("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here
 load_late("ifaddr")  # for NiceGUI's list of its addresses, which asks a program of the system for a library
 leave_out("pydantic.v1")  # FastAPI asks of each argument whether it is of pydantic 1, which is loaded for it
+
+_NAMES = {
+    "msbot.web.pages.extension_page": ("ExtensionPage",),
+    "msbot.web.pages.layout": ("Page",),
+    "msbot.web.service": ("Service",),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
+
+__all__ = ["ExtensionPage", "Page", "Service"]

@@ -277,10 +277,11 @@ class WebServer:
 def _late_routes(service: Service) -> list[BaseRoute]:
     websocket_protocol()  # the first page asks for one next
     from msbot.web.api.admin import make_admin_api
+    from msbot.web.api.brought_routes import brought_routers
     from msbot.web.api.metrics import make_metrics
     from msbot.web.api.routes import make_api
 
-    routers = (make_api(service), make_admin_api(service), make_metrics(service))
+    routers = (make_api(service), make_admin_api(service), make_metrics(service), *brought_routers(service))
     return [route for router in routers for route in router.routes]
 
 

@@ -1,6 +1,7 @@
 """The part library: what part numbers mean (the thesis' Hardware Information Module, 5.4.2).
 
-One TOML file describes one part type. MsBOT brings more than thirty; a robot may add folders of its own.
+One TOML file describes one part type. MsBOT brings more than thirty; extensions and folders of a robot add to
+them.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from msbot.config.library.versions import split_number
 from msbot.config.toml.document import Document, carried_document, read_document
 from msbot.config.toml.problems import MOST_LISTED, Problems, TextPlace, did_you_mean, nearest, quoted
 from msbot.errors import ConfigError
+from msbot.runtime.extensions import extensions
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
@@ -155,7 +157,7 @@ class Library:
 
 
 def load_library(*extra: Path) -> Library:
-    """Read MsBOT's own part types, and those of the given folders (or single files), each folder once.
+    """Read MsBOT's part types, those of extensions, and those of the given folders (or files), each folder once.
 
     Raises:
         ConfigError: a folder is missing, or files are wrong; every problem of every file is reported at once.
@@ -178,12 +180,26 @@ class _Read:
 
 @cache
 def _shipped() -> _Read:
-    """What MsBOT brings; read once, since it does not change while a program runs."""
+    """What MsBOT and its extensions bring; read once, since it does not change while a program runs."""
     problems = Problems()
     read = _Read(dict(standard_message_types()), {})
     folder = files("msbot.config.library") / "types"
     entries = sorted((entry for entry in folder.iterdir() if entry.name.endswith(".toml")), key=lambda one: one.name)
     _add(read, (carried_document(entry, f"{SHIPPED}{entry.name}") for entry in entries), problems)
+    return _with_extensions(read)
+
+
+def _with_extensions(read: _Read) -> _Read:
+    """The part and message types of extensions, too; an extension with a mistake in a file brings none."""
+    for group in ("messages", "part_types"):
+        for name, folder in extensions().folders(group).items():
+            problems, more = Problems(), _Read(dict(read.messages), dict(read.types))
+            try:
+                _add(more, _in([folder], problems), problems)
+            except ConfigError as error:
+                extensions().leave_out_named(group, name, str(error))
+            else:
+                read = more
     return read
 
 

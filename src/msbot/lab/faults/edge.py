@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot.lab.faults.effects import Effect
-from msbot.lab.faults.treatments import Core, OfPart
+from msbot.lab.faults.treatments import OfPart, PacketTreatment
 from msbot.link import DisturbedLink, Link
 from msbot.operations.running_robot import RunningRobot
 
@@ -49,7 +49,7 @@ class EdgeEffect(Effect):
         core: what happens to the packets.
     """
 
-    def __init__(self, edge: Edge, slot: str, core: Core) -> None:
+    def __init__(self, edge: Edge, slot: str, core: PacketTreatment) -> None:
         self._edge = edge
         self._slot = slot
         self._core = core

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
-from types import MappingProxyType
+from random import Random
 from typing import Final
 
 from msbot.errors import ConfigError
+from msbot.runtime.extensions import extensions
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 
@@ -82,7 +83,50 @@ _ROWS = (
     FaultKind("database-gone", said("the database cannot be reached"), Acts.MASTER, at_part=False),
 )  # fmt: skip
 
-KINDS: Final[Mapping[str, FaultKind]] = MappingProxyType({row.name: row for row in _ROWS})
+
+@dataclass(frozen=True, slots=True)
+class PacketFault:
+    """A kind of fault that an extension brings: it disturbs the packets of a part at the agent's edge."""
+
+    kind: FaultKind
+    """Its name is that of the entry point, and it acts at `Acts.EDGE`."""
+    treat: Callable[[float, Random], object]
+    """`(amount, chance)`: what happens to the packets, as `msbot.lab.faults.PacketTreatment` says."""
+
+
+class _Kinds(Mapping[str, FaultKind]):
+    """MsBOT's own, then those of extensions."""
+
+    def __init__(self, own: Iterable[FaultKind]) -> None:
+        self._own = {row.name: row for row in own}
+
+    def __getitem__(self, name: str) -> FaultKind:
+        found = self._own.get(name)
+        if found is None:
+            return self.brought()[name].kind
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._own
+        yield from self.brought()
+
+    def __len__(self) -> int:
+        return len(self._own) + len(self.brought())
+
+    def brought(self) -> dict[str, PacketFault]:
+        """Those of extensions."""
+        found = extensions().all("faults", PacketFault, self._own)
+        for name, one in tuple(found.items()):
+            if one.kind.name != name or one.kind.acts is not Acts.EDGE:
+                why = (
+                    f"its kind is {one.kind.name!r} and acts {one.kind.acts.value}; it needs the name {name!r} and EDGE"
+                )
+                extensions().leave_out_named("faults", name, why)
+                del found[name]
+        return found
+
+
+KINDS: Final = _Kinds(_ROWS)
 """Every kind by its name, in the order of the reference."""
 
 _BOTH_SAY = ({"late", "delay"}, {"stuck", "drift"})

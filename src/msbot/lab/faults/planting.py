@@ -22,9 +22,9 @@ from msbot.lab.faults.effects import (
     Together,
 )  # fmt: skip
 from msbot.lab.faults.engine import FOR_S, FaultSpec
-from msbot.lab.faults.kinds import Acts, FaultKind, kind_named
+from msbot.lab.faults.kinds import KINDS, Acts, FaultKind, kind_named
 from msbot.lab.faults.numbers import Numbers
-from msbot.lab.faults.treatments import Core, Frozen, HeldBack, SlowlyTaken
+from msbot.lab.faults.treatments import Frozen, Guarded, HeldBack, PacketTreatment, SlowlyTaken
 from msbot.link import Disturbance
 from msbot.link.can.sim import SimBusDriver
 from msbot.operations.fault_wish import FaultWish
@@ -247,9 +247,11 @@ class Planting:
         return self._bus
 
 
-def _core(spec: FaultSpec) -> Core:
+def _core(spec: FaultSpec) -> PacketTreatment:
     """What an edge fault does to packets."""
     random, share = Random(spec.seed), spec.amount / 100
+    if spec.kind.name in (brought := KINDS.brought()):
+        return Guarded(spec.kind.name, brought[spec.kind.name].treat, spec.amount, random)
     match spec.kind.name:
         case "late":
             return HeldBack(spec.amount)

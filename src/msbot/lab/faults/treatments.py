@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from random import Random
+from typing import Protocol, runtime_checkable
 
 from msbot.agent import client_key_in
+from msbot.errors import ConfigError
 from msbot.link import Peer
+from msbot.runtime.extensions import extensions
+from msbot.runtime.sentence import said
 
 
-class Core(Protocol):
+@runtime_checkable
+class PacketTreatment(Protocol):
     """A treatment of packets, whosever they are."""
 
     def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
@@ -78,6 +83,57 @@ class Frozen:
         return math.inf
 
 
+class Guarded:
+    """A treatment that an extension brings: where it fails, packets pass as if it were not there.
+
+    Args:
+        name: of the fault.
+        make: makes it.
+        amount: how strong it is.
+        random: its chance.
+
+    Raises:
+        ConfigError: it cannot be made.
+    """
+
+    def __init__(self, name: str, make: Callable[[float, Random], object], amount: float, random: Random) -> None:
+        self._name = name
+        try:
+            core = make(amount, random)
+        except Exception as error:
+            raise self._left_out(error) from error
+        if not isinstance(core, PacketTreatment):
+            raise self._left_out(TypeError(f"a {type(core).__name__} has no waits() or no free_at()"))
+        self._core: PacketTreatment | None = core
+
+    def _left_out(self, error: Exception) -> ConfigError:
+        words = f"{type(error).__name__}: {error}"
+        extensions().leave_out_named("faults", self._name, words)
+        return ConfigError(
+            said("the extension that brings the fault {name} failed: {words}", name=self._name, words=words)
+        )
+
+    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+        """As the extension says; at once when it fails."""
+        try:
+            if self._core is not None:
+                return [float(wait) for wait in self._core.waits(peer, now, inward=inward)]
+        except Exception as error:
+            self._core = None
+            self._left_out(error)
+        return (0.0,)
+
+    def free_at(self, peer: Peer, now: float) -> float:
+        """As the extension says; now when it fails."""
+        try:
+            if self._core is not None:
+                return float(self._core.free_at(peer, now))
+        except Exception as error:
+            self._core = None
+            self._left_out(error)
+        return now
+
+
 class OfPart:
     """A treatment of the packets of one part on one link; satisfies `Treatment`.
 
@@ -86,7 +142,7 @@ class OfPart:
         everybody: whether all packets are treated.
     """
 
-    def __init__(self, core: Core, *, everybody: bool = False) -> None:
+    def __init__(self, core: PacketTreatment, *, everybody: bool = False) -> None:
         self._core = core
         self._everybody = everybody
         self.peers: set[Peer] = set()

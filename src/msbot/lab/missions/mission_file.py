@@ -27,6 +27,7 @@ from msbot.lab.missions.mission import (
 )
 from msbot.operations.fault_wish import FaultWish
 from msbot.operations.table import OPERATIONS
+from msbot.runtime.extensions import extensions
 from msbot.runtime.given_file import open_given_text
 from msbot.runtime.sentence import said
 
@@ -75,12 +76,23 @@ def load_mission(path: Path) -> Mission:
 
 @cache
 def ready_missions() -> dict[str, Mission]:
-    """The missions that MsBOT brings, by name."""
+    """The missions that MsBOT and its extensions bring, by name; of an extension with a mistake in a file, none."""
     found = {}
     for entry in sorted((files("msbot.lab.missions") / "ready").iterdir(), key=lambda one: one.name):
         if entry.name.endswith(".toml"):
             mission = parse_mission(entry.read_text("utf-8"), entry.name)
             found[mission.name] = mission
+    for name, folder in extensions().folders("missions").items():
+        try:
+            brought = {one.name: one for one in map(load_mission, sorted(folder.glob("*.toml")))}
+        except ConfigError as error:
+            extensions().leave_out_named("missions", name, str(error))
+            continue
+        taken = sorted(set(brought).intersection(found))
+        if taken:
+            extensions().leave_out_named("missions", name, f"there is a mission {taken[0]!r} already")
+            continue
+        found.update(brought)
     return found
 
 

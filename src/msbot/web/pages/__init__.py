@@ -10,6 +10,7 @@ from msbot.web.pages import (
     bus,
     classroom,
     doctor,
+    extension_pages,
     faults,
     help,
     journal,
@@ -34,7 +35,7 @@ def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
         robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, quiz, library, journal, missions,
-        faults, doctor, classroom, pupils, pupil_program, projector, admin, api_docs, help,
+        faults, doctor, classroom, pupils, pupil_program, projector, admin, api_docs, help, extension_pages,
     ):  # fmt: skip
         page.register(service)
 

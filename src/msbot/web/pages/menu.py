@@ -10,6 +10,7 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.web.pages.easy import ENTRIES
+from msbot.web.pages.extension_page import brought_pages
 from msbot.web.pages.lost_parts import lost_slots, tell_lost
 
 if TYPE_CHECKING:
@@ -58,7 +59,8 @@ def show_menu(page: Page, path: str, button: ui.button) -> None:
     """
     drawer = _drawer()
     with drawer:
-        ways = [way for way in MENU if page.may(way.right)]
+        brought = [MenuEntry(path, one.icon, one.title, one.right) for path, one in brought_pages().items()]
+        ways = [way for way in (*MENU, *brought) if page.may(way.right)]
         others = [way for way in ways if page.easy and way.path not in ENTRIES and way.path != path]
         _entries(page, path, [way for way in ways if way not in others])
         if others:

@@ -1,0 +1,1 @@
+"""An extension of MsBOT that brings one of everything."""

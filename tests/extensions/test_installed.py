@@ -1,0 +1,130 @@
+"""`examples/extension`, installed by pip as somebody else's package, and one in which everything is broken."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from msbot.runtime.extensions import GROUPS, PREFIX
+from tests.e2e.processes import Process, run, running
+
+EXAMPLE = Path(__file__).parents[2] / "examples/extension"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where it is installed: the environment that runs the tests stays as it is."""
+    folder = tmp_path_factory.mktemp("extension")
+    words = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder / "dist")]
+    subprocess.run(words, cwd=EXAMPLE, check=True, capture_output=True)
+    (wheel,) = (folder / "dist").glob("*.whl")
+    subprocess.run(
+        ["python3", "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(folder / "there"), wheel],
+        check=True,
+        capture_output=True,
+    )
+    return folder / "there"
+
+
+@pytest.fixture
+def env(place: Path) -> dict[str, str]:
+    return {"PYTHONPATH": str(place), "COLUMNS": "100"}
+
+
+def told(*words: str, env: dict[str, str], cwd: Path | None = None) -> str:
+    done = run(*words, env=env, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_brings_one_of_each_in_under_150_lines(env: dict[str, str]) -> None:
+    found = json.loads(told("extensions", "--json", env=env))["extensions"]
+    assert sorted(row["group"] for row in found) == sorted(GROUPS)
+    assert {row["left_out"] for row in found} == {""}
+    lines = told("extensions", env=env).splitlines()
+    assert lines[0] == "msbot-hello 1.0"
+    assert "  commands    hello" in lines
+    written = [path for path in EXAMPLE.rglob("*") if path.suffix in (".py", ".toml")]
+    assert sum(len(path.read_text().splitlines()) for path in written) < 150
+
+
+def test_its_command_and_files_are_there_like_those_of_msbot(env: dict[str, str], tmp_path: Path) -> None:
+    assert told("hello", "rover", env=env) == "Hello, rover!\n"
+    assert re.search(r"hello +Greets a robot: an example of an extension \(msbot-hello 1\.0\)", told("--help", env=env))
+    assert "HELLO-LOAD" in told("library", "list", env=env)
+    assert "Load meter" in told("library", "show", "HELLO-LOAD", env=env)
+    assert "hiccups" in told("mission", "list", env=env)
+    assert "Say hello (5 minutes, 1 check)" in told("lesson", "list", env=env)
+    assert "hiccup" in told("fault", "kinds", env=env)
+    assert "load" in told("doctor", "--only", "load", "-v", env=env, cwd=tmp_path)
+
+
+def test_a_wrong_address_is_told_as_it_is_of_msbots_own(env: dict[str, str]) -> None:
+    done = run("part", "ABCD", "--link", "slow:x:udp:127.0.0.1:1", env=env)
+    assert done.returncode == 2
+    assert "'x' are no milliseconds; write it like `slow:50:udp:127.0.0.1:8888`" in done.stderr
+    done = run("agent", "udp4", "--space", "scratch:x", env=env)
+    assert done.returncode == 2
+    assert "scratch has no options; write it like `scratch`" in done.stderr
+    done = run("part", "ABCD", "--link", "nothing:x", env=env)
+    assert "slow:50:udp:127.0.0.1:8888" in done.stderr, "it is among the kinds that there are"
+
+
+@pytest.fixture
+def robot(env: dict[str, str], tmp_path: Path) -> Iterator[Process]:
+    with running("demo", "--port", "0", "--robot", "rover", cwd=tmp_path, env=env) as process:
+        yield process
+
+
+def test_its_page_call_and_fault_work_at_a_running_robot(robot: Process, env: dict[str, str], tmp_path: Path) -> None:
+    link = re.search(r"http://\S+", robot.wait_for("http://"))
+    assert link is not None
+    base = link[0].partition("/enter")[0]
+    with httpx.Client(base_url=base) as visitor:
+        assert visitor.get("/api/x/hello/greeting").status_code == 401
+        assert visitor.get("/x/hello").status_code != 200
+        visitor.get(link[0].removeprefix(base))
+        assert visitor.get("/api/x/hello/greeting").json() == "Hello, ROVER!"
+        page = visitor.get("/x/hello").text
+        assert "Hello, ROVER: " in page
+        assert "/x/hello" in visitor.get("/").text, "in the menu"
+    assert "hiccup" in told("fault", "add", "hiccup", "fan", env=env, cwd=tmp_path)
+
+
+def broken(place: Path) -> dict[str, str]:
+    """A package in which nothing works."""
+    package = place / "broken"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise RuntimeError('no way')\n")
+    info = place / "msbot_broken-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: msbot-broken\nVersion: 0.1\n")
+    points = "".join(f"[{PREFIX}{group}]\nbad = broken.{group}:x\n" for group in GROUPS)
+    (info / "entry_points.txt").write_text(points)
+    return {"PYTHONPATH": str(place), "COLUMNS": "100"}
+
+
+def test_a_broken_one_is_named_and_left_out(tmp_path: Path) -> None:
+    env = broken(tmp_path)
+    done = run("extensions", "--json", env=env)
+    assert done.returncode == 1
+    found = {row["group"]: row["left_out"] for row in json.loads(done.stdout)["extensions"]}
+    assert found == dict.fromkeys(GROUPS, "RuntimeError: no way")
+    assert done.stderr == ""
+    done = run("bad", env=env)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "msbot-broken 0.1" in done.stderr
+    assert "HC-SR04" in told("library", "list", env=env)
+    with running("demo", "--port", "0", cwd=tmp_path, env=env) as process:
+        process.wait_for("http://")
+        assert process.end() == 0
+    assert not any("Traceback" in line for line in process.lines)
+    assert any("msbot-broken 0.1 is left out" in line for line in process.lines)
