@@ -314,7 +314,8 @@ async def _not_there(request: Request, _error: Exception) -> Response:
 
 async def _failed(request: Request, error: Exception) -> Response:
     """A page that cannot be made; NiceGUI's own one would have neither STOP nor a way back."""
-    logging.getLogger("nicegui").error("a page could not be made", exc_info=error)
+    if not await request.is_disconnected():  # else nobody waits for it, and that is why
+        logging.getLogger("nicegui").error("a page could not be made", exc_info=error)
     return _refusal(request, 500, said("this page could not be made: the robot's log says why"))
 
 

@@ -52,8 +52,8 @@ CHECK_S = 3.0
 """Longest time that a page stays open after its person was signed out elsewhere, or removed."""
 
 
-Refresh = Callable[[], Coroutine[object, object, None] | None]
-"""Shows the present state; waits only if it is a coroutine."""
+Refresh = Callable[[], object]
+"""Shows the present state; waits only if it gives a coroutine."""
 
 
 @dataclass(slots=True)
@@ -199,7 +199,7 @@ class Page:
         if refresh in self.reading:
             return
         waiting = refresh()
-        if waiting is None:
+        if not inspect.isawaitable(waiting):
             return
         self.reading.add(refresh)
 
