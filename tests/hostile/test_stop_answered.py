@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import httpx
@@ -128,6 +129,55 @@ def test_the_first_stop_is_obeyed_and_truly_told_whatever_has_run_out(robot: Rob
     assert robot.tell("status")["stopped"]
 
 
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of its own, of 24 MB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=24m", "msbot-test", place], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        pytest.skip(f"this user may not mount a file system: {done.stderr.strip()}")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", "--lazy", place], check=True)
+
+
+def fill(place: Path) -> Path:
+    """Takes all the room that there is, to the last octet."""
+    file = place / "of others"
+    with file.open("ab", buffering=0) as stream, suppress(OSError):
+        for size in (65536, 512, 1):
+            with suppress(OSError):
+                while stream.write(b"x" * size):
+                    pass
+    return file
+
+
+@pytest.mark.promise("STOP is obeyed and truly told without threads, descriptors, memory or room on the disk")
+def test_on_a_full_disk_stop_and_go_are_stored(small_disk: Path) -> None:
+    """Full as others fill it: file, database and its journal share what there is, and that is nothing."""
+    with ExitStack() as stack:
+        robot = Robot(small_disk, stack)
+        master = robot.master(page=True)
+        robot.parts("AA")
+        for say in (by_api, by_socket):
+            taken = fill(small_disk)
+            assert say(robot), "stored, although nothing else can be"
+            master.end(signal.SIGKILL)
+            taken.unlink()
+            master = robot.master(page=True)
+            assert robot.tell("status")["stopped"], say.__name__
+            taken = fill(small_disk)
+            assert robot.tell("go")["stored"] is True
+            master.end(signal.SIGKILL)
+            taken.unlink()
+            master = robot.master(page=True)
+            assert not robot.tell("status")["stopped"], say.__name__
+
+
 @pytest.mark.promise("Every request of who may say STOP is a STOP, and a GO ends none that its sayer did not know of")
 def test_every_request_of_who_may_say_it_is_a_stop(robot: Robot) -> None:
     robot.master(page=True)
@@ -166,6 +216,9 @@ def test_every_request_of_who_may_say_it_is_a_stop(robot: Robot) -> None:
     status, words = robot.call("POST", "/go", {"stop": first})
     assert (status, robot.tell("status")["stopped"]) == (400, True)
     assert f"STOP {second} was said since" in str(words["error"])
+    status, words = robot.call("POST", "/go", {"stop": second + 1})
+    assert (status, robot.tell("status")["stopped"]) == (400, True), "nobody has seen that one"
+    assert f"there was no STOP {second + 1}" in str(words["error"])
     assert f"STOP {second} was said since" in run("go", "--stop", str(first), cwd=robot.folder, env=robot.env).stderr
     assert run("go", "--stop", str(second), cwd=robot.folder, env=robot.env).returncode == 0
 

@@ -300,7 +300,7 @@ class Master:
             number: of the latest STOP that this person knows of; None: whichever holds.
 
         Raises:
-            ConfigError: nobody said STOP, or somebody has said another one since.
+            ConfigError: nobody said STOP, or not that one, or somebody has said another one since.
         """
         if not self._stop.holds:
             raise ConfigError(said("nobody said STOP: there is nothing to end"))
@@ -308,6 +308,14 @@ class Master:
             raise ConfigError(
                 said(
                     "STOP {number} is not the latest: STOP {latest} was said since; see why, and say GO again",
+                    number=number,
+                    latest=self._stop.latest,
+                )
+            )
+        if number is not None and number > self._stop.latest:
+            raise ConfigError(
+                said(
+                    "there was no STOP {number}: the latest is STOP {latest}; see why, and say GO again",
                     number=number,
                     latest=self._stop.latest,
                 )
