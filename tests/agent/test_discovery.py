@@ -10,8 +10,15 @@ from typing import cast
 
 import pytest
 
-from msbot.agent.discovery import DISCOVERY_GROUP, DiscoveryResponder, discovery_answer, host_addresses
+from msbot.agent.discovery import (
+    DISCOVERY_GROUP,
+    LOOK_AGAIN_S,
+    DiscoveryResponder,
+    discovery_answer,
+    host_addresses,
+)
 from msbot.errors import LinkDown
+from msbot.runtime.virtual_time import run_virtual
 
 QUESTION = bytes.fromhex("80000000 02010800 0009fffd 03000000")
 
@@ -80,31 +87,71 @@ async def test_without_an_interface_all_addresses_are_announced() -> None:
     assert answer == discovery_answer(QUESTION, host_addresses, 3018)
 
 
+def test_an_interface_that_comes_up_later_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    there: list[str] = []
+    monkeypatch.setattr("msbot.agent.discovery.host_addresses", lambda: there)
+
+    async def main() -> None:
+        async with running(DiscoveryResponder(3018, port=0)) as port:
+            there.append("127.0.0.1")
+            await asyncio.sleep(3 * LOOK_AGAIN_S)  # again and again, which changes nothing
+            assert await ask((DISCOVERY_GROUP, port), QUESTION) == telling("127.0.0.1")[0]
+
+    run_virtual(main())
+
+
 async def test_an_interface_that_is_not_there_is_said_in_words() -> None:
     with pytest.raises(LinkDown, match=r"discovery on 239\.255\.0\.2:7400 is not possible"):
         await DiscoveryResponder(3018, interface="192.0.2.77").run()
 
 
-@pytest.mark.parametrize(
-    ("address", "is_answered"),
-    [("127.0.0.1", True), ("127.0.0.9", True), ("0.0.0.0", True), ("192.0.2.7", True), ("192.0.2.8", False)],
-)
-def test_a_loopback_agent_answers_every_address_of_its_computer_and_no_other(
-    address: str, is_answered: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("msbot.agent.discovery.host_addresses", lambda: ["127.0.0.1", "192.0.2.7"])
-    asked = [(QUESTION, (address, 4711))]
-    answered: list[object] = []
+HERE = ["127.0.0.1", "192.0.2.7", "198.51.100.7"]
+"""The addresses of a computer with two interfaces."""
+OWN = [("127.0.0.1", HERE[0]), ("127.0.0.9", HERE[0]), ("0.0.0.0", HERE[1]), (HERE[1], HERE[1]), (HERE[2], HERE[1])]
+"""From which addresses its programs ask, and at which the questions come in."""
+
+
+def answers(responder: DiscoveryResponder, sender: str, at: str | None) -> list[bytes]:
+    """What is sent when a question comes in from there at that address of ours."""
+    told: list[tuple[int, int, bytes]] = []
+    if at is not None:
+        told = [(socket.IPPROTO_IP, 8, bytes(4) + socket.inet_aton(at) + bytes(4))]
+    asked = [(QUESTION, told, 0, (sender, 4711))]
+    answered: list[bytes] = []
 
     class Socket:
-        def recvfrom(self, _: int) -> tuple[bytes, tuple[str, int]]:
+        def recvmsg(self, *_: int) -> tuple[bytes, list[tuple[int, int, bytes]], int, tuple[str, int]]:
             if not asked:
                 raise BlockingIOError
             return asked.pop()
 
-        def sendto(self, _: bytes, sender: object) -> None:
-            answered.append(sender)
+        def sendto(self, answer: bytes, to: object) -> None:
+            assert to == (sender, 4711)
+            answered.append(answer)
 
-    responder = DiscoveryResponder(3018, interface="127.0.0.1")
     responder._drain(cast("socket.socket", Socket()))
-    assert answered == [(address, 4711)] * is_answered
+    return answered
+
+
+def telling(*addresses: str) -> list[bytes]:
+    """One answer with these addresses."""
+    answer = discovery_answer(QUESTION, lambda: addresses, 3018)
+    assert answer is not None
+    return [answer]
+
+
+def test_an_agent_answers_every_address_of_its_computer_and_others_only_where_it_serves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("msbot.agent.discovery.host_addresses", lambda: HERE)
+    for served, told in (("127.0.0.1", HERE[:1]), (HERE[2], HERE[2:]), (None, HERE)):
+        responder = DiscoveryResponder(3018, interface=served)
+        for sender, at in OWN:
+            assert answers(responder, sender, at) == telling(*told), (served, sender)
+    loopback, second, everywhere = (DiscoveryResponder(3018, interface=one) for one in ("127.0.0.1", HERE[2], None))
+    assert answers(loopback, "192.0.2.8", HERE[1]) == []
+    assert answers(second, "192.0.2.8", HERE[1]) == [], "the other network"
+    assert answers(second, "198.51.100.8", HERE[2]) == telling(HERE[2])
+    assert answers(second, "198.51.100.8", None) == telling(HERE[2]), "a system that does not say"
+    assert answers(everywhere, "192.0.2.8", HERE[1]) == telling(HERE[1], HERE[2]), "no loopback for other computers"
+    assert answers(everywhere, "198.51.100.8", HERE[2]) == telling(HERE[2], HERE[1]), "the one that was asked first"

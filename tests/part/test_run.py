@@ -16,7 +16,12 @@ from msbot.part.part import Part
 from msbot.part.run import run
 from tests.part.wire import SmallMaster, publishes
 
-OF_A_BUSY_COMPUTER = ("still looking", "does not answer part", "no master says which robot", "cannot beat meanwhile")
+OF_A_BUSY_COMPUTER = (
+    "still looking",
+    "does not answer part",
+    "no master has said which robot",
+    "cannot beat meanwhile",
+)
 """What a part rightly says when it, or its master, stands still for seconds."""
 
 TWO = {"ABCD": [publishes("out", "T")], "EFGH": [publishes("out", "U")]}

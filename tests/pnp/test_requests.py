@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.join import plug
+from msbot.part.join import plug, thesis_master
 from msbot.part.join.trouble import trouble_pieces
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp import thesis_programs as compat
@@ -58,6 +58,14 @@ def test_a_stranger_hears_nothing() -> None:
     assert counter.ask(claim("NOPE")) is None
     assert counter.requests.compat(compat.encode_request("NOPE", "x"), KEY, counter.rig.now) is None
     assert counter.requests.dropped == {}
+
+
+def test_who_only_asks_whether_this_is_the_thesis_own_master_is_no_newcomer() -> None:
+    counter = Counter()
+    question = thesis_master.question("ABCD", "AA")
+    assert question is not None
+    assert counter.requests.compat(question, KEY, counter.rig.now) is None
+    assert counter.rig.part(KEY).part_number == "", "it has claimed nothing"
 
 
 def test_a_robot_that_explains_tells_the_reason() -> None:

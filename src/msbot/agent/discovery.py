@@ -7,10 +7,12 @@ and the port of the agent's UDP service. Asking the discovery port directly work
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import socket
 import struct
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from msbot.errors import LinkDown, RemoteProtocolError
 from msbot.runtime.given_file import read_of_system
@@ -34,6 +36,8 @@ DISCOVERY_PORT = 7400
 _PER_TURN = 32
 """Requests read before others get their turn."""
 _DATAGRAM_MAX = 2048
+LOOK_AGAIN_S = 10.0
+"""How often it is looked for interfaces that have come up: a network adapter may be plugged in later."""
 _NO_ADDRESS = "0.0.0.0"  # noqa: S104 - whom a packet comes from, not where to listen
 _LOOPBACK = "127."
 _ONLY_JOINED_GROUPS = 49
@@ -41,10 +45,13 @@ _ONLY_JOINED_GROUPS = 49
 groups."""
 _ADDRESS_OF_INTERFACE = 0x8915
 """SIOCGIFADDR of Linux."""
+_PACKET_INFO = 8
+"""IP_PKTINFO of Linux: with each packet comes the address of the interface by which it came."""
+_ANCILLARY_MAX = 64
 
 
 def discovery_answer(packet: bytes, addresses: Callable[[], Sequence[str]], service_port: int) -> bytes | None:
-    """The INFO for a discovery request, or None when the packet is something else.
+    """The INFO for a discovery request, or None when the packet is something else, or there is nothing to tell.
 
     Args:
         packet: the packet that came in on the discovery port.
@@ -59,6 +66,8 @@ def discovery_answer(packet: bytes, addresses: Callable[[], Sequence[str]], serv
     if header.session_id != SESSION_NONE or not isinstance(request, GetInfo):
         return None
     locators = tuple(_locator(address, service_port) for address in addresses())
+    if not locators:
+        return None
     info = Info(request.request_id, request.object_id, locators=locators)
     return encode_message(Header(SESSION_NONE), [info], pad_end=False)
 
@@ -67,6 +76,14 @@ def _locator(address: str, port: int) -> Locator:
     if ":" in address:
         return Locator(LocatorFormat.LARGE, socket.inet_pton(socket.AF_INET6, address), port)
     return Locator(LocatorFormat.MEDIUM, socket.inet_aton(address), port)
+
+
+def _came_in_at(ancillary: Sequence[tuple[int, int, bytes]]) -> str | None:
+    """Our address on the interface by which a packet came; None: the system does not say."""
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.IPPROTO_IP, _PACKET_INFO) and len(data) >= 8:
+            return socket.inet_ntoa(data[4:8])
+    return None
 
 
 def host_ipv6_addresses() -> list[str]:
@@ -112,8 +129,8 @@ class DiscoveryResponder:
             service_port: where the agent serves clients.
             port: where clients look for it; 0 = any free port (see `address`).
             group: multicast group that clients ask.
-            interface: IPv4 address of the one interface to listen on and to announce; all if absent. With a loopback
-                address, other machines get no answer, and programs of this one do, by whatever interface they ask.
+            interface: IPv4 address of the one interface to announce, whose network is answered; all if absent. Programs
+                of this machine are answered by whatever interface they ask; with a loopback address nobody else is.
             told: returns the addresses to announce; those of the interfaces if absent. An agent on IPv6 is also asked
                 over IPv4, like the genuine one, and announces IPv6 addresses.
         """
@@ -121,7 +138,7 @@ class DiscoveryResponder:
         self._port = port
         self._group = group
         self._interface = interface
-        self._told = told or self._addresses
+        self._told = told
         self._is_local = interface is not None and interface.startswith(_LOOPBACK)
         self.address: tuple[str, int] | None = None
         """Where it listens, once it runs."""
@@ -139,7 +156,9 @@ class DiscoveryResponder:
         try:
             self.address = sock.getsockname()
             loop.add_reader(sock, self._drain, sock)
-            await loop.create_future()
+            while True:
+                await asyncio.sleep(LOOK_AGAIN_S)
+                self._join_group(sock)
         finally:
             loop.remove_reader(sock)
             sock.close()
@@ -151,7 +170,9 @@ class DiscoveryResponder:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(("", self._port))
-            self._join_group(sock)
+            failure = self._join_group(sock)
+            if failure is not None:
+                raise failure
         except OSError as error:
             sock.close()
             raise LinkDown(
@@ -159,26 +180,37 @@ class DiscoveryResponder:
                 "choose another port, name an interface that is up, or serve without discovery"
             ) from error
         try:
+            sock.setsockopt(socket.IPPROTO_IP, _PACKET_INFO, 1)
             sock.setsockopt(socket.IPPROTO_IP, _ONLY_JOINED_GROUPS, 0)
         except OSError:
-            logger.debug("this system has no IP_MULTICAST_ALL")
+            logger.debug("this system has no IP_PKTINFO or no IP_MULTICAST_ALL")
         return sock
 
-    def _join_group(self, sock: socket.socket) -> None:
-        """Join the group on every interface wanted; one that cannot (it is down) does not matter if another can."""
+    def _join_group(self, sock: socket.socket) -> OSError | None:
+        """Join the group on every interface where it is not joined yet.
+
+        Returns:
+            Why it is not possible. One interface that cannot (it is down) does not matter if another can, unless it is
+            the one that is served.
+        """
         failure: OSError | None = None
         joined = 0
-        # A client of this computer asks by whichever interface its system chooses, also where only loopback is served.
-        for address in host_addresses() if self._is_local else self._addresses():
+        # A client of this computer asks by whichever interface its system chooses, also where another one is served.
+        addresses = dict.fromkeys([*self._addresses(), *host_addresses()])
+        for address in addresses:
             member = socket.inet_aton(self._group) + socket.inet_aton(address)
             try:
                 sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
                 joined += 1
             except OSError as error:
+                if error.errno == errno.EADDRINUSE:
+                    joined += 1
+                    continue
                 logger.debug("no discovery on the interface of %s: %s", address, error)
                 failure = error
-        if failure is not None and not joined:
-            raise failure
+                if address == self._interface and not self._is_local:
+                    return error
+        return None if joined else failure
 
     def _addresses(self) -> list[str]:
         return [self._interface] if self._interface else host_addresses()
@@ -187,17 +219,31 @@ class DiscoveryResponder:
         """Whether a program of this computer asks: from any of its addresses, or before it has one."""
         return address.startswith(_LOOPBACK) or address == _NO_ADDRESS or address in host_addresses()
 
+    def _told_to(self, sender: str, at: str | None) -> list[str]:
+        """The addresses to announce to somebody whose question came in at one of ours; none: it gets no answer."""
+        is_here = self._is_from_here(sender)
+        if not is_here and (self._is_local or (self._interface is not None and at not in (None, self._interface))):
+            return []
+        if self._told is not None:
+            return list(self._told())
+        addresses = self._addresses()
+        if is_here:
+            return addresses
+        # DEVIATION: the genuine agent begins with loopback, and a board that takes the first address finds nobody.
+        reachable = [address for address in addresses if not address.startswith(_LOOPBACK)]
+        return sorted(reachable, key=lambda address: address != at)
+
     def _drain(self, sock: socket.socket) -> None:
         for _ in range(_PER_TURN):
             try:
-                packet, sender = sock.recvfrom(_DATAGRAM_MAX)
+                packet, ancillary, _, sender = sock.recvmsg(_DATAGRAM_MAX, _ANCILLARY_MAX)
             except BlockingIOError:
                 return
             except OSError as error:  # of an earlier answer, or an interface that is down: the next request may come
                 logger.debug("no discovery request could be read: %s", error)
                 return
-            answer = discovery_answer(packet, self._told, self._service_port)
-            if answer is None or (self._is_local and not self._is_from_here(sender[0])):
+            told = partial(self._told_to, sender[0], _came_in_at(ancillary))
+            if (answer := discovery_answer(packet, told, self._service_port)) is None:
                 logger.debug("no discovery request from %s", sender)
                 continue
             try:

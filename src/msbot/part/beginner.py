@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 from weakref import WeakSet
 
 from msbot.errors import MsbotError
-from msbot.part.join.joining import JoinState
+from msbot.part.join.joining import Joining, JoinState
+from msbot.part.join.thesis_master import DOES_NOT_JOIN
 
 if TYPE_CHECKING:
     from msbot.part.part import Part
@@ -84,13 +85,15 @@ def sentence(error: BaseException) -> str:
     return words if place is None or place in words else f"{place}: {words}"
 
 
-def silence_words(state: JoinState, link: str, local_name: str) -> str:
-    """What a part that has been in this state for seconds is waiting for; "" = nothing."""
-    match state:
+def silence_words(joining: Joining, link: str, local_name: str) -> str:
+    """What a part that has been in this state for seconds is waiting for; "" = nothing, or it was said."""
+    match joining.state:
         case JoinState.LOOKING | JoinState.LOST:
             return f"no master at {link} yet, still looking; is `msbot master` running?"
         case JoinState.RECOGNISING:
-            return f"an agent answers at {link}, but no master says which robot it is; is it `msbot agent`?"
+            return f"an agent answers at {link}, but no master has said which robot it is yet; is it `msbot agent`?"
+        case JoinState.CLAIMING if joining.reason == DOES_NOT_JOIN:
+            return ""
         case JoinState.CLAIMING:
             return f"the robot does not answer part {local_name}; `msbot why {local_name}` beside the master says why"
         case _:

@@ -242,7 +242,7 @@ class ProgramRunner:
             self.guard.call(function)
 
     def _tell_of_silence(self, link: str) -> None:
-        if words := silence_words(self.joining.state, link, self._local_name):
+        if words := silence_words(self.joining, link, self._local_name):
             _log.warning("%s", words)
 
     def _changed(self, change: Changed) -> None:

@@ -10,21 +10,20 @@ DEVIATION: the thesis' replier answers everybody; here a stranger gets no answer
 
 from __future__ import annotations
 
-from struct import Struct
-
 from msbot.errors import RemoteProtocolError
+from msbot.part.join.thesis_master import BUFFER_BYTES, read_string, reply, request
+from msbot.part.join.thesis_master import REPLY_TYPE as REPLY_TYPE  # noqa: PLC0414 - others look for them here
+from msbot.part.join.thesis_master import REQUEST_TYPE as REQUEST_TYPE  # noqa: PLC0414
+from msbot.part.join.thesis_master import SERVICE as SERVICE  # noqa: PLC0414
+from msbot.part.join.thesis_master import is_question as is_question  # noqa: PLC0414
 from msbot.pnp.model import Claim
 
-BUFFER_BYTES = 96
-
-SERVICE = "service_name"
-REQUEST_TYPE = "request_type"
-REPLY_TYPE = "reply_type"
 REQUEST_TOPIC = "service_name_Request"
 """The topic of an XML requester with `service_name="service_name"` and no topic names (seen on the wire)."""
 REPLY_TOPIC = "service_name_Reply"
 
-_LENGTH = Struct("<I")
+encode_request = request
+encode_reply = reply
 
 
 def decode_request(body: bytes) -> Claim:
@@ -35,18 +34,9 @@ def decode_request(body: bytes) -> Claim:
     """
     if len(body) != BUFFER_BYTES:
         raise RemoteProtocolError(f"request of {len(body)} octets, expected {BUFFER_BYTES}")
-    part_number, offset = _read_string(body, 0)
-    local_name, _ = _read_string(body, offset)
+    part_number, offset = read_string(body, 0)
+    local_name, _ = read_string(body, offset)
     return Claim(part_number=part_number, local_name=local_name, layout="compat")
-
-
-def encode_request(part_number: str, local_name: str) -> bytes:
-    """Build a request as the thesis' programs do.
-
-    Raises:
-        ValueError: the two strings do not fit.
-    """
-    return _filled(_string(part_number) + _string(local_name))
 
 
 def decode_reply(body: bytes) -> str:
@@ -57,42 +47,4 @@ def decode_reply(body: bytes) -> str:
     """
     if len(body) != BUFFER_BYTES:
         raise RemoteProtocolError(f"reply of {len(body)} octets, expected {BUFFER_BYTES}")
-    return _read_string(body, 0)[0]
-
-
-def encode_reply(part_number: str) -> bytes:
-    """Build the reply to a registered part.
-
-    Raises:
-        ValueError: the part number does not fit.
-    """
-    return _filled(_string(part_number))
-
-
-def _read_string(body: bytes, offset: int) -> tuple[str, int]:
-    if offset + 4 > len(body):
-        raise RemoteProtocolError("no room for a string")
-    (length,) = _LENGTH.unpack_from(body, offset)
-    end = offset + 4 + length
-    if length == 0 or end > len(body):
-        raise RemoteProtocolError(f"string of {length} octets at offset {offset}")
-    raw = body[offset + 4 : end]
-    if raw[-1] != 0:
-        raise RemoteProtocolError("string without its final NUL")
-    try:
-        text = raw[:-1].decode()
-    except UnicodeDecodeError as error:
-        raise RemoteProtocolError("string is not UTF-8") from error
-    return text, -(-end // 4) * 4
-
-
-def _string(text: str) -> bytes:
-    raw = text.encode() + b"\0"
-    padding = -len(raw) % 4
-    return _LENGTH.pack(len(raw)) + raw + bytes(padding)
-
-
-def _filled(content: bytes) -> bytes:
-    if len(content) > BUFFER_BYTES:
-        raise ValueError(f"{len(content)} octets do not fit into {BUFFER_BYTES}")
-    return content.ljust(BUFFER_BYTES, b"\0")
+    return read_string(body, 0)[0]

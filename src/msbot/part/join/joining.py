@@ -80,6 +80,9 @@ TRANSITIONS: dict[tuple[JoinState, JoinEvent], JoinState] = {
 REFUSED_RETRY_S = 2.0
 """Time between two claims after an explicit refusal."""
 
+UNANSWERED_S = 4.0
+"""After so long without an answer to a claim, the master may be one that knows no claims."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pace:
@@ -126,6 +129,11 @@ class ExpectedRobot:
 @dataclass(frozen=True, slots=True)
 class SendClaim:
     """Send the registration request."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskThesisMaster:
+    """Nobody answers: ask whether this is the master of the thesis' own programs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +184,7 @@ class Changed:
     """Why, in words."""
 
 
-Action = SendClaim | SendProof | SendBeat | FetchConfiguration | CheckAgent | BeginAnew | Changed
+Action = SendClaim | AskThesisMaster | SendProof | SendBeat | FetchConfiguration | CheckAgent | BeginAnew | Changed
 
 _CLAIMS = (S.CLAIMING, S.REFUSED)
 _BEATS = (S.CONFIGURING, S.ACTIVE)
@@ -205,6 +213,8 @@ class Joining:
         self._beat_at: float | None = None
         self._waiting_since: float | None = None
         self._heard_at = 0.0
+        self._claims_since = 0.0
+        self._has_asked = False
 
     def next_action(self) -> Action | None:
         """The next thing that the owner has to do, or None."""
@@ -257,6 +267,13 @@ class Joining:
             if is_moved:
                 self.configuration_version = 0  # two slots may have the same version
                 self._fetch_configuration(now)
+
+    def thesis_master_found(self, words: str, now: float) -> None:
+        """The master of the thesis' own programs has answered; the part says so, and stays in case that another one
+        comes."""
+        if self.state is S.CLAIMING and self.reason != words:
+            self.reason = words
+            self._actions.append(Changed(now, S.CLAIMING, S.CLAIMING, words))
 
     def configuration_received(self, version: int, slot: str, now: float) -> bool:
         """A configuration has arrived; True = put it into use (before the next `next_action`)."""
@@ -329,6 +346,7 @@ class Joining:
             self.configuration_version = 0
             self._beat_at = self._waiting_since = None
         if state is S.CLAIMING:
+            self._claims_since, self._has_asked = now, False
             self._claim(now)
         elif state is S.REFUSED:
             self._retry_at = now + REFUSED_RETRY_S
@@ -338,6 +356,9 @@ class Joining:
 
     def _claim(self, now: float) -> None:
         self._actions.append(SendClaim())
+        if self.state is S.CLAIMING and not self._has_asked and now - self._claims_since >= UNANSWERED_S:
+            self._has_asked = True
+            self._actions.append(AskThesisMaster())
         self._retry_at = now + (self._pace.retry_s if self.state is S.CLAIMING else REFUSED_RETRY_S)
 
     def _fetch_configuration(self, now: float) -> None:

@@ -14,10 +14,12 @@ from collections.abc import Callable
 
 from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
+from msbot.part.client.entities import Entity
 from msbot.part.client.loop_turn import Turn
 from msbot.part.client.settings import ConnectionState
-from msbot.part.join import plug
+from msbot.part.join import plug, thesis_master
 from msbot.part.join.joining import (
+    AskThesisMaster,
     BeginAnew,
     Changed,
     CheckAgent,
@@ -42,6 +44,14 @@ INVENTORY = ServiceNames(
     plug.INVENTORY_REPLY_TOPIC,
 )
 """Where a part claims, beats and asks for its configuration."""
+THESIS_INVENTORY = ServiceNames(
+    thesis_master.SERVICE,
+    thesis_master.REQUEST_TYPE,
+    thesis_master.REPLY_TYPE,
+    f"{thesis_master.SERVICE}_Request",
+    f"{thesis_master.SERVICE}_Reply",
+)
+"""Where the inventory of the thesis' own programs answers."""
 
 ONE_SAMPLE = None
 """Delivery control of a read that ends with its first sample: none at all (seen on the wire)."""
@@ -107,6 +117,8 @@ class Membership:
             on_room=self._say_on,
         )  # fmt: skip
         self._claim = claim.encode()
+        self._question = thesis_master.question(claim.part_number, claim.local_name)
+        self._thesis_requester: Entity | None = None
         self._profile_once = profile_once
         self._changed = changed
         self._configure = configure
@@ -197,8 +209,13 @@ class Membership:
             self._forget_trouble()
         self._drain()
 
-    def _reply_received(self, _object_id: int, _request_id: int, payload: bytes) -> None:
+    def _reply_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
         now = self._turn.now()
+        if self._thesis_requester is not None and object_id == self._thesis_requester.object_id:
+            if len(payload) == thesis_master.BUFFER_BYTES:
+                self.joining.thesis_master_found(thesis_master.DOES_NOT_JOIN, now)
+                self._drain()
+            return
         opened = self.seals.open_reply(payload)
         if opened is None:
             return
@@ -240,11 +257,16 @@ class Membership:
             match action:
                 case Changed():
                     self._read_profile(action.after)
+                    if action.after is not JoinState.CLAIMING and self._thesis_requester is not None:
+                        self.client.delete(self._thesis_requester)
+                        self._thesis_requester = None
                     self._changed(action)
                     if action.after is JoinState.ACTIVE and self._nature is not plug.Nature.UNKNOWN:
                         self._say_nature()
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
+                case AskThesisMaster():
+                    self._ask_thesis_master()
                 case SendProof():
                     self._send_proof(action)
                 case SendBeat():
@@ -260,6 +282,17 @@ class Membership:
                 case BeginAnew():
                     self.client.reconnect(action.reason)
         self._turn.set_timer(self.joining.timer())
+
+    def _ask_thesis_master(self) -> None:
+        if self._question is None:
+            return
+        if self._thesis_requester is None:
+            self._thesis_requester = self.client.create_requester(self.participant, THESIS_INVENTORY)
+            self.client.read(self._thesis_requester)
+        try:
+            self.client.write(self._thesis_requester, self._question, stream_id=STREAM_RELIABLE)
+        except (LinkFull, LocalProtocolError) as error:
+            _log.debug("the thesis' master is not asked for: %s", error)
 
     def _say_nature(self) -> None:
         message = plug.NatureMessage(lease=self.joining.lease, nature=self._nature)
