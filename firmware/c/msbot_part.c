@@ -15,6 +15,7 @@
 #define ANSWER_US 1000000U
 #define SILENT_BEATS 12U
 #define SHORTEST_BEAT_MS 20U
+#define NEVER UINT32_MAX /* no GO has that number */
 
 enum { PARTICIPANT = 0x0011, PROFILE_TOPIC = 0x0012, PUBLISHER = 0x0013, SUBSCRIBER = 0x0014, PROFILE_READER = 0x0016,
        INVENTORY = 0x0017 };
@@ -114,6 +115,11 @@ static bool claims(const msbot_part *part) { return part->state == MSBOT_CLAIMIN
 
 static bool beats(const msbot_part *part) { return part->state == MSBOT_CONFIGURING || part->state == MSBOT_ACTIVE; }
 
+static bool hears_master(const msbot_part *part)
+{
+    return part->state != MSBOT_LOOKING && part->state != MSBOT_LOST && part->state != MSBOT_WRONG_ROBOT;
+}
+
 static void retry_at(msbot_part *part, uint32_t now_us)
 {
     part->has_retry = true;
@@ -133,12 +139,48 @@ static void fetch(msbot_part *part, uint32_t now_us)
     retry_at(part, now_us);
 }
 
-static void leave(msbot_part *part)
+/* STOP that holds goes on holding when the part loses its robot; the rules are those of src/msbot/part/safe_state.py.
+ * Whatever was agreed with a master is void, and perhaps another one serves the part from now on. */
+static void change_master(msbot_part *part)
 {
-    part->config.safe(part->config.context, MSBOT_ALL_PORTS);
-    /* The master that takes the part back repeats STOP if it still holds. */
-    part->stopped = part->stop_for_robot = false;
-    part->stop_heard = part->stop_over = part->stop_ends_with = part->stop_obeyed = 0;
+    if (part->stop_told == 0) {
+        part->stop_ends_with = NEVER;
+    }
+    part->stop_heard = part->stop_over = 0;
+    part->stop_is_masters = part->stop_is_asked = false;
+}
+
+static void end_stop(msbot_part *part)
+{
+    part->stopped = part->stop_is_masters = part->stop_is_asked = false;
+    part->stop_told = part->stop_ends_with = part->stop_said = 0;
+}
+
+/* A STOP that has a number was said in the robot that gave it. */
+static void recognise(msbot_part *part)
+{
+    if (part->stop_told != 0 && part->robot_seen != part->robot_known && part->robot_known != 0) {
+        end_stop(part);
+    }
+    part->robot_known = part->robot_seen;
+}
+
+static void beat(msbot_part *part, uint32_t now_us)
+{
+    uint8_t payload[6];
+    /* With the number of the STOP that the part obeys the beat confirms it, with 0 it says STOP; a usual one is four octets.
+     * A STOP button that is held says 0 after each confirmation. */
+    bool says = part->stopped && (part->stop_told != 0 || part->stop_held || !part->stop_is_asked);
+    uint32_t number = part->stop_held && part->stop_said == part->stop_told ? 0 : part->stop_told;
+    put_u32(payload, part->lease);
+    payload[4] = (uint8_t)number;
+    payload[5] = (uint8_t)(number >> 8);
+    part->stop_said = number;
+    (void)msbot_xrce_write(&part->client, INVENTORY, MSBOT_BEST_EFFORT, payload, says ? sizeof payload : 4);
+    if (!part->waiting) {
+        part->waiting = true;
+        part->waiting_us = now_us;
+    }
 }
 
 static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
@@ -151,7 +193,12 @@ static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
         part->lease = part->version = 0;
         part->has_beat = part->waiting = false;
     }
+    if (state == MSBOT_LOST || state == MSBOT_WRONG_ROBOT || state == MSBOT_RECOGNISING ||
+        (state == MSBOT_CLAIMING && before != MSBOT_RECOGNISING)) {
+        change_master(part);
+    }
     if (state == MSBOT_CLAIMING) {
+        recognise(part);
         part->profile_wanted = part->profile_read == MSBOT_READ_ALL ? MSBOT_READ_NO_MORE : part->profile_read;
         claim(part, now_us);
     } else if (state == MSBOT_REFUSED) {
@@ -159,14 +206,17 @@ static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
     } else if (state == MSBOT_CONFIGURING) {
         part->has_beat = true;
         part->beat_at_us = now_us + part->beat_us;
-        /* The master has heard as well what was said until now: the configuration says whether STOP holds. */
-        part->stop_for_robot = part->stopped;
+        /* Of what the master has heard as well the configuration says whether it holds; the rest it must be told. */
+        part->stop_is_asked = part->stopped && part->stop_is_masters;
         fetch(part, now_us);
+        if (part->stopped) {
+            beat(part, now_us);
+        }
     } else if (state == MSBOT_WRONG_ROBOT) {
         part->profile_wanted = MSBOT_READ_ALL;
     }
     if (before == MSBOT_ACTIVE && state != MSBOT_ACTIVE) {
-        leave(part);
+        part->config.safe(part->config.context, MSBOT_ALL_PORTS);
     }
     if (before != state && part->config.changed != NULL) {
         part->config.changed(part->config.context, state);
@@ -210,8 +260,10 @@ static void profile_seen(msbot_part *part, const uint8_t *payload, size_t size, 
     }
     static const uint8_t places[4] = {0, 1, 2, 4}; /* name, version, serial number, (release date,) manufacturer */
     bool agrees = true;
+    part->robot_seen = 1;
     for (unsigned i = 0; i < 4; i++) {
         const char *expected = part->config.robot[i];
+        part->robot_seen = part->robot_seen * 31U + msbot_crc32((const uint8_t *)seen[places[i]], strlen(seen[places[i]]));
         agrees = agrees && (expected == NULL || strcmp(expected, seen[places[i]]) == 0);
     }
     if (!agrees) {
@@ -357,9 +409,8 @@ static void use_configuration(msbot_part *part)
         binding wanted = take_binding(&from);
         want_binding(part, &wanted);
     }
-    if (!tell_settings(part, &from) && part->stopped && part->stop_for_robot) {
-        part->stopped = part->stop_for_robot = false;
-        part->stop_obeyed = part->stop_ends_with = 0;
+    if (!tell_settings(part, &from) && part->stop_is_asked) {
+        end_stop(part);
     }
 }
 
@@ -408,21 +459,6 @@ static int port_at(const msbot_part *part, uint32_t number)
 
 /* Beats, and STOP. */
 
-static void beat(msbot_part *part, uint32_t now_us)
-{
-    uint8_t payload[6];
-    put_u32(payload, part->lease);
-    payload[4] = (uint8_t)part->stop_obeyed;
-    payload[5] = (uint8_t)(part->stop_obeyed >> 8);
-    /* With the number of the STOP that the part obeys the beat confirms it; a usual beat is four octets. */
-    size_t size = part->stop_obeyed != 0 ? sizeof payload : 4;
-    (void)msbot_xrce_write(&part->client, INVENTORY, MSBOT_BEST_EFFORT, payload, size);
-    if (!part->waiting) {
-        part->waiting = true;
-        part->waiting_us = now_us;
-    }
-}
-
 static void beat_answered(msbot_part *part, uint32_t version, uint32_t now_us)
 {
     if (!beats(part)) {
@@ -454,27 +490,33 @@ static void beat_missed(msbot_part *part, uint32_t now_us)
     beat(part, now_us);
 }
 
-/* STOP with the master's number; 0: it came on the bus, without a number. */
+/* STOP with the master's number; 0: it was said on the bus or here, without a number. */
 static void stop(msbot_part *part, uint32_t number, uint32_t now_us)
 {
-    uint32_t before = part->stop_obeyed;
+    uint32_t before = part->stop_told;
     if (number == 0) {
-        part->stop_ends_with = part->stop_heard + 1;
+        /* A master that has found the part hears what is said on its bus, and GO of its next STOP ends that one, too. */
+        part->stop_is_masters = hears_master(part);
+        part->stop_told = 0;
+        part->stop_ends_with = part->stop_is_masters ? part->stop_heard + 1 : NEVER;
     } else if (number <= part->stop_over) {
         return; /* that STOP is long over */
     } else {
         part->stop_heard = number > part->stop_heard ? number : part->stop_heard;
-        /* The master repeats on its own any STOP from the bus, so its GO ends that one, too. */
-        part->stop_ends_with = part->stop_heard;
+        part->stop_told = part->stop_ends_with = part->stop_heard;
+        part->stop_is_masters = true;
+        part->stop_said = 0;
     }
-    part->stop_for_robot = false;
+    part->stop_is_asked = false;
     if (!part->stopped) {
         part->stopped = true;
         part->config.safe(part->config.context, MSBOT_ALL_PORTS);
     }
-    part->stop_obeyed = part->stop_heard >= part->stop_ends_with ? part->stop_heard : 0;
-    if (part->stop_obeyed != 0 && part->stop_obeyed != before && beats(part)) {
+    if (part->stop_told != 0 && part->stop_told != before && beats(part)) {
         beat(part, now_us); /* the master waits for a sign that STOP has arrived */
+        if (part->stop_held) {
+            beat(part, now_us);
+        }
     }
 }
 
@@ -483,8 +525,7 @@ static void go(msbot_part *part, uint32_t number)
     part->stop_heard = number > part->stop_heard ? number : part->stop_heard;
     part->stop_over = number > part->stop_over ? number : part->stop_over;
     if (part->stopped && number >= part->stop_ends_with) {
-        part->stopped = false;
-        part->stop_obeyed = 0;
+        end_stop(part);
     }
 }
 

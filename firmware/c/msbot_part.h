@@ -89,8 +89,12 @@ typedef struct {
     uint16_t configuration_size;
     uint32_t told[MSBOT_PART_SETTINGS];
     bool stopped; /* STOP came and GO did not: no incoming message reaches `received` */
-    bool stop_for_robot; /* STOP came before the robot was asked whether one holds */
-    uint32_t stop_heard, stop_over, stop_ends_with, stop_obeyed;
+    bool stop_is_masters; /* this master knows of that STOP */
+    bool stop_is_asked;   /* the configuration that was asked for says whether it still holds */
+    bool stop_held;       /* a STOP button is pressed */
+    uint32_t stop_told;   /* its number; 0 = none, or it was only said on the bus or here */
+    uint32_t stop_heard, stop_over, stop_ends_with, stop_said;
+    uint32_t robot_seen, robot_known; /* hashes of profiles: of the last one, and of the robot last joined */
     uint32_t beats, missed_beats;
     uint16_t dropped; /* messages that could not be used */
 } msbot_part;

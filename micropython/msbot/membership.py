@@ -81,6 +81,7 @@ class Membership:
         self._period = 1000
         self._retry_at = self._beat_at = self._waiting_since = None
         self._heard_at = 0
+        self.robot = None  # the one that was recognised: four texts of its profile
         self._seals = None  # unless a robot asks for them
         self.description = ""  # what the part says of itself to a robot that asks
         claim = bytearray()
@@ -127,10 +128,12 @@ class Membership:
             self.dropped += 1
             return
         # By position: name, version, serial number, release date, manufacturer (thesis 3.12.1).
-        wrong = self.part.robot.disagreement((seen[0], seen[1], seen[2], seen[4]))
+        seen = (seen[0], seen[1], seen[2], seen[4])
+        wrong = self.part.robot.disagreement(seen)
         if wrong and self.state in _AFTER_PROFILE:
             self._change(_S.WRONG_ROBOT, wrong, now)
         elif not wrong and self.state in (_S.RECOGNISING, _S.WRONG_ROBOT):
+            self.robot = seen
             self._change(_S.CLAIMING, "recognised robot " + seen[0], now)
 
     def reply_received(self, octets, now):
@@ -298,8 +301,9 @@ class Membership:
         self._retry_at = now + self._retry
 
     def _beat(self, now):
-        beat = struct.pack("<IH", self._lease, self.part.obeys & 0xFFFF)
-        self._ask(beat if self.part.obeys else beat[:4], BEST_EFFORT)
+        stop = self.part.stop_in_beat()
+        beat = struct.pack("<IH", self._lease, (stop or 0) & 0xFFFF)
+        self._ask(beat[:4] if stop is None else beat, BEST_EFFORT)
         if self._waiting_since is None:
             self._waiting_since = now
 

@@ -22,6 +22,7 @@ _PARTNER_LOST = const(1)
 _IDENTIFY = const(3)
 _STOP = const(4)
 _GO = const(5)
+_NEVER = const(0x3FFFFFFF)  # no GO has that number
 
 
 class Counters:
@@ -75,10 +76,10 @@ class Part:
         self._ports = {}
         self._places = []
         self.configurations = 0
-        self.obeys = 0  # the number of the master's STOP for which every port has its safe value; every beat carries it
-        self._is_safe = False
-        self._heard = self._over = self._ends_with = 0  # numbers of STOPs
-        self._is_for_robot = False  # STOP was heard before the robot was asked whether one holds
+        # STOP, by the rules of `msbot.part.safe_state`; its names are these.
+        self._is_safe = self._is_held = self._is_masters = self._is_asked = False
+        self._heard = self._over = self._ends_with = self._stop = self._said = 0  # numbers of STOPs
+        self._known = None
         self._now = 0
         self._client = self._membership = None
 
@@ -212,11 +213,21 @@ class Part:
         elif before is JoinState.ACTIVE:
             for timed in self._timed:
                 timed.due_at = None
-            self._enter_safe_state()
-            self.stopped = False  # the master that takes the part back repeats STOP if it still holds
-            self.obeys = self._heard = self._over = self._ends_with = 0
+            self._is_safe = self._enter_safe_state()
         if state is JoinState.CONFIGURING:
-            self._is_for_robot = self.stopped
+            self._is_asked = self.stopped and self._is_masters
+            if self.stopped:
+                self._membership.beat_soon(now)
+        elif state is JoinState.ENDED:
+            self._end_stop()
+        elif state in (JoinState.LOST, JoinState.WRONG_ROBOT, JoinState.RECOGNISING) or (
+            state is JoinState.CLAIMING and before is not JoinState.RECOGNISING
+        ):
+            self._change_master()
+        if state is JoinState.CLAIMING:
+            known, self._known = self._known, self._membership.robot
+            if self._stop and known not in (None, self._known):
+                self._end_stop("STOP was said in another robot")
         if state is JoinState.ENDED:
             self._tell("end")
         elif before is JoinState.ACTIVE:
@@ -237,10 +248,7 @@ class Part:
         elif kind == _GO:
             self._heard, self._over = max(self._heard, number), max(self._over, number)
             if self.stopped and number >= self._ends_with:
-                self.stopped = False
-                self.obeys = 0
-                say("info", "GO: STOP is over")
-                self._tell("go")
+                self._end_stop("STOP is over")
         elif kind == _IDENTIFY:
             say("info", "{}: somebody asks which part this is".format(self.local_name))
             self._tell("identify")
@@ -252,32 +260,61 @@ class Part:
 
     def stop_said(self, reason, now, number=None):
         """STOP: go to the safe state and stay there until GO; the rules are `msbot.part.safe_state`'s."""
-        if number is None:
-            self._ends_with = self._heard + 1  # sent on the bus, without a number
+        before, is_news = self.obeys, not self.stopped
+        if number is None:  # said on the bus, or here
+            self._is_masters = self.state not in (JoinState.LOOKING, JoinState.LOST, JoinState.WRONG_ROBOT)
+            self._stop, self._ends_with = 0, self._heard + 1 if self._is_masters else _NEVER
         elif number <= self._over:
             return
         else:
-            self._heard = self._ends_with = max(self._heard, number)
-        before, is_news = self.obeys, not self.stopped
+            self._heard = self._stop = self._ends_with = max(self._heard, number)
+            self._is_masters, self._said = True, 0
         self.stopped = True
-        self._is_for_robot = False
+        self._is_asked = False
         if is_news:
             say("info", "STOP: " + reason)
             self._is_safe = False
         if not self._is_safe:  # what failed is retried whenever STOP is repeated
             self._is_safe = self._enter_safe_state()
-        self.obeys = self._heard if self._is_safe and self._heard >= self._ends_with else 0
         if is_news:
             self._tell("stop")
         if self.obeys not in (0, before):
             self._membership.beat_soon(now)
+            if self._is_held:
+                self._membership.beat_soon(now)
 
     def no_stop_holds(self):
-        """The configuration names no STOP: one that was heard before the part asked for it is over."""
-        if self.stopped and self._is_for_robot:
-            self.stopped = self._is_for_robot = False
-            self.obeys = self._ends_with = 0
-            say("info", "GO: no STOP holds in the robot that the part has joined")
+        """The configuration names no STOP: one that its master knew of is over."""
+        if self.stopped and self._is_asked:
+            self._end_stop("no STOP holds in the robot that the part has joined")
+
+    @property
+    def obeys(self):
+        """The number of the master's STOP for which every port has its safe value."""
+        return self._stop if self.stopped and self._is_safe else 0
+
+    def stop_in_beat(self):
+        """What a beat says of STOP; None: nothing."""
+        if not self.stopped:
+            return None
+        number = self.obeys
+        if number and not (self._is_held and self._said == number):
+            self._said = number
+            return number
+        return None if not self._is_held and (self._is_asked or (self._is_masters and self._stop)) else 0
+
+    def _change_master(self):
+        if not self._stop:
+            self._ends_with = _NEVER
+        self._heard = self._over = 0
+        self._is_masters = self._is_asked = False
+
+    def _end_stop(self, words=None):
+        is_news, self.stopped = self.stopped, False
+        self._is_masters = self._is_asked = False
+        self._stop = self._ends_with = self._said = 0
+        if is_news and words:
+            say("info", "GO: " + words)
             self._tell("go")
 
     def _bound_words(self):

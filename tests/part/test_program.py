@@ -155,7 +155,7 @@ def test_stop_lets_nothing_through_until_go_and_publishing_goes_on() -> None:
     play(scenario)
 
 
-def test_a_part_that_was_stopped_and_joins_anew_is_not_stopped() -> None:
+def test_a_part_that_was_stopped_and_joins_anew_is_stopped_until_go() -> None:
     async def scenario(room: Room) -> None:
         part = make_part()
         room.plug(part)
@@ -166,6 +166,9 @@ def test_a_part_that_was_stopped_and_joins_anew_is_not_stopped() -> None:
         room.master.parts.clear()
         await asyncio.sleep(2.0)
         assert part.state is JoinState.ACTIVE
+        assert part.stopped
+        room.master.say("ABCD", notice(plug.NoticeKind.GO))
+        await asyncio.sleep(0.05)
         assert not part.stopped
 
     play(scenario)

@@ -169,6 +169,7 @@ def test_the_go_of_an_earlier_stop_does_not_end_the_one_that_was_said_on_the_bus
 
 def test_a_stop_on_the_bus_whose_notice_was_lost_ends_with_the_next_go() -> None:
     def scenario(scene: Scene) -> None:
+        scene.safety.change_master(is_there=True)
         scene.safety.stop("on the bus")
         scene.safety.stop("on the bus")
         scene.safety.go(1)
@@ -177,15 +178,17 @@ def test_a_stop_on_the_bus_whose_notice_was_lost_ends_with_the_next_go() -> None
     play(scenario)
 
 
-def test_a_stop_that_was_heard_before_the_robot_was_asked_is_over_unless_it_holds_there(
+def test_a_stop_that_the_master_heard_before_it_was_asked_is_over_unless_it_holds_there(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     def scenario(scene: Scene) -> None:
         safety = scene.safety
+        safety.change_master(is_there=True)
         safety.ask()
         assert not safety.none_holds(), "there was none"
         safety.stop("on the bus")
         safety.ask()
+        assert safety.beat is None, "the answer is on its way"
         assert safety.none_holds()
         assert (safety.stopped, safety.number) == (False, 0)
         assert "GO: no STOP holds in the robot" in caplog.text
@@ -206,60 +209,166 @@ def test_a_stop_that_was_heard_before_the_robot_was_asked_is_over_unless_it_hold
 
         safety.stop("on the bus")
         safety.ask()
-        safety.leave()
-        safety.stop("on the bus")
+        safety.change_master(is_there=True)
         assert not safety.none_holds(), "it was asked in another session"
         assert safety.stopped
 
     play(scenario)
 
 
-@given(st.lists(st.sampled_from(["bus", "number", "old number", "ask", "none", "go", "leave"]), max_size=12))
-def test_nothing_said_after_the_question_is_ended_by_its_answer(steps: list[str]) -> None:
-    """A plain model: whether STOP holds, and whether all that was heard of it was heard before the question."""
-
+def test_a_stop_on_the_bus_without_a_master_ends_only_after_a_master_has_said_it() -> None:
     def scenario(scene: Scene) -> None:
         safety = scene.safety
-        number, over, holds, is_before = 0, 0, False, False
-        for step in steps:
-            match step:
-                case "bus":
-                    safety.stop("on the bus")
-                    holds, is_before = True, False
-                case "number":
-                    number += 1
-                    safety.stop("said by the master", number)
-                    holds, is_before = True, False
-                case "old number" if over:
-                    safety.stop("a repetition", over)
-                case "ask":
-                    safety.ask()
-                    is_before = holds
-                case "none":
-                    assert safety.none_holds() is is_before
-                    if is_before:
-                        holds = is_before = False
-                case "go":
-                    number = number + 1  # newer than anything
-                    over = number
-                    safety.go(number)
-                    holds = False
-                case "leave":
-                    safety.leave()
-                    number, over, holds, is_before = 0, 0, False, False
-            if not holds:
-                is_before = False
-            assert safety.stopped is holds
+        safety.stop("on the bus")
+        safety.change_master(is_there=True)
+        safety.ask()
+        assert safety.beat == 0, "the master must take it up"
+        assert not safety.none_holds()
+        assert not safety.go(7), "of one that was over before"
+        assert safety.stopped
+        safety.stop("the master has taken it up", 8)
+        assert safety.beat == 8
+        assert not safety.go(7)
+        assert safety.go(8)
+        assert safety.beat is None
 
     play(scenario)
 
 
-def test_a_part_that_is_out_of_its_robot_is_safe_and_free_of_what_was_said_there() -> None:
+def test_a_numbered_stop_goes_on_until_its_robot_says_that_it_is_over() -> None:
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        safety.recognise("rover")
+        safety.stop("button", 5)
+        safety.leave()
+        safety.change_master(is_there=False)
+        safety.change_master(is_there=True)
+        assert not safety.recognise("rover")
+        safety.ask()
+        assert safety.beat == 5
+        assert not safety.none_holds(), "the master may never have heard of it"
+        assert not safety.go(4)
+        assert safety.go(6)
+
+        safety.stop("button", 7)
+        safety.change_master(is_there=False)
+        safety.stop("on the bus")
+        safety.change_master(is_there=True)
+        safety.ask()
+        assert safety.beat == 0, "it is a later one"
+
+    play(scenario)
+
+
+def test_another_robot_has_nothing_to_do_with_a_numbered_stop_but_with_one_on_its_bus() -> None:
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        safety.recognise("rover")
+        safety.stop("button", 5)
+        safety.change_master(is_there=True)
+        assert safety.recognise("arm")
+        assert not safety.stopped
+        safety.change_master(is_there=False)
+        safety.stop("on the bus")
+        safety.change_master(is_there=True)
+        assert not safety.recognise("rover")
+        assert safety.stopped
+
+    play(scenario)
+
+
+def test_a_part_that_is_not_safe_never_confirms_a_stop_that_it_has_brought_along() -> None:
+    def scenario(scene: Scene) -> None:
+        def fails() -> None:
+            raise OSError("stuck")
+
+        safety = scene.safety
+        scene.functions.append(fails)
+        safety.stop("button", 5)
+        assert safety.beat is None, "the master tells it again"
+        safety.leave()
+        safety.change_master(is_there=True)
+        safety.ask()
+        assert safety.beat == 0
+        scene.functions.remove(fails)
+        safety.stop("told again", 5)
+        assert safety.beat == 5
+
+    play(scenario)
+
+
+def test_a_button_that_is_held_says_stop_with_every_beat_and_confirms_once() -> None:
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        safety.change_master(is_there=True)
+        assert safety.hold(True)
+        safety.stop("the button")
+        assert [safety.take_beat(), safety.take_beat()] == [0, 0]
+        safety.stop("told", 3)
+        assert [safety.take_beat(), safety.take_beat(), safety.take_beat()] == [3, 0, 0]
+        assert not safety.hold(True), "it is said already"
+        safety.stop("told again: the confirmation was lost", 3)
+        assert [safety.take_beat(), safety.take_beat()] == [3, 0]
+        assert not safety.hold(False)
+        assert safety.take_beat() == 3
+        assert safety.hold(True)
+        assert safety.go(3)
+        assert safety.hold(True), "STOP must be said again"
+
+    play(scenario)
+
+
+@given(st.lists(st.sampled_from(["bus", "number", "old number", "ask", "none", "go", "lost", "found"]), max_size=12))
+def test_stop_ends_only_by_a_newer_go_or_by_the_answer_of_the_master_that_knew_of_it(steps: list[str]) -> None:
+    """A plain model: whether STOP holds, whether the present master knows of it, and whether it was asked since."""
+
+    def scenario(scene: Scene) -> None:
+        safety = scene.safety
+        number, over, holds, is_there, knows, is_asked, told = 0, 0, False, False, False, False, False
+        for step in steps:
+            match step:
+                case "bus":
+                    safety.stop("on the bus")
+                    holds, is_asked, told, knows = True, False, False, is_there
+                case "number":
+                    number += 1
+                    safety.stop("said by the master", number)
+                    holds, is_asked, told, knows = True, False, True, True
+                case "old number" if over:
+                    safety.stop("a repetition", over)
+                case "ask":
+                    safety.ask()
+                    is_asked = holds and knows
+                case "none":
+                    assert safety.none_holds() is (holds and is_asked)
+                    holds = holds and not is_asked
+                case "go":
+                    number = number + 1  # newer than anything
+                    over = number
+                    ends = holds and (told or knows)
+                    assert safety.go(number) is ends
+                    holds = holds and not ends
+                case "lost" | "found":
+                    is_there = step == "found"
+                    safety.change_master(is_there=is_there)
+                    number, over, knows, is_asked = (number if told else 0), 0, False, False
+            if not holds:
+                is_asked = knows = told = False
+            assert safety.stopped is holds
+            if holds and not told and not (knows and is_asked):
+                assert safety.beat == 0
+
+    play(scenario)
+
+
+def test_a_part_that_starts_anew_knows_of_no_stop() -> None:
     def scenario(scene: Scene) -> None:
         scene.safety.stop("button", 7)
         scene.safety.leave()
-        assert not scene.safety.stopped
         assert scene.story == ["safe", "safe"]
+        assert scene.safety.stopped
+        scene.safety.forget()
+        assert not scene.safety.stopped
         assert scene.safety.stop("another master's first", 1)
 
     play(scenario)

@@ -51,8 +51,37 @@ def test_the_number_of_another_stop_confirms_nothing() -> None:
 def test_a_number_counts_by_its_lowest_16_bits() -> None:
     stop = EmergencyStop(StopRecord(0x1_FFFF, False))
     stop.say("ann", "", [AA], 0.0, 0)
-    assert stop.number == 0x2_0000
-    assert stop.confirm(b"AA", 0, 0.1)
+    assert stop.number == 0x2_0001, "those bits are never all 0"
+    assert not stop.confirm(b"AA", 0, 0.1)
+    assert stop.confirm(b"AA", 1, 0.1)
+
+
+def test_a_part_says_stop_with_0_or_with_a_number_that_was_never_counted_to() -> None:
+    stop = EmergencyStop(StopRecord(5, False))
+    assert stop.hear(*AA, 0)
+    assert stop.hear(*AA, 6)
+    assert not stop.hear(*AA, 5), "it has not heard of GO"
+    assert not stop.hear(*AA, 1)
+    assert not stop.hear(*AA, None)
+    wrapped = EmergencyStop(StopRecord(0x1_0003, False))
+    assert not wrapped.hear(*AA, 0xFFFE)
+    assert wrapped.hear(*AA, 4)
+    assert EmergencyStop().hear(*AA, 57), "a new database"
+    assert not said(AA).hear(*AA, 0), "one holds already"
+
+
+def test_who_still_says_stop_is_known_until_another_beat_or_none() -> None:
+    stop = said(AA, BB)
+    for identity, name in (AA, BB, CC):
+        stop.hear(identity, name, 0)
+    assert stop.sayers == ("AA", "BB", "CC")
+    stop.hear(*AA, 1)
+    stop.hear(*BB, None)
+    stop.fall_silent(b"CC")
+    assert not stop.sayers
+    stop.hear(*AA, 0)
+    stop.leave(b"AA")
+    assert not stop.sayers
 
 
 def test_a_part_that_begins_anew_must_confirm_again() -> None:

@@ -147,7 +147,7 @@ def stories(home: Home) -> Mapping[str, Verdict]:
         await world.master.ready.wait()
         oracle.watch(world.master)
         oracle.expect("the part", "the partner")
-        world.log = _Heard(oracle)
+        world.log = Heard(oracle)
 
         def listens(part: Part) -> None:
             part.on("speed", Level)(lambda _: oracle.heard("the partner"))
@@ -196,7 +196,7 @@ def words_of(happening: Happening) -> str:
     return (happening.__doc__ or "").rstrip(".")
 
 
-class _Heard(list[str]):
+class Heard(list[str]):
     """The world's log, which tells the oracle what the part's program has heard."""
 
     def __init__(self, oracle: Oracle) -> None:

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.firmware.building import need, pipe_program
 from tests.firmware.pipe import Firmware
 from tests.stop.ways import CUTS, agents_story, takeover_story
 
 PROMISE = "Nothing is heard after all parts have confirmed STOP, whatever they are and whatever happens"
-
-
-@pytest.fixture(scope="module")
-def firmware() -> Iterator[Firmware]:
-    need("gcc")
-    running = Firmware(pipe_program())
-    yield running
-    running.close()
 
 
 @pytest.mark.promise(PROMISE)

@@ -156,6 +156,7 @@ class Master:
             explain=blueprint.options.explain,
             keys=_keys_of(blueprint, store, dice),
             stop=self._stop,
+            on_stop=self.say_stop,
             complete=self._complete,
         )
 
@@ -300,10 +301,17 @@ class Master:
             number: of the latest STOP that this person knows of; None: whichever holds.
 
         Raises:
-            ConfigError: nobody said STOP, or not that one, or somebody has said another one since.
+            ConfigError: nobody said STOP, or not that one, somebody has said another since, or a part still says it.
         """
         if not self._stop.holds:
             raise ConfigError(said("nobody said STOP: there is nothing to end"))
+        if self._stop.sayers:
+            raise ConfigError(
+                said(
+                    "STOP is still said by {parts}: release the STOP button there, then say GO again",
+                    parts=", ".join(self._stop.sayers),
+                )
+            )
         if number is not None and number < self._stop.latest:
             raise ConfigError(
                 said(

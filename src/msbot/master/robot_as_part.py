@@ -194,7 +194,10 @@ class RobotAsPart:
         """GO of the bigger robot ends only the STOP that it has said itself."""
         status = self._master.stop
         if status.stopped and status.number == self._stop_number:
-            self._master.say_go("the bigger robot")
+            try:
+                self._master.say_go("the bigger robot")
+            except ConfigError as error:  # a part here says STOP by itself
+                self._say(f"{self.name} stays stopped: {error}")
         self._stop_number = 0
 
     def _joined(self) -> None:

@@ -203,7 +203,7 @@ class ProgramRunner:
             configure=self._configure,
             noticed=self._noticed,
             on_topic=self._sample_received,
-            obeyed_stop=lambda: self.safety.number,
+            stop_in_beats=self.safety.take_beat,
             nature=identity.nature,
             description=identity.description,
             absent=identity.absent,
@@ -256,10 +256,8 @@ class ProgramRunner:
         elif change.before is JoinState.ACTIVE:
             for timed in self.program.timed:
                 timed.cancel()
-            # The robot that takes the part back says STOP again if it still holds.
             self.safety.leave()
-        if change.after is JoinState.CONFIGURING:
-            self.safety.ask()
+        self._follow_master(change)
         if change.after is JoinState.ENDED:
             self._tell("end")
         elif change.before is JoinState.ACTIVE:
@@ -267,6 +265,29 @@ class ProgramRunner:
         if change.after is JoinState.LOST:
             # The next agent learns of topics only from a part that has joined its robot.
             self._ports.unbind_all()
+
+    def _follow_master(self, change: Changed) -> None:
+        """What the change means for a STOP that holds."""
+        match change.after:
+            case JoinState.LOST | JoinState.WRONG_ROBOT:
+                self.safety.change_master(is_there=False)
+            case JoinState.RECOGNISING:
+                self.safety.change_master(is_there=True)
+            case JoinState.CLAIMING:
+                if change.before is not JoinState.RECOGNISING:
+                    self.safety.change_master(is_there=True)
+                if self.safety.recognise(self.joining.robot):
+                    self._tell("go")
+            case JoinState.CONFIGURING:
+                self.safety.ask()
+                self._say_stop_soon()
+            case JoinState.ENDED:
+                self.safety.forget()
+
+    def _say_stop_soon(self) -> None:
+        """The master may not know of the STOP that holds."""
+        if self._membership is not None and self.safety.beat is not None:
+            self._membership.beat_soon()
 
     def _configure(self, configuration: ConfigurationMessage) -> None:
         assert self._ports is not None
@@ -306,6 +327,8 @@ class ProgramRunner:
             self._tell("stop")
         if self._membership is not None and self.safety.number not in (0, before):
             self._membership.beat_soon()
+            if self.safety.is_held:
+                self._membership.beat_soon()
 
     def _partner_lost_at(self, notice: Notice) -> None:
         assert self._ports is not None

@@ -4,15 +4,36 @@ A port that drives something has a safe value in the library, which comes with t
 `PORT.safe.FIELD`. When the master, the agent or the port's partner is lost, or on STOP, the part hands the safe value
 to the port's own function as if it had been received, and then calls the functions decorated with `@part.safe_state`.
 
-STOP holds: no message reaches a function until GO, or until the part has joined again (the master then says STOP again
-if it still holds). A part that is unplugged from its robot cannot be told GO, and need not be.
+STOP holds: no message reaches a function until GO, also when the part loses its robot and joins again: nobody needs to
+have heard what the part has heard. A part that has started anew knows of no STOP.
 
-The master numbers its STOPs, and repeats STOP and GO in case one is lost. A repeated GO of an earlier STOP may still be
-on its way when the next STOP is said on the bus, which overtakes everything else and carries no number: only a GO newer
-than anything heard before ends such a STOP.
+The master numbers its STOPs, and repeats STOP and GO in case one is lost. STOP that is said on the bus, or at the part
+itself, has no number until a master gives it one. In a session with a master:
 
-A part hears the bus also while it is not in its robot, and nobody tells it GO then. What was said before it asks for
-its configuration, the master has heard as well: the answer says which STOP holds, or, by naming none, that none does.
+==========================================  ==========================  ==============================================
+STOP that holds for the part                its beats say               it ends with
+==========================================  ==========================  ==============================================
+told by this master as number n             n, when all is safe         GO with n or a later number
+told by a master before as number n         n, from the lease on        the same, or STOP m of this master, then GO
+without a number                            0, from the lease on        STOP m of this master, then GO
+==========================================  ==========================  ==============================================
+
+A master where no STOP holds answers n with GO if it has ended that one itself; if it has never counted so far (STOP was
+not stored, or its database is another one), and on 0, it takes the beat for a STOP that the part says, gives it a
+number, and tells everybody. So a STOP that was said while no master served holds as soon as one does. Numbers count in
+the robot that gave them: a part that recognises another robot leaves a numbered STOP behind. A database of the same
+robot that has counted further by itself takes n for its own.
+
+A repeated GO of an earlier STOP may still be on its way when the next STOP is said on the bus, which overtakes
+everything else: only a GO newer than anything heard before ends such a STOP. GO of a master that the part has joined
+later ends it only after that master has said STOP.
+
+A part hears the bus also while it is joining, and may not be told GO then. What it hears after the robot was found and
+before it asks for its configuration, the master has heard as well, and has told with its number: the answer says which
+STOP holds, or, by naming none, that this one is over.
+
+A STOP button that is held says 0 with every beat, after n was said once: the master refuses GO until another beat
+comes.
 """
 
 from __future__ import annotations
@@ -28,6 +49,9 @@ from msbot.part.program import Listener
 from msbot.part.settings import Value, read_value
 
 _log = logging.getLogger("msbot.part")
+
+NEVER = 1 << 32
+"""No GO has such a number."""
 
 _KINDS: dict[str, type[Value]] = {
     "bool": bool, "str": str, "float32": float, "float64": float,
@@ -47,23 +71,57 @@ class Safety:
     def __init__(self, listeners: Mapping[str, Listener], functions: list[Callable[[], object]], guard: Guard) -> None:
         self.stopped = False
         """STOP was said and GO was not yet."""
-        self.number = 0
-        """The number of the master's STOP that the part obeys: every port has its safe value. 0 = no STOP, or it was
-        only said on the bus, or a function failed."""
+        self.is_held = False
+        """A STOP button at the part is pressed."""
         self._is_safe = False
         """STOP holds, and every function that makes the part safe did so without an error."""
         self._listeners = listeners
         self._functions = functions
         self._guard = guard
         self._messages: dict[str, Message] = {}
+        self._told = 0
+        """The number of the STOP that holds; 0 = none, or it was only said on the bus or here."""
         self._heard = 0
-        """The highest number of a STOP that the master has spoken of."""
+        """The highest number of a STOP that this master has spoken of."""
         self._over = 0
         """The highest number of a STOP that is over."""
         self._ends_with = 0
         """The lowest number of a GO that ends the present STOP."""
-        self._is_for_robot = False
-        """STOP holds, and was said before the part asked the robot whether one does."""
+        self._said = 0
+        """The number that a beat has carried since it was told last."""
+        self._hears_master = False
+        """A master serves the part, as far as the part knows."""
+        self._is_masters = False
+        """That master knows of the STOP that holds: it has told it, or was there when it was said."""
+        self._is_asked = False
+        """It was asked for the configuration since, whose answer says whether STOP still holds."""
+        self._robot: object = None
+        """The robot that was recognised last."""
+
+    @property
+    def number(self) -> int:
+        """The number of the STOP that the part obeys: every port has its safe value. 0 = no STOP, or it was only said
+        on the bus, or a function failed."""
+        return self._told if self._is_safe and self.stopped else 0
+
+    @property
+    def beat(self) -> int | None:
+        """What a beat says of STOP: the number of the one that is obeyed, 0 = one that the master has to take up.
+
+        None: nothing.
+        """
+        if not self.stopped:
+            return None
+        if self.number and not (self.is_held and self._said == self.number):
+            return self.number
+        waits = self._is_asked or (self._is_masters and self._told)  # for the answer, or to be told again
+        return None if waits and not self.is_held else 0
+
+    def take_beat(self) -> int | None:
+        """The same, for a beat that is sent."""
+        beat = self.beat
+        self._said = beat or self._said
+        return beat
 
     def configure(self, safe: Mapping[str, str]) -> None:
         """Take the safe values of a configuration: `PORT.safe.FIELD` -> text."""
@@ -104,49 +162,84 @@ class Safety:
             number: which STOP of the master this is; None: somebody said it on the bus.
         """
         if number is None:
-            self._ends_with = self._heard + 1
+            self._told, self._ends_with = 0, self._heard + 1 if self._hears_master else NEVER
+            self._is_masters = self._hears_master
         else:
             if number <= self._over:
                 return False
             # This also ends a STOP said on the bus earlier: the master's STOP came after it, so its GO ends both.
-            self._heard = self._ends_with = max(self._heard, number)
+            self._heard = self._told = self._ends_with = max(self._heard, number)
+            self._is_masters, self._said = True, 0
         is_news = not self.stopped
-        self.stopped, self._is_for_robot = True, False
+        self.stopped, self._is_asked = True, False
         if is_news:
             _log.warning("STOP: %s", reason)
             self._is_safe = False
         if not self._is_safe:
             self._is_safe = self.enter()
-        self.number = self._heard if self._is_safe and self._heard >= self._ends_with else 0
         return is_news
+
+    def hold(self, is_pressed: bool) -> bool:
+        """A STOP button at the part is pressed, or released; True: STOP has to be said."""
+        is_news = is_pressed and not self.is_held
+        self.is_held = is_pressed
+        return is_news or (is_pressed and not self.stopped)
 
     def go(self, number: int) -> bool:
         """The master's STOP of that number is over; False: there is none to end, or a later one holds."""
         self._heard, self._over = max(self._heard, number), max(self._over, number)
         if not self.stopped or number < self._ends_with:
             return False
-        self.stopped, self.number = False, 0
+        self._end()
         _log.warning("GO: STOP is over")
+        return True
+
+    def recognise(self, robot: object) -> bool:
+        """The part has recognised a robot; True: a STOP has ended that only another one had said."""
+        is_other, self._robot = self._robot not in (None, robot), robot
+        if not (is_other and self.stopped and self._told):
+            return False
+        self._end()
+        _log.warning("GO: STOP was said in another robot")
         return True
 
     def ask(self) -> None:
         """The part asks for its configuration, which also says whether STOP holds in the robot."""
-        self._is_for_robot = self.stopped
+        self._is_asked = self.stopped and self._is_masters
 
     def none_holds(self) -> bool:
-        """The configuration has come and names no STOP; False: there was none to end, or one was said since `ask`."""
-        if not (self.stopped and self._is_for_robot):
+        """The configuration has come and names no STOP; False: that does not end one, or one was said since `ask`."""
+        if not (self.stopped and self._is_asked):
             return False
-        self.stopped = self._is_for_robot = False
-        self.number = self._ends_with = 0
+        self._end()
         _log.warning("GO: no STOP holds in the robot that the part has joined")
         return True
 
+    def change_master(self, *, is_there: bool) -> None:
+        """Whatever the part agreed with a master is void, but STOP holds on.
+
+        Args:
+            is_there: whether a master, the same or another one, serves the part from now on.
+        """
+        if self.stopped and not self._told:
+            self._ends_with = NEVER
+        self._heard = self._over = 0
+        self._is_masters = self._is_asked = False
+        self._hears_master = is_there
+
     def leave(self) -> None:
-        """The part is out of its robot: it goes to the safe state, and an earlier STOP no longer counts."""
-        self.enter()
-        self.stopped = self._is_for_robot = False
-        self.number = self._heard = self._over = self._ends_with = 0
+        """The part was active and is not any more: it goes to the safe state."""
+        self._is_safe = self.enter()
+
+    def forget(self) -> None:
+        """The part ends; when it starts anew, it knows of no STOP."""
+        self._end()
+        self.change_master(is_there=False)
+        self._robot = None
+
+    def _end(self) -> None:
+        self.stopped = self._is_masters = self._is_asked = False
+        self._told = self._ends_with = self._said = 0
 
 
 def safe_message(message_class: type[Message], fields: Mapping[str, str]) -> Message:

@@ -4,12 +4,19 @@ A STOP has a number, counted by the robot from 1; GO ends the STOP of that numbe
 says one more, with a number of its own. Parts need not be told of it: they go on confirming the first. But a GO that
 names an earlier number ends nothing, because whoever said it did not know of the later STOP.
 
+Numbers whose lowest 16 bits are 0 are left out: a beat has room for those bits only, and with 0 it says STOP.
+
 A master that starts while STOP holds gives it a new number. A GO may have reached the parts without being stored, and
 they do not obey a STOP that they know to be over.
 
 Every part that holds a slot when STOP is said, or gets one while it holds, is asked to confirm; only a beat that
 carries the number does so (`msbot.part.join.plug.StoppedBeat`). A part that falls silent stays among those that have
 not confirmed: what it drives may still move. A part that says goodbye has set its ports to their safe values by itself.
+
+Parts say STOP as well, by such a beat: with 0, or with a number that was never counted to here; this robot then has a
+STOP of that part. It was said where no master heard it, or before a master could store it. With a number that is over,
+a part only has not heard of GO. Nobody can say GO while a part still says 0: its STOP button is pressed, or it has not
+heard yet which number its STOP has.
 """
 
 from __future__ import annotations
@@ -18,6 +25,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from msbot.runtime.lazy_dataclass import dataclass
+
+_HALF = 0x8000
+"""Of the 16 bits of a number: what is further ahead than this is behind."""
 
 MOST_NAMES = 16
 """People who are remembered besides whoever said STOP first."""
@@ -104,12 +114,14 @@ class EmergencyStop:
     def __init__(self, record: StopRecord | None = None) -> None:
         self.record = record or StopRecord()
         if self.record.holds:
-            number = max(self.record.number, self.record.latest) + 1
+            number = _after(max(self.record.number, self.record.latest))
             self.record = replace(self.record, number=number, latest=number)
         self._waiting: dict[bytes, tuple[str, float]] = {}
         """Part -> its name, and when it was asked to confirm."""
         self._also_by: list[str] = []
         self._confirmed: dict[bytes, StopConfirmation] = {}
+        self._sayers: dict[bytes, str] = {}
+        """Parts whose last beat said STOP, and their names."""
 
     @property
     def holds(self) -> bool:
@@ -138,7 +150,7 @@ class EmergencyStop:
             now: the robot's clock, seconds.
             at_ns: the wall clock, nanoseconds since 1970.
         """
-        number, is_news = self.latest + 1, not self.holds
+        number, is_news = _after(self.latest), not self.holds
         if is_news:
             self.record = StopRecord(number, True, by, reason, at_ns, number)
         else:
@@ -165,6 +177,35 @@ class EmergencyStop:
             self._confirmed[identity] = StopConfirmation(name, max(0.0, now - since) * 1000)
         return True
 
+    @property
+    def sayers(self) -> tuple[str, ...]:
+        """The names of the parts that still say STOP."""
+        return tuple(self._sayers.values())
+
+    def hear(self, identity: bytes, name: str, number: int | None) -> bool:
+        """A part that holds a slot has sent a beat; True: it says a STOP that nobody here knows of, `say` it.
+
+        Args:
+            identity: of the part.
+            name: of the part, for people.
+            number: what the beat says of STOP; None: nothing.
+        """
+        if number == 0:
+            self._sayers[identity] = name
+        else:
+            self._sayers.pop(identity, None)
+        if number is None or self.holds:
+            return False
+        return number == 0 or (self.number - number) & 0xFFFF >= _HALF
+
+    def has_confirmed(self, identity: bytes) -> bool:
+        """Whether a part has confirmed the STOP that holds."""
+        return identity in self._confirmed
+
+    def fall_silent(self, identity: bytes) -> None:
+        """A part is not heard any more: nobody knows whether it would still say STOP."""
+        self._sayers.pop(identity, None)
+
     def begin_anew(self, identity: bytes, name: str, now: float) -> None:
         """A part has started over (it has another lease): what it confirmed before no longer counts."""
         self._confirmed.pop(identity, None)
@@ -175,6 +216,7 @@ class EmergencyStop:
         """A part has said goodbye, which it does only in its safe state: it need no longer confirm."""
         self._waiting.pop(identity, None)
         self._confirmed.pop(identity, None)
+        self._sayers.pop(identity, None)
 
     def go(self, by: str) -> int:
         """End the STOP that holds; returns its number."""
@@ -200,3 +242,8 @@ class EmergencyStop:
             also_by=tuple(self._also_by),
             first=record.number,
         )
+
+
+def _after(number: int) -> int:
+    """The next number of a STOP."""
+    return number + 1 if (number + 1) & 0xFFFF else number + 2

@@ -25,6 +25,7 @@ from msbot.pnp.model import Configuration, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.requests import RequestHandler, verdict_message
 from msbot.runtime.in_any_case import in_any_case
+from msbot.runtime.sentence import said
 from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 
 LONGEST_BEST_EFFORT = 512
@@ -72,6 +73,7 @@ class InventoryService:
         explain: answer refusals with their reason.
         keys: asks every claim for a proof; None: the robot is open.
         stop: STOP of this robot, which may still hold from an earlier run.
+        on_stop: called with the name of a part that says STOP by itself, and why; STOP then has to be said.
         complete: adds to a configuration what its part needs besides; called whenever one is sent.
     """
 
@@ -83,6 +85,7 @@ class InventoryService:
         explain: bool = False,
         keys: Keys | None = None,
         stop: EmergencyStop | None = None,
+        on_stop: Callable[[str, str], object] = lambda _part, _words: None,
         complete: Callable[[Configuration], Configuration] = lambda configuration: configuration,
     ) -> None:
         self.requests = RequestHandler(inventory, explain=explain, keys=keys, complete=complete)
@@ -90,6 +93,7 @@ class InventoryService:
         """Which STOP holds, and who has confirmed it."""
         self.told_unasked = 0
         """Messages sent to parts that did not ask."""
+        self._on_stop = on_stop
         self._client = client = make_client(on_request=self._request_received)
         self._elsewhere: PartsElsewhere | None = None
         self._askers: dict[int, bytes] = {}
@@ -228,27 +232,33 @@ class InventoryService:
             self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)  # for parts that do not read the setting
 
     def _speak_of_stop(self, beat: plug.Request, client_key: int, now: float) -> None:
-        """Take a beat that confirms STOP, or repeat STOP or GO: a single notice may be lost."""
-        if self.stop.holds:
-            if not self._is_confirmation(beat, client_key, now):
+        """Take a beat that says or confirms STOP, or repeat STOP or GO: a single notice may be lost."""
+        number = beat.number if isinstance(beat, plug.StoppedBeat) else None
+        member = self._inventory.member(client_key)
+        if member is not None and self.stop.hear(*member, number):
+            self._on_stop(member[1], _why_said(number))
+        elif self.stop.holds:
+            if member is None or not self._is_confirmed(member[0], number, now):
                 self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)
-        elif isinstance(beat, plug.StoppedBeat):
+        elif number is not None:
             self._notify(client_key, plug.NoticeKind.GO, self.stop.number)
         elif left := self._go_again.pop(client_key, 0):
             self._notify(client_key, plug.NoticeKind.GO, self.stop.number)
             if left > 1:
                 self._go_again[client_key] = left - 1
 
-    def _is_confirmation(self, beat: plug.Request, client_key: int, now: float) -> bool:
-        member = self._inventory.member(client_key)
-        if not isinstance(beat, plug.StoppedBeat) or member is None:
+    def _is_confirmed(self, identity: bytes, number: int | None, now: float) -> bool:
+        """Whether the part need not be told again that STOP holds."""
+        if number is None:
             return False
-        return self.stop.confirm(member[0], beat.number, now)
+        return self.stop.confirm(identity, number, now) or (number == 0 and self.stop.has_confirmed(identity))
 
     def _part_changed(self, event: PartEvent) -> None:
+        identity = event.identity
+        if event.to_state.is_over:
+            self.stop.fall_silent(identity)
         if not self.stop.holds:
             return
-        identity = event.identity
         if event.to_state is PartState.ACTIVE:
             if event.from_state is not PartState.LATE:
                 self.stop.begin_anew(identity, event.part, asyncio.get_running_loop().time())
@@ -334,3 +344,10 @@ class InventoryService:
             self.requests.dropped.count(f"answer: {error}")
             return False
         return True
+
+
+def _why_said(number: int | None) -> str:
+    """Why a part says STOP, in words."""
+    if not number:
+        return said("it was said at this part, or on its bus")
+    return said("this part obeys STOP {number}, of which this master knows nothing", number=number)

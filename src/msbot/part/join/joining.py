@@ -203,6 +203,8 @@ class Joining:
         """Beats that were not answered in time."""
         self.configuration_version = 0
         """Version of the configuration in use, 0 = none."""
+        self.robot = ExpectedRobot()
+        """The robot that was recognised last."""
         self.lease = 0
         """The number that every beat shows, 0 = not registered."""
         self._expected = expected
@@ -234,6 +236,7 @@ class Joining:
         """The master's profile has arrived (step 1)."""
         disagreement = self._expected.disagreement(robot)
         if disagreement is None:
+            self.robot = robot
             self._take(E.PROFILE_AGREES, f"recognised robot {robot.name}", now)
         else:
             self._take(E.PROFILE_DISAGREES, disagreement, now)

@@ -83,7 +83,7 @@ class Membership:
         configure: Callable[[plug.ConfigurationMessage], None],
         noticed: Callable[[plug.Notice], None] = lambda _: None,
         on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
-        obeyed_stop: Callable[[], int] = lambda: 0,
+        stop_in_beats: Callable[[], int | None] = lambda: None,
         nature: plug.Nature = plug.Nature.UNKNOWN,
         description: str = "",
         absent: str = "",
@@ -103,7 +103,7 @@ class Membership:
             configure: puts a configuration into use; called before `changed` reports `active`.
             noticed: called with what the inventory says unasked.
             on_topic: called with the samples that are not the robot's profile, as `Client.on_topic`.
-            obeyed_stop: the number of the STOP that the part obeys, which its beats then carry; 0 = none.
+            stop_in_beats: what its beats say of STOP, as `StoppedBeat`; None = nothing.
             nature: what is behind the part's ports.
             description: what the part says of itself to a robot that asks; empty: nothing.
             absent: why the part's hardware is not there. Then it asks for its place only to say so: it asks for no
@@ -128,7 +128,7 @@ class Membership:
         """The seals of samples, in a robot that has them."""
         self._noticed = noticed
         self._on_topic = on_topic
-        self._obeyed_stop = obeyed_stop
+        self._stop_in_beats = stop_in_beats
         self._nature = nature
         self._description = description
         self._absent = absent
@@ -335,8 +335,8 @@ class Membership:
         self.client.close_soon(deliver_s=TELL_S if self._has_trouble else 0.0)
 
     def _send_beat(self, lease: int) -> None:
-        number = self._obeyed_stop()
-        beat = plug.StoppedBeat(lease=lease, number=number & 0xFFFF) if number else plug.Beat(lease=lease)
+        number = self._stop_in_beats()
+        beat = plug.Beat(lease=lease) if number is None else plug.StoppedBeat(lease=lease, number=number & 0xFFFF)
         self._send(beat.encode(), STREAM_BEST_EFFORT)
 
     def _send(self, request: bytes, stream_id: int) -> bool:

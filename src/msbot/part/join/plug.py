@@ -161,11 +161,15 @@ class StoppedBeat(Message):
     """A beat that also says: STOP has arrived, and every port has its safe value.
 
     Only this confirms a STOP. It costs two octets more than a `Beat`, and only while STOP holds.
+
+    With number 0 it says STOP: somebody has said it at the part or on its bus, and no master has told its number yet,
+    or a button there is still pressed. A number that the master has never counted to says STOP as well: the part obeys
+    one that a master before has told.
     """
 
     lease: uint32
     number: uint16
-    """The lowest 16 bits of the number of the STOP that the part obeys."""
+    """The lowest 16 bits of the number of the STOP that the part obeys, which are never 0; 0 = it says STOP."""
 
 
 class Nature(IntEnum):
