@@ -12,7 +12,6 @@ from msbot.idl.omg_reader import LARGEST_FILE, read_idl
 from msbot.idl.ros_reader import read_ros
 from msbot.runtime.given_file import read_given
 
-"""Largest file, in octets."""
 MOST_FILES = 500
 """How many files one file may need."""
 ROS_FILE = "ros2.idl"

@@ -36,8 +36,6 @@ from msbot.registry.database.tables import (
 )
 from msbot.registry.running.configurations import ORIGINS
 
-"""(slot, parameter) or (topic, "") -> who set it by hand."""
-
 
 def read(connection: Connection, robot_id: int, *, by_hand: bool) -> Blueprint:
     """The robot's blueprint.
