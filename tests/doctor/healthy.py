@@ -19,6 +19,7 @@ from msbot.doctor.facts import (
     PythonFacts,
     RobotFacts,
     SerialFacts,
+    StopFacts,
     WrittenFolder,
     ZenohFacts,
 )
@@ -56,6 +57,7 @@ FIREWALL = FirewallFacts("nft", drops=True, open_ports=frozenset({("udp", 8888)}
 PORTS = (PortUse("udp", "0.0.0.0", 8888, "msbot", 77, is_ours=True), PortUse("tcp", "127.0.0.1", 8080, "", None, False))
 DATABASE = DatabaseFacts("robot.db", 9, 9, size_mb=2.0, backups="backups", backup_age_s=3600.0, age_s=9e6)
 CLOCK = ClockFacts(1.8e9, 1.7e9, is_synchronised=True, newest_record_s=1.8e9 - 5)
+STOP = StopFacts(trouble="", odd=(), own_group="", groups={"Rover 1": "", "Buggy 2": "red"})
 DISK = (WrittenFolder("database", "/home/ada", 50_000.0, 60_000.0, 0.9, is_writable=True, read_only=False),)
 ROBOT = RobotFacts(
     name="Rover",

@@ -14,8 +14,9 @@ from msbot.doctor.checks.installation import check_access, check_packages, check
 from msbot.doctor.checks.machine import check_clock, check_disk
 from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
 from msbot.doctor.checks.robot import check_robot, loops
+from msbot.doctor.checks.stop import check_stop
 from msbot.doctor.checks.storage import check_database
-from msbot.doctor.facts import Device, NetInterface, PackageNeed, PartSeen, PortUse, ZenohFacts
+from msbot.doctor.facts import Device, NetInterface, OddFolder, PackageNeed, PartSeen, PortUse, ZenohFacts
 from msbot.link.can import BusState
 from msbot.link.can.adapters import CanTotals, Wanted
 from msbot.operations.arguments import read_arguments
@@ -37,6 +38,7 @@ from tests.doctor.healthy import (
     PYTHON,
     ROBOT,
     SERIAL,
+    STOP,
     WIRE,
     ZENOH,
 )
@@ -63,6 +65,7 @@ def place(**changes: object) -> Looked:
 
 SHUT = Device("/dev/ttyACM0", "dialout", is_usable=False)
 BACK = Binding("echo", "Level", SlotPort("BB", "out"), (SlotPort("AA", "in"),))
+ODD_FOLDER = OddFolder("/tmp/msbot-stop-7", is_folder=True, owner="user eve", mode=0o700)
 LOST_PART = PartSeen("knob", "AA", "refused", "wrong number", "0a0b0c0d0e0f1011")
 
 PLANTED: dict[str, tuple[str, Looked]] = {
@@ -120,6 +123,9 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "clock-past": ("clock", lambda: check_clock(replace(CLOCK, now_s=0.0, newest_record_s=None))),
     "clock-jumped": ("clock", lambda: check_clock(replace(CLOCK, newest_record_s=CLOCK.now_s + 4000))),
     "clock-free": ("clock", lambda: check_clock(replace(CLOCK, is_synchronised=False))),
+    "stop-folder": ("msbot stop", lambda: check_stop(replace(STOP, trouble="Read-only file system"))),
+    "stop-folder-odd": ("/tmp/msbot-stop-7", lambda: check_stop(replace(STOP, odd=(ODD_FOLDER,)))),
+    "stop-group": ("Buggy 2", lambda: check_stop(replace(STOP, own_group="blue", groups={"Buggy 2": "red"}))),
     "disk-read-only": ("/home/ada", place(read_only=True, is_writable=False)),
     "not-writable": ("/home/ada", place(is_writable=False)),
     "disk-full": ("/home/ada", place(free_mb=20.0)),
@@ -161,6 +167,7 @@ HEALTHY: dict[str, Looked] = {
     "database": lambda: check_database(DATABASE),
     "clock": lambda: check_clock(CLOCK),
     "disk": lambda: check_disk(DISK),
+    "stop": lambda: check_stop(STOP),
     "robot": lambda: check_robot(ROBOT),
 }
 

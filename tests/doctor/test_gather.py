@@ -18,13 +18,16 @@ from msbot.cli.doctor import command
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.doctor import CHECKS, Check, Finding, Patient, examine
 from msbot.doctor.checks.robot import check_robot
+from msbot.doctor.checks.stop import check_stop
 from msbot.doctor.finding import CannotSee, NotNeeded
 from msbot.doctor.gather.network import bound_ports, iptables_rules, missing_files, nft_rules, ports, ufw_ports
 from msbot.doctor.gather.robot import robot
+from msbot.doctor.gather.stop import stop
 from msbot.doctor.gather.storage import database, network_drive, newest_backup_s
 from msbot.errors import ConfigError
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
+from msbot.runtime import stop_places
 from msbot.space import parse_space
 
 NFT = {
@@ -251,3 +254,18 @@ def test_a_part_that_was_refused_and_then_left_is_told_of_with_the_reason_of_the
     assert facts.refused == {"mole": ("the slot is taken",) * 6}
     (finding,) = [one for one in check_robot(facts) if isinstance(one, Finding) and one.problem == "often-refused"]
     assert "6 times in the last hour: the slot is taken" in finding.saw
+
+
+@pytest.mark.skipif(not stop_places.IS_THERE, reason="this system has no such sockets")
+def test_a_folder_of_stop_that_is_not_this_users_alone_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("users", "system", "shared"):
+        (tmp_path / name).mkdir()
+        monkeypatch.setattr(stop_places, f"{name.upper()}_FOLDER", str(tmp_path / name))
+    monkeypatch.delenv("MSBOT_STOP_GROUP", raising=False)
+    name = f"{stop_places.PREFIX}{stop_places.own_user()}"
+    assert stop(Patient(None)).odd == ()
+    (tmp_path / "system" / name).chmod(0o755)
+    (tmp_path / "shared" / name).symlink_to(tmp_path)
+    found = {one.about: one for one in check_stop(stop(Patient(None)))}
+    assert found[str(tmp_path / "system" / name)].mend == f"chmod 700 {tmp_path / 'system' / name}"
+    assert "is no folder" in found[str(tmp_path / "shared" / name)].saw

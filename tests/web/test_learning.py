@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from html.parser import HTMLParser
 from pathlib import Path
+
+import pytest
 
 from msbot.lessons.lesson_desk import SETTLED_S, LessonDesk
 from msbot.lessons.shelf import LessonShelf
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.users import MemoryUsers
-from msbot.web.learning import Learning
+from msbot.web.learning import Learning, text_html
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
 
 
@@ -58,3 +61,33 @@ def test_they_are_read_when_the_robot_has_settled(tmp_path: Path) -> None:
         assert threading.main_thread() not in shelf.read_by
 
     lesson_scene(tmp_path, scene)
+
+
+@pytest.mark.parametrize("text", [
+    "[a](javascript:x)", "[a](javascript&#58;x)", "[a](&#106;avascript&colon;x)", "[a](data:text/html,x)",
+    "[a][b]\n\n[b]: javascript&#58;x", "![a](javascript:x)", "![a](http://elsewhere.example/x.png)",
+    "![a](//elsewhere.example/x.png)", "<img src=x onerror=x>", "![a](x\"onerror=\"x)", "[a](x 'a\" onclick=\"x')",
+])  # fmt: skip
+@pytest.mark.promise("Texts and files of strangers are shown as text in the browser, and nothing in them runs")
+def test_a_lesson_of_a_stranger_has_no_link_that_runs_and_no_picture_from_elsewhere(text: str) -> None:
+    found: list[tuple[str, dict[str, str | None]]] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            found.append((tag, dict(attrs)))
+
+    Reader().feed(text_html(text))
+    for tag, attributes in found:
+        assert not [name for name in attributes if name.startswith("on")], (tag, attributes)
+        assert not (attributes.get("href") or "").partition(":")[1]
+        assert ":" not in (attributes.get("src") or "")
+        assert not (attributes.get("src") or "").startswith("//")
+
+
+def test_what_markdown_can_do_stays() -> None:
+    html = text_html(
+        "| a | b |\n|:--|--:|\n| **1** | `2` |\n\n[c](/library/LED) [d](https://school.example/x) ![e](/web/icon.svg)"
+    )
+    for piece in ("<table>", "text-align", "<strong>1</strong>", "<code>2</code>", 'href="/library/LED"',
+                  'href="https://school.example/x"', 'src="/web/icon.svg"'):  # fmt: skip
+        assert piece in html

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 
 from msbot.errors import ConfigError
+from msbot.runtime.json_reading import read_told
 from msbot.school.access import AccessBook, FarAccess
 from msbot.school.class_robots import ClassRobot, FarRobot, database_mark
 from msbot.web import far_robots
 from msbot.web.api.class_models import RobotTile
 from msbot.web.far_robots import FarRobots, FarStop
-from msbot.web.local_masters import StopForAll
-from msbot.web.pages.classroom import _natural, _state_of
-from msbot.web.whole_class import together, with_far
+from msbot.web.local_masters import Ask, LocalMasters, StopForAll
+from msbot.web.pages.classroom import _for_visitor, _natural, _state_of
+from msbot.web.whole_class import together, with_far, with_neighbours
 from tests.web.refusing import refusing_port
 
 DATABASE = "postgresql://server/robots"
@@ -109,3 +112,40 @@ def look_at_one_that_is_away(folder: Path, address: str) -> None:
 
 def test_robot_10_comes_after_robot_9() -> None:
     assert sorted(["r10", "R9", "a", "r", "10", "9"], key=_natural) == ["9", "10", "a", "r", "R9", "r10"]
+
+
+ODD = (
+    b"null", b"true", b"-1", b"0", b"1e999", b"1.5", b"9" * 4000, b'"' + b"9" * 5000 + b'"', b'"\\ud800"', b'"\\u0000"',
+    b'"\xd9\xa3"', b'"javascript:alert(1)"', b'"http://["', b"[]", b'["\\udfff"]', b"{}", b"[" * 80 + b"]" * 80,
+)  # fmt: skip
+SAID = ("robot", "serial_number", "page", "slots", "active", "stopped", "told", "silent", "not_confirmed", "confirmed",
+        "stored", "database", "version", "blueprint", "msbot", "stop_group")  # fmt: skip
+
+
+def answering(answer: dict[str, object]) -> Ask:
+    return lambda _: ([answer], [])
+
+
+@pytest.mark.parametrize("odd", ODD)
+@pytest.mark.promise("Whatever another master answers, the class is shown and its STOP is told")
+async def test_a_master_that_answers_nonsense_breaks_neither_the_class_nor_its_stop(odd: bytes) -> None:
+    usual: dict[str, object] = {"robot": "R", "slots": 3, "stopped": True, "told": 2, "not_confirmed": 1}
+    for name in SAID:
+        answer = read_told(json.dumps({**usual, name: "ODD"}).encode().replace(b'"ODD"', odd))
+        masters = LocalMasters(answering(answer))
+        tiles = with_neighbours([], await masters.look(), DATABASE)
+        known = FarRobot(FarAccess(PAGE, "t", "R", "1"), answer)
+        tiles = with_far(tiles, [ClassRobot("R", "1", "2", PAGE, None, far=known)], DATABASE)
+        shown = TypeAdapter(list[RobotTile]).dump_json(tiles)
+        assert len(json.loads(shown)) == 2
+        assert all(_for_visitor(tile.address, "localhost") is not None for tile in tiles)
+        assert b"javascript:" not in shown or name != "page"
+        whole = together(await masters.stop_all("ada", "test"), [FarStop("R 1", answer)])
+        assert "R 1" in (*whole.told, *whole.not_told)
+        json.dumps(whole.waiting, ensure_ascii=False).encode()
+
+
+@pytest.mark.parametrize("octets", [b"[" * 900 + b"]" * 900, b"[" * 100_000], ids=["900", "without end"])
+def test_an_answer_is_no_deeper_than_can_be_read(octets: bytes) -> None:
+    with pytest.raises(ValueError, match=r"nested too deeply|Expecting value"):
+        read_told(octets)

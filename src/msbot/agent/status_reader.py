@@ -13,7 +13,7 @@ from typing import Any, Final
 from msbot.agent.statistics import ClientView, ObjectView, StreamView
 from msbot.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
 from msbot.errors import ConfigError
-from msbot.runtime.json_reading import read_json
+from msbot.runtime.json_reading import read_told
 from msbot.runtime.lazy_dataclass import dataclass
 
 MASTER: Final = "master"
@@ -129,7 +129,7 @@ def _ask(file: StatusFile, request: Mapping[str, object], patience_s: float = AN
     with socket.create_connection(("127.0.0.1", file.port), timeout=patience_s) as connection:
         connection.sendall(line)
         with connection.makefile("rb") as stream:
-            answer = read_json(stream.readline() or b"null")
+            answer = read_told(stream.readline() or b"null")
     if not isinstance(answer, dict):
         raise ValueError("it gave no answer")
     return answer
@@ -152,7 +152,7 @@ def status_in(pid: int, answer: Iterable[bytes]) -> AgentStatus:
     Raises:
         ValueError, KeyError, TypeError, AttributeError: it is none.
     """
-    lines = [read_json(line) for line in answer]
+    lines = [read_told(line) for line in answer]
     if not lines or lines[0].get("format") != FORMAT:
         raise ValueError("it is of another version, or no agent")
     if lines[-1] != {"end": len(lines) - 2}:

@@ -11,9 +11,10 @@ from msbot.doctor.checks.installation import check_access, check_packages, check
 from msbot.doctor.checks.machine import check_clock, check_disk
 from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
 from msbot.doctor.checks.robot import check_robot
+from msbot.doctor.checks.stop import check_stop
 from msbot.doctor.checks.storage import check_database
 from msbot.doctor.finding import CannotSee, Finding, NotNeeded, NotSeen
-from msbot.doctor.gather import bus, installation, machine, network, robot, storage
+from msbot.doctor.gather import bus, installation, machine, network, robot, stop, storage
 from msbot.doctor.patient import Patient
 from msbot.errors import ConfigError, MsbotError
 from msbot.runtime.extensions import extensions
@@ -52,6 +53,7 @@ CHECKS: tuple[Check[Any], ...] = (
     Check("database", storage.database, check_database),
     Check("clock", machine.clock, check_clock),
     Check("disk", machine.disk, check_disk),
+    Check("stop", stop.stop, check_stop),
     Check("robot", robot.robot, check_robot),
 )
 """All checks, in the order in which a person would look: what is below first."""

@@ -185,6 +185,30 @@ class DatabaseFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class OddFolder:
+    """Something that has the name of the folder for STOP's sockets, and is none that counts."""
+
+    path: str
+    is_folder: bool
+    owner: str
+    """In words; empty: this user."""
+    mode: int
+
+
+@dataclass(frozen=True, slots=True)
+class StopFacts:
+    """The way of `msbot stop` to the masters of this user."""
+
+    trouble: str
+    """Why no folder for the sockets can be had; empty: there is one."""
+    odd: tuple[OddFolder, ...]
+    own_group: str
+    """The STOP group of this program; empty: none, and every master is reached."""
+    groups: Mapping[str, str]
+    """Robots whose masters run here, and their STOP groups."""
+
+
+@dataclass(frozen=True, slots=True)
 class ClockFacts:
     """The computer's clock."""
 

@@ -28,7 +28,7 @@ from msbot.errors import ConfigError
 from msbot.master.descriptor_reserve import DescriptorReserve
 from msbot.master.master import Master
 from msbot.pnp import StopStatus
-from msbot.runtime.json_reading import read_json
+from msbot.runtime.json_reading import read_told
 from msbot.runtime.printable import whole
 from msbot.runtime.stop_abstract import peer_of
 from msbot.runtime.stop_listening import StopListener, listen
@@ -202,7 +202,7 @@ class StopSocket:
 
     def _take(self, line: _Line, octets: bytes) -> None:
         try:
-            request = read_json(octets)
+            request = read_told(octets)
             do, who = request["do"], whole(str(request.get("who") or "somebody")[:64])
             line.word = whole(str(request.get("nonce") or "")[:64])
             known = self._details()

@@ -26,7 +26,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Final
 
-from msbot.runtime.json_reading import read_json
+from msbot.runtime.json_reading import read_told
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
 from msbot.runtime.stop_abstract import abstract_address, abstract_names, held_by, peer_of
@@ -124,7 +124,7 @@ def ask_masters(
 def answer_in(octets: bytes, word: str) -> dict[str, object] | None:
     """The answer in a line; None: it makes no sense, or is none to the request with that word."""
     try:
-        answer = read_json(octets)
+        answer = read_told(octets)
     except ValueError as error:
         _log.debug("an answer about STOP that makes no sense: %s", error)
         return None

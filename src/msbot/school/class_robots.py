@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.amount import amount
+from msbot.runtime.json_reading import told_count
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.school.access import FarAccess
 from msbot.school.far_masters import LOOK_S, Asking, FarTrouble, read_status
@@ -123,7 +124,7 @@ class ClassRobot:
             found = self.far.text(name)
         else:
             found = "" if self.master is None else self.master.details.get(name, "")
-        return int(found) if found.isdecimal() else 0
+        return told_count(found)
 
 
 class Read(Protocol):

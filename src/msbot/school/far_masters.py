@@ -19,7 +19,7 @@ from typing import Any, Final, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from msbot.errors import ConfigError, DatabaseBusy
-from msbot.runtime.json_reading import read_json
+from msbot.runtime.json_reading import read_told
 from msbot.runtime.sentence import said
 from msbot.school.access import FarAccess
 
@@ -75,7 +75,7 @@ class FarLine:
         """
         content = self.octets(method, path, body)
         try:
-            return read_json(content)
+            return read_told(content)
         except ValueError:
             raise _no_page(self._access.address) from None
 
@@ -272,7 +272,7 @@ def say_stop(reason: str, group: str = "") -> Work[Answer]:
 def _why(content: bytes) -> str:
     """The reason that an answer with an error gives; empty: none."""
     try:
-        found = read_json(content)
+        found = read_told(content)
     except ValueError:
         return ""
     return str(found.get("error") or "") if isinstance(found, dict) else ""

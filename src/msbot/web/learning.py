@@ -19,6 +19,16 @@ from msbot.web.access.sessions import Session
 
 PROGRESS_S: Final = 2.0
 """How old the class table may be."""
+_ATTRIBUTES: Final = {
+    "*": {"class"},
+    "a": {"href", "title"},
+    "img": {"src", "alt", "title"},
+    "td": {"style"},
+    "th": {"style"},
+}
+_STYLES: Final = {"text-align"}
+_SCHEMES: Final = {"http", "https", "mailto"}
+"""Where a link of a lesson may lead."""
 
 
 class Learning:
@@ -98,7 +108,25 @@ class Learning:
 
 @cache
 def text_html(text: str) -> str:
-    """A piece of a lesson as HTML; what is no Markdown is shown as it is written."""
-    import markdown2  # only who reads a lesson needs it
+    """A piece of a lesson as HTML; what is no Markdown is shown as it is written.
 
-    return str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables"], safe_mode="escape"))
+    Lessons come from anybody. What Markdown has made of one is sifted: elements of a text, links to pages, and no
+    pictures from elsewhere, which would tell somebody who looks at the lesson.
+    """
+    import markdown2  # only who reads a lesson needs them
+    import nh3
+
+    html = str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables"], safe_mode="escape"))
+    return nh3.clean(
+        html,
+        attributes=_ATTRIBUTES,
+        attribute_filter=_own_pictures,
+        filter_style_properties=_STYLES,
+        url_schemes=_SCHEMES,
+        link_rel=None,
+    )
+
+
+def _own_pictures(element: str, name: str, value: str) -> str | None:
+    is_elsewhere = element == "img" and name == "src" and (":" in value or value.replace("\\", "/").startswith("//"))
+    return None if is_elsewhere else value

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from urllib.parse import urlsplit
 
+from msbot.runtime.json_reading import told_count
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.stop_asking import SilentMaster, ask_masters
 
+MOST_TEXT = 4096
+"""Of a text that a master says; paths and names are shorter."""
 Ask = Callable[[Mapping[str, object]], tuple[list[dict[str, object]], Sequence[SilentMaster]]]
 """Asks every master of this user; gives the answers, and who runs and does not answer."""
 
@@ -80,7 +84,7 @@ class LocalMasters:
         return StopForAll(
             told=tuple(str(answer.get("robot", "")) for answer in taken),
             confirmed=sum(len(found) for answer in taken if isinstance(found := answer.get("confirmed"), list)),
-            parts=sum(found for answer in taken if isinstance(found := answer.get("told"), int)),
+            parts=sum(told_count(answer.get("told")) for answer in taken),
             silent=len(silent) + len(answers) - len(taken),
             waiting=tuple(
                 f"{answer.get('robot', '')} ({', '.join(map(str, names))})"
@@ -93,12 +97,20 @@ class LocalMasters:
 
 def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
     def text(key: str) -> str:
-        return str(answer.get(key, ""))
-
-    def count(key: str) -> int:
-        return int(text(key)) if text(key).isdecimal() else 0
+        found = answer.get(key, "")
+        return found[:MOST_TEXT] if isinstance(found, str) else ""
 
     return LocalMaster(
-        text("robot"), text("serial_number"), text("page"), count("slots"), count("active"),
+        text("robot"), text("serial_number"), _link_to(text("page")),
+        told_count(answer.get("slots")), told_count(answer.get("active")),
         answer.get("stopped") is True, text("database"), text("version"), text("blueprint"), text("msbot"),
     )  # fmt: skip
+
+
+def _link_to(address: str) -> str:
+    """The address of a page; empty when it is none: a link to anything else would do what the master likes."""
+    try:
+        found = urlsplit(address)
+        return address if found.scheme in ("http", "https") and found.hostname and found.port != 0 else ""
+    except ValueError:
+        return ""

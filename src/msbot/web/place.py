@@ -22,3 +22,7 @@ def root() -> str:
 def base_of(request: HTTPConnection) -> str:
     """The address of the page as its person has opened it, with a slash at its end."""
     return f"{request.url.scheme}://{request.headers.get('host', '')}{root()}/"
+
+
+THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
+"""Names and addresses by which no other computer can ask."""

@@ -3,7 +3,7 @@ reason, and a script that brings the page back by itself. Programs get the reaso
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from starlette.requests import HTTPConnection
 from starlette.types import Scope, Send
@@ -12,8 +12,8 @@ from msbot.web.access.sessions import Session
 from msbot.web.html import Markup, render
 from msbot.web.language import language_of
 
-PASSING = (408, 425, 429, 500, 502, 503, 504)
-"""Statuses of refusals that end by themselves: it is worth asking again."""
+PASSING = (408, 421, 425, 429, 500, 502, 503, 504)
+"""Statuses of refusals that end by themselves or by what somebody does at the robot: it is worth asking again."""
 PLAIN, HTML = b"text/plain; charset=utf-8", b"text/html; charset=utf-8"
 
 
@@ -22,7 +22,9 @@ def wants_page(scope: Scope) -> bool:
     return scope["type"] == "http" and b"text/html" in dict(scope.get("headers", ())).get(b"accept", b"")
 
 
-def refusal_page(scope: Scope, words: str, *, session: Session | None, comes_back: bool) -> bytes:
+def refusal_page(
+    scope: Scope, words: str, *, session: Session | None, comes_back: bool, ways: Sequence[str] = ()
+) -> bytes:  # fmt: skip
     """The page, as it is sent.
 
     Args:
@@ -30,13 +32,14 @@ def refusal_page(scope: Scope, words: str, *, session: Session | None, comes_bac
         words: the reason: a sentence without its capital and full stop.
         session: who has asked; None: nobody known, who may not press STOP.
         comes_back: whether it is worth asking again.
+        ways: addresses that lead to the robot; none: the one that was asked for does.
     """
     language = language_of(HTTPConnection(scope))
     stop = "" if session is None else render("stop", say=language.say, csrf=session.csrf)
     page = render(
         "refused", language=language, say=language.say, title=language.say("Not now" if comes_back else "Not there"),
         robot="MsBOT", stop=Markup(stop), why=sentence(language.say(words)),
-        comes_back=comes_back and scope["method"] in ("GET", "HEAD"),
+        comes_back=comes_back and scope["method"] in ("GET", "HEAD"), ways=ways,
     )  # fmt: skip
     return page.encode()
 

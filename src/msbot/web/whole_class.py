@@ -11,9 +11,11 @@ from msbot.config import Library
 from msbot.errors import ConfigError
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Asker, Right
+from msbot.runtime.json_reading import told_count
 from msbot.runtime.own_version import own_version
 from msbot.runtime.sentence import said
 from msbot.school.class_robots import ClassRobot, database_mark
+from msbot.school.far_masters import Answer
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.sessions import Session
 from msbot.web.api.class_models import RobotStatus, RobotTile
@@ -127,22 +129,24 @@ class WholeClass:
 def together(here: StopForAll, far: Sequence[FarStop]) -> StopForAll:
     """One STOP, here and elsewhere; who has not answered is named, and nothing is assumed of it."""
     taken = [(one.robot, one.answer) for one in far if one.answer is not None and one.answer.get("stopped")]
-    known = [(robot, answer) for robot, answer in taken if isinstance(answer.get("told"), int)]
-    waiting = [
-        f"{robot} ({', '.join(str(name) for name in answer.get('silent', ())) or answer['not_confirmed']})"
-        for robot, answer in known
-        if answer.get("not_confirmed")
-    ]
+    known = [(robot, answer, told_count(told)) for robot, answer in taken if (told := answer.get("told")) is not None]
+    waiting = [f"{robot} ({_not_confirmed(answer)})" for robot, answer, _ in known if answer.get("not_confirmed")]
     return replace(
         here,
         told=(*here.told, *(robot for robot, _ in taken)),
-        parts=here.parts + sum(answer["told"] for _, answer in known),
-        confirmed=here.confirmed + sum(answer["told"] - answer.get("not_confirmed", 0) for _, answer in known),
+        parts=here.parts + sum(told for *_, told in known),
+        confirmed=here.confirmed
+        + sum(max(0, told - told_count(answer.get("not_confirmed"))) for _, answer, told in known),
         waiting=(*here.waiting, *waiting, *(robot for robot, answer in taken if answer.get("told") is None)),
         not_stored=(*here.not_stored, *(robot for robot, answer in taken if answer.get("stored") is False)),
         not_told=tuple(f"{one.robot}: {one.trouble}" if one.trouble else one.robot for one in far
                        if one.answer is None or not one.answer.get("stopped")),
     )  # fmt: skip
+
+
+def _not_confirmed(answer: Answer) -> str:
+    silent = answer.get("silent")
+    return (", ".join(map(str, silent)) if isinstance(silent, list) else "") or str(answer["not_confirmed"])
 
 
 def with_far(tiles: Sequence[RobotTile], far: Iterable[ClassRobot], database: str) -> list[RobotTile]:

@@ -141,6 +141,7 @@ def test_a_group_in_which_nobody_is_stops_nobody(tmp_path: Path) -> None:
         said = await typed("stop", "--stop-group", own_group())
         assert said.startswith(f"STOP at the one robot of the STOP group {own_group()} that runs on this computer")
         assert "(to end it there: msbot go --robot " in said
+        assert said.rstrip().endswith(f"--stop {stage.master.stop.number})"), "a newer one is not ended by it"
 
     with_socket(tmp_path, act)
 

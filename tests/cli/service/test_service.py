@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from msbot.cli.service.service import command
 from msbot.cli.service.systemd import Systemd
 from msbot.cli.service.units import RobotService, quoted
 from msbot.config import write_sample
+from msbot.runtime import stop_places
 
 SHOWN = "LoadState=loaded\nActiveState=active\nSubState=running\nNRestarts=2\nMainPID=77\nActiveEnterTimestamp=today\n"
 
@@ -164,6 +166,10 @@ def test_a_service_of_the_computer_has_a_user_of_its_own_and_no_more_than_it_nee
     assert done.output.count("User=msbot-msbot_master\n") == 2, "the master and the backup"
     assert "--db /var/lib/msbot-msbot_master/robot.db" in done.output
     assert "ReadWritePaths" not in done.output
+    # Its /tmp is hidden from root's `msbot stop`, which looks into these folders of /run.
+    folders = re.findall(r"^RuntimeDirectory=(.*)$", done.output, re.MULTILINE)
+    assert [one.split()[1] for one in folders] == [f"{stop_places.PREFIX}msbot-msbot_master"] * 2
+    assert done.output.count("RuntimeDirectoryMode=0700\n") == 2, "else it does not count"
     elsewhere = ask("install", "--system", "--print", "--db", "data/robot.db").output
     assert elsewhere.count(f"ReadWritePaths={folder}/data\n") == 2
     assert "User=" not in ask("install", "--print").output

@@ -86,6 +86,8 @@ class Rig:
             "query_string": path.partition("?")[2].encode(),
             "headers": [(name.encode(), value.encode()) for name, value in given.items()],
             "scheme": "http",
+            "server": ("127.0.0.1", 8080),
+            "client": ("127.0.0.1", 50_000),
         }
         if kind == "http":
             scope["method"] = method
@@ -301,6 +303,9 @@ async def test_a_refusal_is_a_page_with_stop_for_who_may_press_it() -> None:
     body = named.messages[1]["body"].decode()
     assert "robot.school" in body
     assert 'id="ms-stop"' not in body, "nobody knows who asks"
+    assert "/web/refused.js" in body, "it comes back when the robot is started with that name"
+    assert f'href="http://{HOST}/"' in body, "a way that works meanwhile"
+    assert "msbot stop" in body
     session = rig.session()
     foreign = await rig.ask("/x", "POST", session=session, accept=html, origin="http://evil.example")
     assert foreign.status == 403

@@ -33,7 +33,7 @@ class Seen:
         self.scope = scope
         self.root = root()
         about = {"language": PLAIN, "say": PLAIN.say, "title": "", "robot": "", "stop": "", "why": ""}
-        self.html = str(render("refused", **about, comes_back=True))
+        self.html = str(render("refused", **about, comes_back=True, ways=()))
         if scope["type"] == "http":
             self.base = base_of(Request(scope))
         head = [(b"location", self.location.encode())]

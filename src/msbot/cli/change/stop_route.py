@@ -128,6 +128,7 @@ def go_command(one: Answer, among: Sequence[Answer], meant: Meant) -> str:
     if not only(words[-1]) or meant.db is not None or is_beside:
         words += ["--db", str(one.get("database"))]
     words += [] if meant.group is None else ["--stop-group", meant.group]
+    words += ["--stop", str(one["number"])] if one.get("number") else []  # a newer STOP is not ended by it
     return shlex.join(words)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.stop_places import PREFIX as STOP_FOLDERS
 
 LONGEST_USER = 31
 """Characters of the name of a user."""
@@ -156,7 +157,9 @@ WantedBy=timers.target
         places = sorted({str(place) for place in (*written, self.backups) if not place.is_relative_to(self.state)})
         paths = "".join(f"ReadWritePaths={quoted(place)}\n" for place in places)
         groups = f"SupplementaryGroups={' '.join(self.groups)}\n" if self.groups else ""
-        return f"User={self.user}\n{groups}StateDirectory={self.unit}\nRuntimeDirectory={self.unit}\n" \
+        # The second folder is that of STOP's socket (`msbot.runtime.stop_places`): /tmp is one of its own.
+        return f"User={self.user}\n{groups}StateDirectory={self.unit}\n" \
+               f"RuntimeDirectory={self.unit} {STOP_FOLDERS}{self.user}\nRuntimeDirectoryMode=0700\n" \
                f"RuntimeDirectoryPreserve=yes\nEnvironment=HOME={self.state} XDG_RUNTIME_DIR=/run/{self.unit}\n" \
                f"{paths}{CONFINED}"  # fmt: skip
 

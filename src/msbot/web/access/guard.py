@@ -24,13 +24,15 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot.link.net import PART_PATH
 from msbot.operations.rights import Right
+from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.web.access.accounts import Accounts
 from msbot.web.access.cookies import CookieNames
 from msbot.web.access.proxies import UNTRUSTED
 from msbot.web.access.sessions import Session
 from msbot.web.content_policy import NONCE, new_nonce, page_policy
-from msbot.web.refusals import HTML, refusal_page, wants_page
+from msbot.web.place import THIS_COMPUTER
+from msbot.web.refusals import HTML, PASSING, refusal_page, wants_page
 
 CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
@@ -177,10 +179,19 @@ class AccessGuard:
             host = ""
         if host in self._hosts or (ANY_ADDRESS in self._hosts and _is_address(host)):
             return None
-        return 421, (
-            f"this robot is not asked for by the name {host[:80] or '(none)'}: use the address that msbot has printed, or "
-            "have it started with --page-name and this name"
+        return 421, said(
+            "this robot is not asked for by the name {name}: use the address that msbot has printed, or have it started "
+            "with --page-name and this name",
+            name=host[:80] or "(none)",
         )
+
+    def _ways(self, scope: Scope) -> list[str]:
+        """Addresses under which this server answers whoever has asked."""
+        port = (scope.get("server") or ("", None))[1]
+        is_here = (scope.get("client") or ("",))[0] in THIS_COMPUTER
+        names = sorted(host for host in self._hosts - {ANY_ADDRESS} if is_here or host not in THIS_COMPUTER)
+        spelt = (f"[{name}]" if ":" in name else name for name in names)
+        return [f"{scope['scheme']}://{name}{f':{port}' if port else ''}/" for name in spelt]
 
     async def _answer_beat(self, send: Send, headers: Headers) -> None:
         """Whether the robot is there, for a signed-in page; asking does not count as using the session."""
@@ -238,7 +249,8 @@ class AccessGuard:
             await self._answer(send, 303, b"", [(b"location", where.encode())])
             return
         if is_page and wants_page(scope):
-            body = refusal_page(scope, words, session=session, comes_back=False)
+            ways = self._ways(scope) if status == 421 else ()
+            body = refusal_page(scope, words, session=session, comes_back=status in PASSING, ways=ways)
             await self._answer(send, status, body, [(b"content-type", HTML)])
             return
         body = json.dumps({"error": words}).encode()

@@ -21,7 +21,7 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
 from msbot.operations.table import OPERATIONS
-from msbot.runtime.json_reading import read_json
+from msbot.runtime.json_reading import read_told
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import said
 from msbot.web.access.guard import STOP_PATH
@@ -141,7 +141,7 @@ async def _given(request: Request) -> Mapping[str, Any]:
     except (TimeoutError, ClientDisconnect):
         pass  # whoever has sent this much means STOP
     try:
-        found = read_json(octets)
+        found = read_told(octets)
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

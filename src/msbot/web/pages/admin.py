@@ -19,14 +19,13 @@ from msbot.web.api.models import Done, UserLine
 from msbot.web.html import render
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
-from msbot.web.place import base_of
+from msbot.web.place import THIS_COMPUTER, base_of
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
 
 if TYPE_CHECKING:
     from nicegui.elements.upload_files import FileUpload  # it and what it needs: when somebody hands a file in
 
-THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
 """Names that lead to another computer from each one."""
 
 CHANGES = 20

@@ -16,11 +16,10 @@ from msbot.web.access.guest_tickets import MOST_GUESTS
 from msbot.web.access.sessions import Session
 from msbot.web.api.models import Done
 from msbot.web.html import render
-from msbot.web.pages.admin import THIS_COMPUTER
 from msbot.web.pages.layout import Page, page_frame
 from msbot.web.pages.page_elements import END_WITH_MASTER, ask_first, heading, page_dialog, panel, show_dialog
 from msbot.web.pages.relay_tickets import relay_tickets
-from msbot.web.place import base_of
+from msbot.web.place import THIS_COMPUTER, base_of
 from msbot.web.pupils import PupilNow, PupilTicket
 from msbot.web.service import Service
 from msbot.web.svg.passport import qr_svg
