@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Page, Request, Response, expect
 from tests.certificate import Certificate
 from tests.e2e.processes import running
 from tests.nginx import command, nginx, proxy
-from tests.web.browser.conftest import PATIENCE_MS, Site, free_port
+from tests.web.browser.conftest import ARGUMENTS, PATIENCE_MS, Site, again_until, chromium, free_port
 
 NAME = "robots.localhost"
 """Browsers take it for this computer without asking anybody."""
@@ -147,13 +147,50 @@ def test_a_program_has_its_files_and_reaches_the_robot_through_the_proxy(visitor
             link.onerror = failed;
         })"""
     )
-    # What its worker loads; the browser takes no certificate of its own making for a worker, so nothing runs here.
+    # What its worker loads; this browser takes no certificate of a test's making for a worker.
     statuses = page.evaluate(
         """paths => Promise.all(paths.map(async (path) => (await fetch(msbotAt(path))).status))""",
         ["/program/worker.js", "/program/files.json", "/web/program/home.js", "/web/micropython/micropython.wasm"],
     )
     assert statuses == [200] * 4
     assert visitor.wrong == []
+
+
+PROGRAM = """from msbot import Part, Switch
+part = Part("HI-1", describes="a program behind a proxy")
+part.publishes("out", Switch)
+print("it runs")
+part.run()
+"""
+
+
+def test_a_program_of_a_pupil_runs_behind_tls_in_the_folder(browser: Browser, robot: Site, base: str) -> None:
+    words = [*ARGUMENTS, "--ignore-certificate-errors"]  # for workers, too
+    trusting = browser.browser_type.launch(executable_path=chromium(), args=words, timeout=PATIENCE_MS)
+    try:
+        page = trusting.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(robot.link.replace(robot.base, base))
+        page.wait_for_function(LIVE)
+        kept = """async (text) => {
+            const { csrf } = await (await fetch(msbotAt("/api/me"))).json();
+            const headers = { "content-type": "application/json", "x-csrf-token": csrf };
+            const body = JSON.stringify({ text });
+            return (await fetch(msbotAt("/api/programs/hi.py"), { method: "PUT", headers, body })).status;
+        }"""
+        assert page.evaluate(kept, PROGRAM) == 200
+        page.goto(f"{base}/program?name=hi.py")
+        page.wait_for_function(LIVE)
+        log = page.get_by_role("log")
+        again_until(
+            page.get_by_role("button", name="Run").click,
+            lambda ms: expect(log).to_contain_text("it runs", timeout=ms),
+        )
+        page.wait_for_function(
+            """async () => (await (await fetch(msbotAt("/api/arrivals"))).text()).includes("HI-1")""",
+        )
+    finally:
+        trusting.close()
 
 
 def test_who_is_not_signed_in_gets_the_form_in_the_folder_and_another_name_is_refused(base: str, robot: Site) -> None:

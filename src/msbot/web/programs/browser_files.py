@@ -16,6 +16,7 @@ from fastapi import FastAPI, Request, Response
 
 from msbot.runtime.board_package import OF_GENERIC_BOARDS, board_sources, package_files
 from msbot.runtime.carried_files import carried_folder
+from msbot.web.place import root
 
 FILES_PATH = "/program/files.json"
 WORKER_PATH = "/program/worker.js"
@@ -68,18 +69,21 @@ def add_browser_files(app: FastAPI) -> None:
     @app.get(WORKER_PATH, include_in_schema=False)
     async def program_worker(request: Request) -> Response:
         text = (files("msbot.web") / "static" / "program" / "worker.js").read_text("utf-8")
-        rules = {"content-security-policy": worker_rules(request.headers.get("host", ""))}
+        rules = {"content-security-policy": worker_rules(f"{request.headers.get('host', '')}{root()}")}
         return Response(text, media_type="text/javascript", headers=rules)
 
 
-def worker_rules(host: str) -> str:
+def worker_rules(page: str) -> str:
     """What a program may reach: the VM's files and the robot's link, nothing else.
 
     A program may be somebody else's, opened by a link, and MicroPython lets it use what a worker of the page can. It
     must not be able to act on the page in the name of the person who runs it.
+
+    Args:
+        page: host and folder of the page, as the browser asks for it.
     """
     reach = " ".join(
-        [*(f"{scheme}://{host}/api/link" for scheme in ("ws", "wss")),
-         *(f"{scheme}://{host}/web/micropython/" for scheme in ("http", "https"))]
+        [*(f"{scheme}://{page}/api/link" for scheme in ("ws", "wss")),
+         *(f"{scheme}://{page}/web/micropython/" for scheme in ("http", "https"))]
     )  # fmt: skip
     return f"default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; connect-src {reach}; worker-src 'none'"
