@@ -24,10 +24,11 @@ from tests.firmware.pipe import Firmware
 from tests.homes.chromium import BrowserHome, Chromium
 from tests.homes.test_conformance import HOMES
 from tests.homes.world import Home
+from tests.stop.gap import gap_stories
 from tests.stop.kinds import CHome, stories
 from tests.stop.oracle import Verdict
 from tests.stop.ways import CUTS, agents_story, takeover_story
-from tests.stop.work import DEEDS, work_story
+from tests.stop.work import DEEDS, SAYERS, work_story
 
 TITLE = "STOP: nothing is heard after all have confirmed"
 HEAD = ["| parts | meanwhile | all confirmed after, ms | samples on the way | heard | |", "|---|---|---|---|---|---|"]
@@ -36,6 +37,8 @@ NAMES = {
     "micropython-serial": "MicroPython, serial", "browser": "in the browser",
 }  # fmt: skip
 
+
+WITHOUT_A_BUS = ("micropython-serial", "browser")
 
 Told = Iterator[tuple[str, str, Verdict]]
 """Parts, what happened meanwhile, and what came of it."""
@@ -52,12 +55,14 @@ def tell(firmware: Firmware, chromium: Chromium) -> Told:
     for kind, name in NAMES.items():
         for words, verdict in stories(home(kind)).items():
             yield name, words, verdict
+        for words, verdict in gap_stories(home(kind), has_bus=kind not in WITHOUT_A_BUS).items():
+            yield name, words, verdict
     with tempfile.TemporaryDirectory() as folder:
         verdict = takeover_story(Path(folder), firmware)
         yield "Python, C", "the master is killed, another one takes over", verdict
     for cut in CUTS:
         yield "Python, at two agents", cut, agents_story(cut)
-    for deed in DEEDS:
+    for deed in (*DEEDS, *SAYERS):
         with tempfile.TemporaryDirectory() as folder:
             yield "simulated rover", deed, work_story(Path(folder), deed)
 

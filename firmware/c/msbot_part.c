@@ -153,7 +153,7 @@ static void change_master(msbot_part *part)
 static void end_stop(msbot_part *part)
 {
     part->stopped = part->stop_is_masters = part->stop_is_asked = false;
-    part->stop_told = part->stop_ends_with = part->stop_said = 0;
+    part->stop_told = part->stop_ends_with = 0;
 }
 
 /* A STOP that has a number was said in the robot that gave it. */
@@ -167,16 +167,20 @@ static void recognise(msbot_part *part)
 
 static void beat(msbot_part *part, uint32_t now_us)
 {
-    uint8_t payload[6];
-    /* With the number of the STOP that the part obeys the beat confirms it, with 0 it says STOP; a usual one is four octets.
-     * A STOP button that is held says 0 after each confirmation. */
-    bool says = part->stopped && (part->stop_told != 0 || part->stop_held || !part->stop_is_asked);
-    uint32_t number = part->stop_held && part->stop_said == part->stop_told ? 0 : part->stop_told;
+    uint8_t payload[6] = {0};
     put_u32(payload, part->lease);
-    payload[4] = (uint8_t)number;
-    payload[5] = (uint8_t)(number >> 8);
-    part->stop_said = number;
-    (void)msbot_xrce_write(&part->client, INVENTORY, MSBOT_BEST_EFFORT, payload, says ? sizeof payload : 4);
+    payload[4] = (uint8_t)part->stop_told;
+    payload[5] = (uint8_t)(part->stop_told >> 8);
+    /* With the number of the STOP that the part obeys the beat confirms it; a usual beat is four octets. */
+    bool confirms = part->stopped && part->stop_told != 0;
+    bool says = part->stopped && (part->stop_held || !(confirms || part->stop_is_asked));
+    if (confirms || !says) {
+        (void)msbot_xrce_write(&part->client, INVENTORY, MSBOT_BEST_EFFORT, payload, confirms ? sizeof payload : 4);
+    }
+    if (says) { /* with 0: the master has to take STOP up, or must not end it */
+        payload[4] = payload[5] = 0;
+        (void)msbot_xrce_write(&part->client, INVENTORY, MSBOT_BEST_EFFORT, payload, sizeof payload);
+    }
     if (!part->waiting) {
         part->waiting = true;
         part->waiting_us = now_us;
@@ -505,7 +509,6 @@ static void stop(msbot_part *part, uint32_t number, uint32_t now_us)
         part->stop_heard = number > part->stop_heard ? number : part->stop_heard;
         part->stop_told = part->stop_ends_with = part->stop_heard;
         part->stop_is_masters = true;
-        part->stop_said = 0;
     }
     part->stop_is_asked = false;
     if (!part->stopped) {
@@ -514,9 +517,6 @@ static void stop(msbot_part *part, uint32_t number, uint32_t now_us)
     }
     if (part->stop_told != 0 && part->stop_told != before && beats(part)) {
         beat(part, now_us); /* the master waits for a sign that STOP has arrived */
-        if (part->stop_held) {
-            beat(part, now_us);
-        }
     }
 }
 
@@ -526,6 +526,9 @@ static void go(msbot_part *part, uint32_t number)
     part->stop_over = number > part->stop_over ? number : part->stop_over;
     if (part->stopped && number >= part->stop_ends_with) {
         end_stop(part);
+    }
+    if (part->stop_held && !part->stopped) {
+        msbot_part_say_stop(part, 1);
     }
 }
 
@@ -893,4 +896,17 @@ void msbot_part_say_stop(msbot_part *part, uint8_t reason)
     msbot_can_say_stop(&part->link, reason);
     part->link.stop_reason = reason;
     part->link.events |= MSBOT_EVENT_STOP; /* STOP applies to the part itself, too */
+}
+
+void msbot_part_hold_stop(msbot_part *part, bool pressed, uint32_t now_us)
+{
+    bool news = pressed != part->stop_held;
+    part->stop_held = pressed;
+    if (pressed && !part->stopped) {
+        msbot_part_say_stop(part, 1);
+        take_news(part, now_us);
+    }
+    if (news && part->stopped && beats(part)) {
+        beat(part, now_us);
+    }
 }

@@ -93,7 +93,7 @@ typedef struct {
     bool stop_is_asked;   /* the configuration that was asked for says whether it still holds */
     bool stop_held;       /* a STOP button is pressed */
     uint32_t stop_told;   /* its number; 0 = none, or it was only said on the bus or here */
-    uint32_t stop_heard, stop_over, stop_ends_with, stop_said;
+    uint32_t stop_heard, stop_over, stop_ends_with;
     uint32_t robot_seen, robot_known; /* hashes of profiles: of the last one, and of the robot last joined */
     uint32_t beats, missed_beats;
     uint16_t dropped; /* messages that could not be used */
@@ -113,6 +113,9 @@ bool msbot_part_is_bound(const msbot_part *part, unsigned port); /* the robot us
 /* Sends a message out of a port; false when the part is not active, the port not bound, or there is no room. */
 bool msbot_part_publish(msbot_part *part, unsigned port, const uint8_t *message, size_t size);
 void msbot_part_say_stop(msbot_part *part, uint8_t reason); /* to every node on the bus, and the part itself */
+/* How a STOP button stands: pressed, it says STOP, and the robot refuses GO until it is released, which is no GO. Call it
+ * as often as you like. */
+void msbot_part_hold_stop(msbot_part *part, bool pressed, uint32_t now_us);
 
 /* The answer to a challenge; the tests call it. */
 void msbot_part_prove(const msbot_part_config *config, const uint8_t nonce[16], uint32_t session_key, uint8_t proof[16]);

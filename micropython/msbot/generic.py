@@ -313,6 +313,9 @@ class Unit:
 
     def _say(self, now):
         for port, fields in self.model.say(now):
+            field = self._document.get("stops", {}).get(port)
+            if field:
+                self.part.hold_stop(bool(fields[field]))
             if self.part.bound(port):
                 self.part.publish(port, self._classes[port](**fields))
 

@@ -301,9 +301,9 @@ class Membership:
         self._retry_at = now + self._retry
 
     def _beat(self, now):
-        stop = self.part.stop_in_beat()
-        beat = struct.pack("<IH", self._lease, (stop or 0) & 0xFFFF)
-        self._ask(beat[:4] if stop is None else beat, BEST_EFFORT)
+        for number in self.part.stop_in_beats() or (None,):
+            beat = struct.pack("<IH", self._lease, (number or 0) & 0xFFFF)
+            self._ask(beat[:4] if number is None else beat, BEST_EFFORT)
         if self._waiting_since is None:
             self._waiting_since = now
 

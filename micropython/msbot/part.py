@@ -78,7 +78,7 @@ class Part:
         self.configurations = 0
         # STOP, by the rules of `msbot.part.safe_state`; its names are these.
         self._is_safe = self._is_held = self._is_masters = self._is_asked = False
-        self._heard = self._over = self._ends_with = self._stop = self._said = 0  # numbers of STOPs
+        self._heard = self._over = self._ends_with = self._stop = 0  # numbers of STOPs
         self._known = None
         self._now = 0
         self._client = self._membership = None
@@ -103,6 +103,20 @@ class Part:
         self.counters.messages_out += sent
         self.counters.not_sent += not sent
         return sent
+
+    def say_stop(self):
+        """Say STOP to the whole robot."""
+        self.stop_said("said at this part", self._now)
+        if self._membership:
+            self._membership.beat_soon(self._now)
+
+    def hold_stop(self, is_pressed):
+        """Tell how a STOP button stands; pressed, it says STOP, and nobody can say GO until it is released."""
+        news, self._is_held = is_pressed is not self._is_held, is_pressed
+        if is_pressed and not self.stopped:
+            self.say_stop()
+        elif news and self.stopped:
+            self._membership.beat_soon(self._now)
 
     def bound(self, port):
         """Whether the robot uses that port of the part now."""
@@ -268,7 +282,7 @@ class Part:
             return
         else:
             self._heard = self._stop = self._ends_with = max(self._heard, number)
-            self._is_masters, self._said = True, 0
+            self._is_masters = True
         self.stopped = True
         self._is_asked = False
         if is_news:
@@ -280,8 +294,6 @@ class Part:
             self._tell("stop")
         if self.obeys not in (0, before):
             self._membership.beat_soon(now)
-            if self._is_held:
-                self._membership.beat_soon(now)
 
     def no_stop_holds(self):
         """The configuration names no STOP: one that its master knew of is over."""
@@ -293,15 +305,13 @@ class Part:
         """The number of the master's STOP for which every port has its safe value."""
         return self._stop if self.stopped and self._is_safe else 0
 
-    def stop_in_beat(self):
-        """What a beat says of STOP; None: nothing."""
+    def stop_in_beats(self):
+        """What beats say of STOP, one after the other; none: nothing."""
         if not self.stopped:
-            return None
+            return ()
         number = self.obeys
-        if number and not (self._is_held and self._said == number):
-            self._said = number
-            return number
-        return None if not self._is_held and (self._is_asked or (self._is_masters and self._stop)) else 0
+        waits = number or self._is_asked or (self._is_masters and self._stop)
+        return ((number,) if number else ()) + (() if waits and not self._is_held else (0,))
 
     def _change_master(self):
         if not self._stop:
@@ -312,10 +322,12 @@ class Part:
     def _end_stop(self, words=None):
         is_news, self.stopped = self.stopped, False
         self._is_masters = self._is_asked = False
-        self._stop = self._ends_with = self._said = 0
+        self._stop = self._ends_with = 0
         if is_news and words:
             say("info", "GO: " + words)
             self._tell("go")
+            if self._is_held:
+                self.say_stop()
 
     def _bound_words(self):
         return once("words").bound([self._ports[port][0] for port in self._places if port in self._ports])

@@ -94,6 +94,10 @@ class CPart:
         """STOP for everybody."""
         self._ask(b"K\1", b"T" + self._stamp())
 
+    def hold_stop(self, is_pressed: bool) -> None:
+        """How its STOP button stands."""
+        self._ask(b"P" + bytes((is_pressed,)) + self._stamp(), b"T" + self._stamp())
+
     def _stamp(self) -> bytes:
         now = round(asyncio.get_running_loop().time() * 1e6) + self.clock_us
         return (now & 0xFFFFFFFF).to_bytes(4, "little")

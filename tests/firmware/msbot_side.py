@@ -5,7 +5,7 @@ from __future__ import annotations
 from zlib import crc32
 
 from msbot.config import Blueprint, Library, SlotPort, load_blueprint, load_library
-from msbot.errors import RemoteProtocolError
+from msbot.errors import MsbotError, RemoteProtocolError
 from msbot.link.can import CanMasterLink, CanPartLink, Codec
 from msbot.link.can.protocol.frames import (
     EMPTY_FRAME,
@@ -69,6 +69,7 @@ __all__ = [
     "Joined",
     "Library",
     "Master",
+    "MsbotError",
     "Part",
     "ProfileMessage",
     "Registry",

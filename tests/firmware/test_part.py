@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.firmware.building import SOURCES
 from tests.firmware.c_part import CPart, Described, PartState
-from tests.firmware.msbot_side import Part, SlotPort, Switch, prove
+from tests.firmware.msbot_side import MsbotError, Part, SlotPort, Switch, prove
 from tests.firmware.pipe import Firmware
 from tests.firmware.robot import Robot, play
 from tests.registry.hand import Hand
@@ -251,6 +251,29 @@ def test_a_stop_heard_on_the_way_into_the_robot_holds_only_if_it_does_there(
         hand.publish("on", Switch(on=True))
         await asyncio.sleep(SOON_S)
         assert part.heard == [(DRIVE, ON)]
+
+    play(tmp_path, scene)
+
+
+def test_while_its_stop_button_is_pressed_nobody_can_say_go(firmware: Firmware, tmp_path: Path) -> None:
+    async def scene(robot: Robot) -> None:
+        hand = lever(robot)
+        part = robot.plug(board(firmware))
+        await asyncio.sleep(2)
+        part.hold_stop(True)
+        await asyncio.sleep(2)
+        assert hand.stopped
+        assert robot.master.stop.silent == ()
+        with pytest.raises(MsbotError, match="STOP is still said by board"):
+            robot.master.say_go("ann")
+        part.hold_stop(False)
+        await asyncio.sleep(SOON_S)
+        assert part.stopped
+        robot.master.say_go("ann")
+        await asyncio.sleep(2)
+        assert not part.stopped
+        assert not hand.stopped
+        assert not robot.master.stop.stopped
 
     play(tmp_path, scene)
 

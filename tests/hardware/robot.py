@@ -17,7 +17,7 @@ from msbot.part.messages.message import fields_of
 from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import message_class
 from tests.hardware.chips import Bus
-from tests.sim.robot import LIBRARY, blueprint_for, store_for
+from tests.sim.robot import LIBRARY, blueprint_for, listen, store_for
 
 
 @dataclass
@@ -91,8 +91,7 @@ def play(
             bench = Bench(unit, desk, part_type, master, running)
             for port in part_type.ports:
                 if port.direction is Direction.PUBLISH and port.message is not None:
-                    heard = bench.heard.setdefault(port.name, [])
-                    desk.on(port.name, message_class(port.message))(heard.append)
+                    listen(master, port, bench.heard.setdefault(port.name, []))
             at_desk = tasks.create_task(desk.run_async(hub.connect(), epoch_ns=lambda: 0))
             at_work = tasks.create_task(unit.run(lambda: around(hub.connect())))
             if joins:

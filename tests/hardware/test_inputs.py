@@ -10,6 +10,7 @@ import pytest
 from gpiozero.pins.mock import MockPin, MockPWMPin
 
 from msbot.config import Scalar
+from msbot.errors import ConfigError
 from msbot.hardware import make_wiring
 from msbot.hardware.drivers.switches import KEYS
 from tests.hardware.robot import Bench, machine_at, play
@@ -66,6 +67,15 @@ def test_a_cut_wire_of_the_stop_button_says_stop(tmp_path: Path, pins: Any) -> N
         pin.drive_high()  # nothing holds it low any more
         await asyncio.sleep(0.1)
         assert bench.last("stop") == {"on": True}
+        assert bench.master.stop.stopped
+        assert bench.desk.stopped
+        with pytest.raises(ConfigError, match="release the STOP button"):
+            bench.master.say_go("ann")
+        pin.drive_low()
+        await asyncio.sleep(0.2)
+        bench.master.say_go("ann")
+        await asyncio.sleep(0.2)
+        assert not bench.desk.stopped
 
     play("ESTOP", machine_at(tmp_path), scene)
 

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from msbot import Distance, Level, Pressure, Switch, Temperature, Text
+from msbot.errors import ConfigError
 from tests.homes import micro
 from tests.homes.board_world import FAKES, HOSTS, BoardHome, BoardWorld
 from tests.homes.runners import NODE, DoubleEngine, NodeEngine, as_micropython
@@ -88,9 +89,10 @@ def play(
     wired: tuple[str, ...] = ALL,
     keys: dict[bytes, bytes] | None = None,
     authentication: str = "key",
+    parts: dict[str, str] = PARTS,
 ) -> BoardWorld:
     async def main() -> BoardWorld:
-        world = BoardWorld(home, PARTS, wired, keys, authentication)
+        world = BoardWorld(home, parts, wired, keys, authentication)
         world.start_master()
         await world.master.ready.wait()
         try:
@@ -118,6 +120,30 @@ async def begin(world: BoardWorld, *slots: str) -> None:
     world.board.machine("set_volts", 34, 1.65)
     await world.until(**dict.fromkeys((SLOT, *(slots or PARTS)), "active"))
     await asyncio.sleep(1.0)
+
+
+@on("double-can", "vm-serial")
+def test_a_stop_button_at_a_board_stops_the_robot(make: Callable[..., BoardHome]) -> None:
+    async def story(world: BoardWorld) -> None:
+        world.plug()
+        world.board.machine("drive", 4, 0)
+        await world.until(button="active")
+        await asyncio.sleep(1.0)
+        assert not world.master.stop.stopped
+        world.board.machine("drive", 4, 1)
+        await asyncio.sleep(1.5)
+        assert world.master.stop.by == "button"
+        assert not world.master.stop.silent
+        with pytest.raises(ConfigError, match="release the STOP button"):
+            world.master.say_go("ann")
+        world.board.machine("drive", 4, 0)
+        await asyncio.sleep(1.0)
+        assert world.master.stop.stopped
+        world.master.say_go("ann")
+        await asyncio.sleep(2.0)
+        assert world.master.stop.number == 1
+
+    play(make(), story, ("ESTOP button: s=4",), parts={"button": "ESTOP"})
 
 
 @on("double-can", "vm-serial")

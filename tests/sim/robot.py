@@ -25,6 +25,7 @@ from msbot.part.messages.message import fields_of
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator, message_class
+from msbot.space import Qos, Sample, Topic
 
 LIBRARY = load_library()
 PROFILE = RobotProfile("R", "1", "2", "3", "4")
@@ -40,6 +41,13 @@ class Bench:
     heard: dict[str, list[Message]] = field(default_factory=dict)
     """Messages of the part, by port."""
     end_master: Callable[[], object] = lambda: None
+    _master: Master | None = None
+
+    @property
+    def master(self) -> Master:
+        """The robot's master."""
+        assert self._master is not None
+        return self._master
 
     def send(self, port: str, **fields: Scalar) -> None:
         """Have the desk say something to a port of the part."""
@@ -90,10 +98,11 @@ def play(
     async def main() -> Bench:
         unit = make_simulator(found, uid=b"the unit", random=Random(1))
         bench = Bench(unit, Part("DESK", uid=b"the desk", random=Random(2)), found)
+        master = Master(blueprint_for(found), store_for(found, settings or {}), random=Random(3), epoch_ns=lambda: 0)
+        bench._master = master
         for port in found.ports:
             if port.direction is Direction.PUBLISH:
-                _listen(bench, port)
-        master = Master(blueprint_for(found), store_for(found, settings or {}), random=Random(3), epoch_ns=lambda: 0)
+                listen(master, port, bench.heard.setdefault(port.name, []))
         hub = InprocHub()
         master.add_link(hub.server)
         async with asyncio.TaskGroup() as tasks:
@@ -113,10 +122,13 @@ def play(
     return run_virtual(main())
 
 
-def _listen(bench: Bench, port: Port) -> None:
+def listen(master: Master, port: Port, heard: list[Message]) -> None:
+    """Note what is published: in the data space, because a part that is stopped hears nothing."""
     assert port.message is not None
-    heard = bench.heard.setdefault(port.name, [])
+    message_type = message_class(port.message)
 
-    @bench.desk.on(port.name, message_class(port.message))
-    def note(message: Message) -> None:
-        heard.append(message)
+    def note(sample: Sample) -> bool:
+        heard.append(message_type.decode(sample.payload))
+        return True
+
+    master.space.reader(Topic(f"topic/{port.name}", message_type.type_name), Qos(reliable=False), note)

@@ -134,6 +134,26 @@ async def said_later(stage: Stage) -> Verdict:
     return await stage.hold()
 
 
+async def said_by_the_part(stage: Stage) -> Verdict:
+    """STOP is said on the bus, while the master serves"""
+    await stage.bus_stop()
+    assert stage.world.master.stop.by == "somebody at the robot"
+    return await stage.hold()
+
+
+async def taken_over(stage: Stage) -> Verdict:
+    """STOP, the master is killed, another one takes over"""
+    stage.world.master.say_stop("ann")
+    await until_all_confirm(stage.world.master, 2)
+    number = stage.world.master.stop.number
+    stage.mark()
+    await stage.end_master()
+    await asyncio.sleep(1.0)
+    await stage.next_master()
+    assert stage.world.master.stop.number > number
+    return await stage.hold()
+
+
 async def not_stored(stage: Stage) -> Verdict:
     """STOP, the master is killed before it is stored, another master comes"""
     stage.world.master.say_stop("ann")
@@ -188,8 +208,8 @@ async def another_robot(stage: Stage) -> Verdict:
 
 
 Deed = Callable[[Stage], Awaitable[Verdict]]
-ON_A_BUS: tuple[Deed, ...] = (said_at_once, said_later)
-EVERYWHERE: tuple[Deed, ...] = (not_stored, over_meanwhile, another_robot)
+ON_A_BUS: tuple[Deed, ...] = (said_by_the_part, said_at_once, said_later)
+EVERYWHERE: tuple[Deed, ...] = (taken_over, not_stored, over_meanwhile, another_robot)
 
 
 def gap_stories(home: Home, *, has_bus: bool) -> Mapping[str, Verdict]:

@@ -87,6 +87,30 @@ async def _replay(stage: FaultStage, _folder: Path) -> None:
 _REPLAYS: list[asyncio.Task[None]] = []
 """Replays that run: they end with the story."""
 
+
+async def _by_master(stage: FaultStage) -> None:
+    stage.robot.master.say_stop("ann")
+
+
+async def _by_operation(stage: FaultStage) -> None:
+    assert (await stage.operations.do("stop", who="ann", reason="smoke")).answer["stored"]
+
+
+async def _by_part(stage: FaultStage) -> None:
+    knob = stage.robot.simulated("knob")
+    assert knob is not None
+    knob.part.say_stop()
+    while not stage.robot.master.stop.stopped:  # noqa: ASYNC110 - in virtual time
+        await asyncio.sleep(0.001)
+    assert stage.robot.master.stop.by == "knob"
+
+
+SAYERS: Mapping[str, Callable[[FaultStage], Awaitable[None]]] = {
+    "STOP by the operation that page, API and class call": _by_operation,
+    "STOP by a part's program": _by_part,
+}
+"""How STOP is said, where it is not the master's own word."""
+
 DEEDS: Mapping[str, tuple[Deed, Deed]] = {
     "a changed blueprint is applied, as in a roll-out": (_no_deed, _apply),
     "a setting is changed": (_no_deed, _set),
@@ -104,7 +128,8 @@ DEEDS: Mapping[str, tuple[Deed, Deed]] = {
 
 def work_story(folder: Path, name: str) -> Verdict:
     """The knob is turned without a pause; STOP; all confirm; a while; GO."""
-    begin, meanwhile = DEEDS[name]
+    begin, meanwhile = DEEDS.get(name, (_no_deed, _no_deed))
+    say_stop = SAYERS.get(name, _by_master)
     oracle, verdict = Oracle(), Verdict()
     usual = Part.on
 
@@ -129,7 +154,7 @@ def work_story(folder: Path, name: str) -> Verdict:
         await begin(stage, folder)
         await asyncio.sleep(SOME_S)
         verdict.before = oracle.since({})
-        master.say_stop("ann")
+        await say_stop(stage)
         verdict.confirmed_ms = await until_all_confirm(master, 2)
         at, sent = dict(oracle.counts), _published(stage)
         await meanwhile(stage, folder)

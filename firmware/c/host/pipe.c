@@ -339,6 +339,9 @@ static void answer_part(uint8_t letter)
         put(msbot_part_publish(&part, port, request + at, end - at), 1);
     } else if (letter == 'K') { /* reason: say STOP */
         msbot_part_say_stop(&part, (uint8_t)get(1));
+    } else if (letter == 'P') { /* pressed, time: how a STOP button stands */
+        bool pressed = get(1) != 0;
+        msbot_part_hold_stop(&part, pressed, get(4));
     } else if (letter == 'I') { /* how it stands, and what happened */
         put_part();
     } else if (letter == 'M') { /* key size, key, octets: their HMAC */

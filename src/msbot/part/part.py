@@ -361,6 +361,20 @@ class Part:
         )
         await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
 
+    def say_stop(self) -> None:
+        """Say STOP to the whole robot: this part stops at once, and its master tells all others.
+
+        While no master serves the part, the next one is told. Only a person ends STOP.
+        """
+        self._runner.say_stop()
+
+    def hold_stop(self, is_pressed: bool) -> None:
+        """Tell how a STOP button at the part stands; pressed, it says STOP, and nobody can say GO until it is released.
+
+        Releasing it is no GO.
+        """
+        self._runner.hold_stop(is_pressed)
+
     def trouble(self, sentence: str) -> None:
         """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets).
 

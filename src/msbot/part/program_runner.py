@@ -203,7 +203,7 @@ class ProgramRunner:
             configure=self._configure,
             noticed=self._noticed,
             on_topic=self._sample_received,
-            stop_in_beats=self.safety.take_beat,
+            stop_in_beats=lambda: self.safety.beats,
             nature=identity.nature,
             description=identity.description,
             absent=identity.absent,
@@ -222,6 +222,19 @@ class ProgramRunner:
             self._ports = self._membership = None
         if self._mistake is not None:
             raise self._mistake
+
+    def say_stop(self) -> None:
+        """See `Part.say_stop`."""
+        self._stop_said("said at this part")
+        self._say_stop_soon()
+
+    def hold_stop(self, is_pressed: bool) -> None:
+        """See `Part.hold_stop`."""
+        is_news, self.safety.is_held = is_pressed is not self.safety.is_held, is_pressed
+        if is_pressed and not self.safety.stopped:
+            self.say_stop()
+        elif is_news:
+            self._say_stop_soon()
 
     def say_trouble(self, sentence: str) -> None:
         """See `Part.trouble`."""
@@ -277,7 +290,7 @@ class ProgramRunner:
                 if change.before is not JoinState.RECOGNISING:
                     self.safety.change_master(is_there=True)
                 if self.safety.recognise(self.joining.robot):
-                    self._tell("go")
+                    self._stop_is_over()
             case JoinState.CONFIGURING:
                 self.safety.ask()
                 self._say_stop_soon()
@@ -286,8 +299,13 @@ class ProgramRunner:
 
     def _say_stop_soon(self) -> None:
         """The master may not know of the STOP that holds."""
-        if self._membership is not None and self.safety.beat is not None:
+        if self._membership is not None and self.safety.stopped:
             self._membership.beat_soon()
+
+    def _stop_is_over(self) -> None:
+        self._tell("go")
+        if self.safety.is_held:
+            self.say_stop()
 
     def _configure(self, configuration: ConfigurationMessage) -> None:
         assert self._ports is not None
@@ -299,7 +317,7 @@ class ProgramRunner:
             if setting.name == STOP_SETTING and setting.value.isdecimal():
                 self._stop_said("it holds in the robot that the part has joined", int(setting.value))
         if len(settings) == len(configuration.settings) and self.safety.none_holds():
-            self._tell("go")
+            self._stop_is_over()
         self._ports.bind(configuration.bindings)
         for port, listener in self.program.listeners.items():
             fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
@@ -313,7 +331,7 @@ class ProgramRunner:
                 self._stop_said("said by the master", notice.number)
             case NoticeKind.GO:
                 if self.safety.go(notice.number):
-                    self._tell("go")
+                    self._stop_is_over()
             case NoticeKind.IDENTIFY:
                 _log.info("%s: somebody asks which part this is", self._local_name)
                 self._tell("identify")
@@ -327,8 +345,6 @@ class ProgramRunner:
             self._tell("stop")
         if self._membership is not None and self.safety.number not in (0, before):
             self._membership.beat_soon()
-            if self.safety.is_held:
-                self._membership.beat_soon()
 
     def _partner_lost_at(self, notice: Notice) -> None:
         assert self._ports is not None

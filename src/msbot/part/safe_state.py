@@ -32,8 +32,8 @@ A part hears the bus also while it is joining, and may not be told GO then. What
 before it asks for its configuration, the master has heard as well, and has told with its number: the answer says which
 STOP holds, or, by naming none, that this one is over.
 
-A STOP button that is held says 0 with every beat, after n was said once: the master refuses GO until another beat
-comes.
+While a STOP button at the part is pressed, each beat that says n is followed by one that says 0: the master refuses GO
+until there is another one.
 """
 
 from __future__ import annotations
@@ -87,8 +87,6 @@ class Safety:
         """The highest number of a STOP that is over."""
         self._ends_with = 0
         """The lowest number of a GO that ends the present STOP."""
-        self._said = 0
-        """The number that a beat has carried since it was told last."""
         self._hears_master = False
         """A master serves the part, as far as the part knows."""
         self._is_masters = False
@@ -105,23 +103,16 @@ class Safety:
         return self._told if self._is_safe and self.stopped else 0
 
     @property
-    def beat(self) -> int | None:
-        """What a beat says of STOP: the number of the one that is obeyed, 0 = one that the master has to take up.
+    def beats(self) -> tuple[int, ...]:
+        """What the part's beats say of STOP, one after the other; empty: nothing.
 
-        None: nothing.
+        The number of the one that is obeyed, and 0 for one that the master has to take up, or must not end.
         """
         if not self.stopped:
-            return None
-        if self.number and not (self.is_held and self._said == self.number):
-            return self.number
+            return ()
+        confirms = (self.number,) if self.number else ()
         waits = self._is_asked or (self._is_masters and self._told)  # for the answer, or to be told again
-        return None if waits and not self.is_held else 0
-
-    def take_beat(self) -> int | None:
-        """The same, for a beat that is sent."""
-        beat = self.beat
-        self._said = beat or self._said
-        return beat
+        return (*confirms, 0) if self.is_held or not (confirms or waits) else confirms
 
     def configure(self, safe: Mapping[str, str]) -> None:
         """Take the safe values of a configuration: `PORT.safe.FIELD` -> text."""
@@ -169,7 +160,7 @@ class Safety:
                 return False
             # This also ends a STOP said on the bus earlier: the master's STOP came after it, so its GO ends both.
             self._heard = self._told = self._ends_with = max(self._heard, number)
-            self._is_masters, self._said = True, 0
+            self._is_masters = True
         is_news = not self.stopped
         self.stopped, self._is_asked = True, False
         if is_news:
@@ -178,12 +169,6 @@ class Safety:
         if not self._is_safe:
             self._is_safe = self.enter()
         return is_news
-
-    def hold(self, is_pressed: bool) -> bool:
-        """A STOP button at the part is pressed, or released; True: STOP has to be said."""
-        is_news = is_pressed and not self.is_held
-        self.is_held = is_pressed
-        return is_news or (is_pressed and not self.stopped)
 
     def go(self, number: int) -> bool:
         """The master's STOP of that number is over; False: there is none to end, or a later one holds."""
@@ -239,7 +224,7 @@ class Safety:
 
     def _end(self) -> None:
         self.stopped = self._is_masters = self._is_asked = False
-        self._told = self._ends_with = self._said = 0
+        self._told = self._ends_with = 0
 
 
 def safe_message(message_class: type[Message], fields: Mapping[str, str]) -> Message:

@@ -198,10 +198,6 @@ class EmergencyStop:
             return False
         return number == 0 or (self.number - number) & 0xFFFF >= _HALF
 
-    def has_confirmed(self, identity: bytes) -> bool:
-        """Whether a part has confirmed the STOP that holds."""
-        return identity in self._confirmed
-
     def fall_silent(self, identity: bytes) -> None:
         """A part is not heard any more: nobody knows whether it would still say STOP."""
         self._sayers.pop(identity, None)

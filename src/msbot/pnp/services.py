@@ -238,7 +238,7 @@ class InventoryService:
         if member is not None and self.stop.hear(*member, number):
             self._on_stop(member[1], _why_said(number))
         elif self.stop.holds:
-            if member is None or not self._is_confirmed(member[0], number, now):
+            if member is None or number is None or not self.stop.confirm(member[0], number, now):
                 self._notify(client_key, plug.NoticeKind.STOP, self.stop.number)
         elif number is not None:
             self._notify(client_key, plug.NoticeKind.GO, self.stop.number)
@@ -246,12 +246,6 @@ class InventoryService:
             self._notify(client_key, plug.NoticeKind.GO, self.stop.number)
             if left > 1:
                 self._go_again[client_key] = left - 1
-
-    def _is_confirmed(self, identity: bytes, number: int | None, now: float) -> bool:
-        """Whether the part need not be told again that STOP holds."""
-        if number is None:
-            return False
-        return self.stop.confirm(identity, number, now) or (number == 0 and self.stop.has_confirmed(identity))
 
     def _part_changed(self, event: PartEvent) -> None:
         identity = event.identity

@@ -68,6 +68,8 @@ class ModelPart:
         self.distort: Distortion | None = None
         """Changes what is published; None: nothing does."""
         self._classes = {port.name: message_class(port.message) for port in part_type.ports if port.message is not None}
+        self._stops = {port.name: port.stop for port in part_type.ports if port.stop}
+        """Ports of STOP buttons, and the field that says whether one is pressed."""
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.name in self._classes:
                 self._listen(port)
@@ -121,6 +123,8 @@ class ModelPart:
         self._take_settings()
         self._world.advance(now)
         for port, fields in self._world.say(now):
+            if port in self._stops:
+                self.part.hold_stop(bool(fields[self._stops[port]]))
             if self.part.bound(port) and port not in self._unsaid:
                 told = fields if self.distort is None else self.distort(port, fields, now)
                 self.part.publish(port, self._classes[port](**told))

@@ -67,6 +67,7 @@ def board_document(part: WiredPart) -> str:
         "options": dict(part.options),
         "sources": list(sources),
         "ports": {port.name: _port(port) for port in part_type.ports if _is_used(port, outputs)},
+        "stops": {port.name: port.stop for port in part_type.ports if port.stop},
         "values": model.start(needed),
         "limits": {
             one.name: [one.least, one.most]

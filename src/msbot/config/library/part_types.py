@@ -103,6 +103,8 @@ class Port:
     description: str = ""
     message: MessageType | None = None
     """The fields of the message; None only for types that were not read from a library."""
+    stop: str = ""
+    """A field of what it publishes: while it is true, the part says STOP to the robot; empty: none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from msbot.config.library.driver_reader import read_driver
-from msbot.config.library.message_types import MessageType, read_message_types
+from msbot.config.library.message_types import FieldKind, MessageType, read_message_types
 from msbot.config.library.parameter_reader import check_twice, read_parameter
 from msbot.config.library.part_types import (
     Category,
@@ -125,6 +125,7 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         type_name=name,
         rate_hz=table.number("rate_hz", default=0.0, least=0.0, most=_MOST_HZ, unit="times a second"),
         safe=table.scalars("safe") if "safe" in table else None,
+        stop=table.text("stop", "on"),
         description=table.text("description", "How bright it is"),
         message=message,
     )
@@ -132,8 +133,19 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         table.problem("only a port that subscribes can have a safe value; remove it", "safe")
     elif port.safe is not None and message is not None:
         _check_safe(table, port, message)
+    if port.stop:
+        _check_stop(table, port, message)
     table.finish()
     return port
+
+
+def _check_stop(table: Table, port: Port, message: MessageType | None) -> None:
+    if port.direction is not Direction.PUBLISH:
+        table.problem("only a port that publishes can say STOP; remove it", "stop")
+    elif message is not None and message.fields.get(port.stop) is not FieldKind.BOOL:
+        flags = [name for name, kind in message.fields.items() if kind is FieldKind.BOOL]
+        right = suggestion(port.stop, flags, none_known="remove it")
+        table.problem(f'a {message.name} has no field "{port.stop}" that is true or false; {right}', "stop")
 
 
 def _check_safe(table: Table, port: Port, message: MessageType) -> None:

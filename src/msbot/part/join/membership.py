@@ -83,7 +83,7 @@ class Membership:
         configure: Callable[[plug.ConfigurationMessage], None],
         noticed: Callable[[plug.Notice], None] = lambda _: None,
         on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
-        stop_in_beats: Callable[[], int | None] = lambda: None,
+        stop_in_beats: Callable[[], tuple[int, ...]] = lambda: (),
         nature: plug.Nature = plug.Nature.UNKNOWN,
         description: str = "",
         absent: str = "",
@@ -103,7 +103,7 @@ class Membership:
             configure: puts a configuration into use; called before `changed` reports `active`.
             noticed: called with what the inventory says unasked.
             on_topic: called with the samples that are not the robot's profile, as `Client.on_topic`.
-            stop_in_beats: what its beats say of STOP, as `StoppedBeat`; None = nothing.
+            stop_in_beats: what its beats say of STOP, one after the other, as `StoppedBeat`; none: nothing.
             nature: what is behind the part's ports.
             description: what the part says of itself to a robot that asks; empty: nothing.
             absent: why the part's hardware is not there. Then it asks for its place only to say so: it asks for no
@@ -335,9 +335,9 @@ class Membership:
         self.client.close_soon(deliver_s=TELL_S if self._has_trouble else 0.0)
 
     def _send_beat(self, lease: int) -> None:
-        number = self._stop_in_beats()
-        beat = plug.Beat(lease=lease) if number is None else plug.StoppedBeat(lease=lease, number=number & 0xFFFF)
-        self._send(beat.encode(), STREAM_BEST_EFFORT)
+        said = [plug.StoppedBeat(lease=lease, number=number & 0xFFFF) for number in self._stop_in_beats()]
+        for beat in said or (plug.Beat(lease=lease),):
+            self._send(beat.encode(), STREAM_BEST_EFFORT)
 
     def _send(self, request: bytes, stream_id: int) -> bool:
         try:
