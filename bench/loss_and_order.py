@@ -1,7 +1,9 @@
-"""What a stock client gets through a network that loses and reorders: `bench/results/loss_and_order.md`.
+"""What a stock client gets through a network that loses and reorders.
 
     PYTHONPATH=. python bench/loss_and_order.py    the model of the client, in virtual time: the same each time
-    ... bench/loss_and_order.py --client 'PROGRAM {host} {port} {direct}' [--agent 'OTHER AGENT {port}']
+    ... bench/loss_and_order.py --client 'PROGRAM {host} {port} {direct}' [--agent 'NAME=OTHER AGENT {port}']
+
+`--write` keeps the table: `bench/results/loss_and_order.md` of the model, `loss_and_order_genuine.md` of a client.
 
 A client writes 200 samples, one each 10 ms, on its reliable stream over a network that loses a share of all packets in
 both directions and delays another share by up to 30 ms, so that later ones overtake them. Somebody reads on a network
@@ -28,18 +30,18 @@ from pathlib import Path
 from typing import cast
 
 from bench.machine import describe_machine
+from bench.result import write_result
 from tests.conformance.lossy_run import write_over
 
 LOSSES = (0.0, 0.1, 0.2, 0.3)
 REORDERS = (0.0, 0.1, 0.2)
 SAMPLES = 200
 DELAY_S = 0.03
-RESULTS = Path(__file__).parent / "results" / "loss_and_order.md"
 OURS = f"{shlex.quote(sys.executable)} -m msbot agent udp4 -p {{port}}"
 
 
 class Proxy(asyncio.DatagramProtocol):
-    """Carries datagrams between one client and the agent, and loses and delays them."""
+    """Carries datagrams between one client and the agent, and loses and delays some."""
 
     def __init__(self, agent: tuple[str, int], chance: random.Random, loss: float, reorder: float) -> None:
         self._agent, self._chance, self._loss, self._reorder = agent, chance, loss, reorder
@@ -59,8 +61,12 @@ class Proxy(asyncio.DatagramProtocol):
             return
         late_s = self._chance.random() * DELAY_S if self._chance.random() < self._reorder else 0.0
         if late_s:
-            asyncio.get_running_loop().call_later(late_s, self._transport.sendto, data, to)
+            asyncio.get_running_loop().call_later(late_s, self._send, data, to)
         else:
+            self._send(data, to)
+
+    def _send(self, data: bytes, to: tuple[str, int]) -> None:
+        if self._transport is not None and not self._transport.is_closing():
             self._transport.sendto(data, to)
 
 
@@ -125,12 +131,15 @@ def main() -> None:
     """Run all cells, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--client", help="a genuine client, with {host}, {port} and {direct}")
-    parser.add_argument("--agent", action="append", default=[], help="another agent, with {port}; may be repeated")
+    parser.add_argument("--agent", action="append", default=[], metavar="NAME=COMMAND",
+                        help="another agent, with {port}; may be repeated")  # fmt: skip
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--note", default="", help="what client and agents these are, for the page")
+    parser.add_argument("--write", action="store_true", help="keep the table in bench/results")
     arguments = parser.parse_args()
-    agents: list[str | None] = [OURS, *arguments.agent] if arguments.client else [None]
-    names = ["`msbot agent`", *(f"agent {number}" for number in range(1, len(agents)))]
+    others = [one.partition("=") for one in arguments.agent]
+    agents: list[str | None] = [OURS, *(command for _, _, command in others)] if arguments.client else [None]
+    names = ["`msbot agent`", *(name for name, _, _ in others)]
     who = f"a genuine client: {arguments.note}" if arguments.client else "the model of the stock client, virtual time"
     lines = [
         f"{describe_machine()}, {time.strftime('%Y-%m-%d')}; {who}.",
@@ -146,13 +155,14 @@ def main() -> None:
             texts = [f"{statistics.median(one):g}, {min(one)}, {sum(n == SAMPLES for n in one)}" for one in runs]
             lines.append(f"| {loss:.0%} | {reorder:.0%} | " + " | ".join(texts) + " |")
             print(lines[-1], flush=True)
-    kind = "genuine" if arguments.client else "model"
-    page = RESULTS.read_text(encoding="utf-8") if RESULTS.exists() else "# Loss and reordering\n"
-    begin, end = f"<!-- {kind} begins -->", f"<!-- {kind} ends -->"
-    table = "\n".join([begin, "", *lines, "", end])
-    head, found, rest = page.partition(begin)
-    page = head + table + rest.partition(end)[2] if found else f"{page.rstrip()}\n\n{table}\n"
-    RESULTS.write_text(page, encoding="utf-8")
+    if not arguments.write:
+        return
+    if arguments.client:
+        title, more = "Loss and reordering with a genuine client", " --client ... --agent ..."
+        name = "loss_and_order_genuine"
+    else:
+        title, more, name = "Loss and reordering with the model of a client", "", "loss_and_order"
+    write_result(name, title, lines, made_by=f"PYTHONPATH=. python bench/loss_and_order.py{more} --write")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,10 @@ client whose history is smaller than the number of pieces cannot receive the sub
 Storms. A receiver with a gap says so with every message that arrives, so one lost message causes many equal ACKNACKs.
 The message is sent again only once for all of them: later requests count only after two round trips, or once a
 HEARTBEAT has asked.
+
+Statuses. A stock client that lacks a message takes the ones behind it in one go as soon as it comes, as if they were
+one message. So on a network that has lost or reordered something, nothing is sent behind a STATUS before the client has
+it (see `sharing_messages`).
 """
 
 from __future__ import annotations
@@ -44,9 +48,9 @@ class ReliableOutput:
 
     __slots__ = (
         "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_heartbeat_sent_at", "_is_stock", "_newest",
-        "_next", "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_timed", "_timed_at",
-        "_unacked", "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at", "missed", "moved",
-        "refused", "stream_id",
+        "_next", "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_status_nr", "_timed",
+        "_timed_at", "_unacked", "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at", "missed",
+        "moved", "refused", "stream_id",
     )  # fmt: skip
 
     def __init__(
@@ -73,6 +77,7 @@ class ReliableOutput:
         self._packed_max = min(envelope.mtu - SLOT_HEAD, PACKED_MAX) if packs else 0
         self._is_stock = is_stock
         self._newest: bytes | None = None  # the message that others may join
+        self._status_nr: int | None = None  # the latest message with a STATUS for a stock client
         self._counters = counters
         self._window = window
         self._round_trip = round_trip
@@ -142,7 +147,12 @@ class ReliableOutput:
 
     def send(self, body: bytes, most_waiting: int | None = None) -> bool:
         """Book a body and send as much as the window allows; False: so many wait already, and it was not booked."""
-        if not self._waiting and len(self._unacked) < self._window and len(body) <= self._capacity:
+        if (
+            not self._waiting
+            and len(self._unacked) < self._window
+            and len(body) <= self._capacity
+            and not (self._status_nr is not None and self._is_barred())
+        ):
             self._emit(body)
         elif most_waiting is not None and len(self._waiting) >= most_waiting:
             return False
@@ -157,7 +167,8 @@ class ReliableOutput:
         if kept >= self._window or self._waiting_large or (kept and pool.used >= pool.limit):
             self.refused = True
             return False
-        if self._waiting or len(body) > self._capacity:
+        is_barred = self._status_nr is not None and self._is_barred()
+        if self._waiting or len(body) > self._capacity or is_barred:
             self.book(body)
             self.advance()
         else:
@@ -169,6 +180,8 @@ class ReliableOutput:
         waiting = self._waiting
         unacked, pool = self._unacked, self._pool
         while waiting and len(unacked) < self._window and (pool.used < pool.limit or not unacked):
+            if self._status_nr is not None and self._is_barred():
+                return
             if len(waiting[0]) <= self._capacity:
                 self._emit(waiting.popleft())
             else:
@@ -265,10 +278,19 @@ class ReliableOutput:
                 self._octets += size
                 self._pool.used += size
                 return
+        if is_stock and stands_alone(body):
+            self._status_nr = self._next
         self._send_new(body)
         if self._packed_max:
             is_closed = is_stock and takes_nothing_more(body)
             self._newest = None if is_closed else items[-1]  # type: ignore[assignment]  # it was put there
+
+    def _is_barred(self) -> bool:
+        """Whether the next message has to wait until the client has a STATUS."""
+        if self._status_nr not in self._unacked:
+            self._status_nr = None
+            return False
+        return self._round_trip.has_lost
 
     def _send_new(self, body: bytes) -> None:
         nr = self._next

@@ -7,7 +7,7 @@ bound what an agent may put into one (both seen on the wire):
   all the same. So such a DATA ends its message.
 * Applications await the answers to their requests one by one. While one awaits the first STATUS, a second one in the
   same message goes by unseen, and is then awaited in vain: that is how `rmw_microxrcedds` ends a publisher. So a STATUS
-  has a message of its own.
+  has a message of its own, and where messages are lost or overtaken, nothing follows it before the client has it.
 """
 
 from __future__ import annotations
