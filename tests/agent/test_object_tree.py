@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import pytest
 
 from msbot.agent.agent_settings import AgentSettings
@@ -54,6 +56,9 @@ class Tree(ObjectTree):
 
     def make(self, object_id: int, variant: ObjectVariant, *, reuse: bool = False, replace: bool = False) -> Status:
         return self.create(self.host, CreateRequested(10, object_id, variant, reuse, replace, 0x80, True))
+
+    def drop(self, object_id: int) -> Status:
+        return self.delete(self.host, object_id)
 
     def make_all(self) -> None:
         for object_id, variant in ALL.items():
@@ -118,14 +123,14 @@ def test_replacing_by_something_impossible_loses_the_old_one() -> None:
     tree = Tree()
     tree.make_all()
     assert tree.make(TOPIC, xml(ObjectKind.TOPIC, "<dds><nope"), replace=True) is Status.ERR_DDS_ERROR
-    assert tree.delete(TOPIC) is Status.ERR_UNKNOWN_REFERENCE
+    assert tree.drop(TOPIC) is Status.ERR_UNKNOWN_REFERENCE
 
 
 def test_reusing_with_something_unreadable_is_a_mismatch() -> None:
     tree = Tree()
     tree.make_all()
     assert tree.make(TOPIC, xml(ObjectKind.TOPIC, "<dds><nope"), reuse=True) is Status.ERR_MISMATCH
-    assert tree.delete(TOPIC) is Status.OK
+    assert tree.drop(TOPIC) is Status.OK
 
 
 @pytest.mark.parametrize("object_id", [object_id for object_id in ALL if object_id != PARTICIPANT])
@@ -136,8 +141,8 @@ def test_children_need_their_parent(object_id: int) -> None:
 def test_the_kind_of_the_variant_counts_not_that_of_the_id() -> None:
     tree = Tree()
     assert tree.make(0x0055, participant_variant("p")) is Status.OK
-    assert tree.delete(0x0055) is Status.ERR_UNKNOWN_REFERENCE
-    assert tree.delete(0x0051) is Status.OK
+    assert tree.drop(0x0055) is Status.ERR_UNKNOWN_REFERENCE
+    assert tree.drop(0x0051) is Status.OK
 
 
 def test_the_kind_of_a_parent_id_does_not_count() -> None:
@@ -191,21 +196,21 @@ def test_deleting_a_parent_leaves_the_children_known_and_working() -> None:
     tree = Tree()
     tree.make_all()
     for parent in (PARTICIPANT, PUBLISHER, TOPIC):
-        assert tree.delete(parent) is Status.OK
+        assert tree.drop(parent) is Status.OK
     tree.endpoints[WRITER].write(1, b"x")
     assert tree.host.traffic["light"].published == 1
     assert tree.make(make_object_id(2, ObjectKind.TOPIC), ALL[TOPIC]) is Status.ERR_UNKNOWN_REFERENCE
     for child in (WRITER, READER, SUBSCRIBER, REQUESTER, REPLIER):
-        assert tree.delete(child) is Status.OK
+        assert tree.drop(child) is Status.OK
     assert len(tree) == 0
 
 
 def test_deleting_what_does_not_exist() -> None:
-    assert Tree().delete(0xFFFD) is Status.ERR_UNKNOWN_REFERENCE
+    assert Tree().drop(0xFFFD) is Status.ERR_UNKNOWN_REFERENCE
     tree = Tree()
     tree.make_all()
-    assert tree.delete(WRITER) is Status.OK
-    assert tree.delete(WRITER) is Status.ERR_UNKNOWN_REFERENCE
+    assert tree.drop(WRITER) is Status.OK
+    assert tree.drop(WRITER) is Status.ERR_UNKNOWN_REFERENCE
     assert WRITER not in tree.endpoints
 
 
@@ -226,7 +231,7 @@ def test_more_objects_than_allowed_are_refused_with_the_reason(caplog: pytest.Lo
     assert tree.make(make_object_id(3, 1), participant_variant("p")) is Status.ERR_RESOURCES
     assert tree.host.dropped == {"object beyond 2 of one client": 2}
     assert caplog.text.count("object 0031 is refused") == 1, "said once"
-    assert tree.delete(make_object_id(1, 1)) is Status.OK
+    assert tree.drop(make_object_id(1, 1)) is Status.OK
     assert tree.make(make_object_id(3, 1), participant_variant("p")) is Status.OK
 
 
@@ -256,3 +261,40 @@ def test_with_ced_any_text_names_a_topic_and_without_it_is_refused() -> None:
         assert named.make(object_id, variant, reuse=True) is Status.OK_MATCHED
     assert named.endpoints[WRITER].topic == "any name"
     assert strict.make(PARTICIPANT, xml(ObjectKind.PARTICIPANT, "<no xml")) is Status.ERR_DDS_ERROR
+
+
+def test_every_refusal_is_counted_with_its_reason_and_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    tree = Tree()
+    tree.make_all()
+    other = make_object_id(2, ObjectKind.DATAWRITER)
+    refused = [
+        ("CREATE of an object that is there already", Status.ERR_ALREADY_EXISTS, TOPIC, ALL[TOPIC], False),
+        ("CREATE of an object that is there, but differs", Status.ERR_MISMATCH, TOPIC, DIFFERENT[TOPIC], True),
+        ("CREATE without its parent", Status.ERR_UNKNOWN_REFERENCE, other, writer_variant(TOPIC, 0x0993), False),
+        ("CREATE of a kind that cannot be created", Status.ERR_DDS_ERROR, 0x0069, ObjectVariant(9, 2, text="x"), False),
+        (
+            "CREATE for a topic that its participant does not have", Status.ERR_DDS_ERROR, other,
+            writer_variant(0x0772, PUBLISHER), False,
+        ),
+    ]  # fmt: skip
+    for reason, status, object_id, variant, reuse in refused:
+        for _ in range(2):
+            assert tree.make(object_id, variant, reuse=reuse) is status, reason
+        assert tree.host.dropped[reason] == 2
+        assert caplog.text.count(f"object {object_id:04X} is refused: {reason}") == 1, "said once"
+    assert "(0993)" in caplog.text, "the parent is named"
+    assert "(topic 0772)" in caplog.text
+    assert len(tree.host.dropped) == len(refused)
+
+
+def test_what_a_client_creates_and_deletes_is_said_in_detail(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    tree = Tree()
+    tree.make_all()
+    assert caplog.text == "", "not at -v 4"
+    caplog.set_level(logging.DEBUG)
+    assert tree.drop(WRITER) is Status.OK
+    assert tree.make(WRITER, ALL[WRITER]) is Status.OK
+    assert "deleted datawriter 0015: light" in caplog.text
+    assert "created datawriter 0015: light" in caplog.text

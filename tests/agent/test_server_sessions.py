@@ -374,6 +374,50 @@ def test_a_session_with_its_key_in_every_header_is_found_from_any_address() -> N
     play(scenario)
 
 
+@pytest.mark.promise("A board that comes again leaves no session behind, whatever its key")
+@pytest.mark.parametrize("ids", [(0x81, 0x81), (0x01, 0x01), (0x01, 0x02), (0x01, 0x81), (0x81, 0x01)])
+def test_a_board_that_resets_and_has_another_key_leaves_no_session_behind(ids: tuple[int, int]) -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        first = WiredClient(link, key=0xAABBCC01, peer="board", session_id=ids[0])
+        await first.connect()
+        await first.add_writer("light")
+        first.unplugged = True
+        for key in (0xAABBCC02, 0xAABBCC03, 0xAABBCC04):  # a loop of resets
+            again = WiredClient(link, key=key, peer="board", session_id=ids[1])
+            await again.connect()
+            await again.add_writer("light")
+            await asyncio.sleep(1)
+            again.unplugged = key != 0xAABBCC04
+        for _ in range(30):
+            await asyncio.sleep(0.5)
+            await again.settle()
+        assert [(client.key, len(client.objects)) for client in agent.clients()] == [(0xAABBCC04, 4)]
+        await again.add_writer("dark", number=2)
+
+    play(scenario)
+
+
+def test_clients_with_keys_in_their_headers_go_on_beside_each_other_at_one_address() -> None:
+    async def scenario(agent: Agent, link: FakeLink) -> None:
+        clients: list[WiredClient] = []
+        for key in range(1, 6):
+            clients.append(WiredClient(link, key=key, peer="gateway", session_id=key))
+
+            def to_all(packet: bytes) -> None:
+                for client in clients:
+                    client._receive(packet)
+
+            link.plug("gateway", to_all)
+            await clients[-1].connect()
+        for _ in range(30):
+            await asyncio.sleep(1)
+            for client in clients:
+                await client.settle()
+        assert [client.key for client in agent.clients()] == [1, 2, 3, 4, 5]
+
+    play(scenario)
+
+
 def test_several_sessions_with_keys_share_an_address() -> None:
     gate = StrictGate()
 

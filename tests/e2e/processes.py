@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import IO
 
 from tests.e2e.prepared import start
 
@@ -23,12 +24,14 @@ PATIENCE_S = 90.0
 class Process:
     """One running command; its output is read line by line."""
 
-    def __init__(self, *arguments: str, cwd: Path, env: dict[str, str] | None = None) -> None:
+    def __init__(
+        self, *arguments: str, cwd: Path, env: dict[str, str] | None = None, errors: IO[bytes] | None = None
+    ) -> None:
         read, write = os.pipe()
         self._output = os.fdopen(read)
         try:
             whole = {**os.environ, "PYTHONUNBUFFERED": "1", **(env or {})}
-            self._process = start(arguments, cwd=cwd, env=whole, stdout=write, stderr=write)
+            self._process = start(arguments, cwd=cwd, env=whole, stdout=write, stderr=errors or write)
         finally:
             os.close(write)
         self.lines: list[str] = []
@@ -84,9 +87,12 @@ class Process:
 
 
 @contextlib.contextmanager
-def running(*arguments: str, cwd: Path, env: dict[str, str] | None = None) -> Iterator[Process]:
-    """A command that is killed at the latest when the test is over."""
-    process = Process(*arguments, cwd=cwd, env=env)
+def running(
+    *arguments: str, cwd: Path, env: dict[str, str] | None = None, errors: IO[bytes] | None = None
+) -> Iterator[Process]:
+    """A command that is killed at the latest when the test is over; standard error goes to `errors`, if given, and
+    else where standard output goes."""
+    process = Process(*arguments, cwd=cwd, env=env, errors=errors)
     try:
         yield process
     finally:

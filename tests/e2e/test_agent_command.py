@@ -11,6 +11,7 @@ import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import pytest
 
@@ -20,6 +21,8 @@ from msbot.lab.recordings.reading import RecordingReader
 from msbot.link import Link, open_link
 from msbot.link.serial import SerialClientLink
 from msbot.part import ConnectionState, find_agents
+from msbot.xrce.messages import ObjectKind, make_object_id
+from msbot.xrce.objects import publisher_variant
 from tests.agent.replay import load
 from tests.e2e.processes import PATIENCE_S, Process, run, running
 from tests.hearing_client import HearingClient
@@ -94,6 +97,46 @@ async def test_our_client_over_ip(tmp_path: Path, place: dict[str, str], transpo
     assert (seen["key"], seen["published"], seen["delivered"]) == ("AABBCCDD", 3, 3)
     assert len(seen["objects"]) == 6
     assert not list((tmp_path / "msbot").iterdir()), "the file is gone with the agent"
+
+
+@pytest.mark.parametrize("verbose", ["4", "5", "6"])
+async def test_greeting_log_and_packets_are_in_standard_output(
+    tmp_path: Path, place: dict[str, str], verbose: str
+) -> None:
+    """`MicroXRCEAgent ... > log` has everything in the file, in order, and each line at once."""
+    with (
+        TemporaryFile() as errors,
+        running("agent", "udp4", "-p", "0", "-v", verbose, cwd=tmp_path, env=place, errors=errors) as agent,
+    ):
+        port = await asyncio.to_thread(port_of, agent)
+        async with connected(open_link(f"udp:127.0.0.1:{port}")) as client:
+            await hear_oneself(client)
+            client.create(publisher_variant(make_object_id(77, ObjectKind.PARTICIPANT)))
+            await asyncio.to_thread(agent.wait_for, "CREATE without its parent (04D1)")
+        assert agent.end(signal.SIGINT) == 0
+        errors.seek(0)
+        assert errors.read() == b""
+    told = "\n".join(agent.lines)
+    assert "client AABBCCDD logged in from 127.0.0.1:" in told
+    assert ("AABBCCDD created datawriter" in told) == (verbose >= "5")
+    assert ("on stream 80: light" in told) == (verbose >= "5")
+    assert ("CREATE_CLIENT" in told) == (verbose == "6")
+
+
+async def test_how_many_objects_a_client_may_have_is_the_users(tmp_path: Path, place: dict[str, str]) -> None:
+    with running("agent", "udp4", "-p", "0", "--max-objects", "5", cwd=tmp_path, env=place) as agent:
+        port = await asyncio.to_thread(port_of, agent)
+        async with connected(open_link(f"udp:127.0.0.1:{port}")) as client:
+            participant = client.create_participant()
+            for number in range(5):
+                client.create_topic(participant, f"t{number}", "T")
+            await asyncio.to_thread(agent.wait_for, "client AABBCCDD: object 0052 is refused", "beyond 5 of one client")
+            listing = await asyncio.to_thread(run, "clients", env=place)
+        assert "1 x object beyond 5 of one client" in listing.stdout
+    for wrong in ("0", "32769", "many"):
+        refused = run("agent", "udp4", "-p", "0", "--max-objects", wrong, cwd=tmp_path, env=place)
+        assert refused.returncode == 2
+        assert "--max-objects" in refused.stderr
 
 
 async def test_what_clients_say_is_recorded(tmp_path: Path, place: dict[str, str]) -> None:

@@ -56,12 +56,12 @@ def test_the_journal_is_recognised_by_its_stream(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(sys, "stderr", stream)
         status = os.fstat(stream.fileno())
         monkeypatch.setenv("JOURNAL_STREAM", f"{status.st_dev}:{status.st_ino}")
-        assert goes_to_journal()
+        assert goes_to_journal(sys.stderr)
         monkeypatch.setenv("JOURNAL_STREAM", f"{status.st_dev}:{status.st_ino + 1}")
-        assert not goes_to_journal()
+        assert not goes_to_journal(sys.stderr)
     for nonsense in ("", "12", "a:b"):
         monkeypatch.setenv("JOURNAL_STREAM", nonsense)
-        assert not goes_to_journal()
+        assert not goes_to_journal(sys.stderr)
 
 
 def test_events_of_parts_in_slots_are_all_written_and_those_of_strangers_counted() -> None:

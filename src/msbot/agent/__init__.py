@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from msbot.runtime.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from msbot.agent.agent_settings import AgentSettings
+    from msbot.agent.agent_settings import MOST_OBJECTS, AgentSettings
     from msbot.agent.discovery import DiscoveryResponder, host_ipv6_addresses
     from msbot.agent.gate import ClientInfo, Gate, OpenGate
     from msbot.agent.latency import Acknowledgements, Worst
@@ -35,7 +35,7 @@ _NAMES = {
         "Gate",
         "OpenGate",
     ),
-    "msbot.agent.agent_settings": ("AgentSettings",),
+    "msbot.agent.agent_settings": ("MOST_OBJECTS", "AgentSettings"),
     "msbot.agent.latency": (
         "Acknowledgements",
         "Worst",
@@ -70,6 +70,7 @@ __getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "MASTER",
+    "MOST_OBJECTS",
     "Acknowledgements",
     "Agent",
     "AgentSettings",

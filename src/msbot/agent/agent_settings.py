@@ -12,6 +12,9 @@ _MAY_BE_ZERO = ("domain_255", "any_text_is_a_name", "packs")
 MIN_MTU = 24
 """Smallest message size a client may announce: header 8, submessage header 4 and 12 for the answer inside."""
 
+MOST_OBJECTS = 8 * 4096
+"""Objects that a client can name: there are eight kinds, and 12 bits of an id number those of each kind."""
+
 
 @dataclass(frozen=True, slots=True)
 class AgentSettings:

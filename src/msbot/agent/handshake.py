@@ -20,6 +20,7 @@ from msbot.agent.client_table import ClientTable, ServedLink
 from msbot.agent.gate import ClientInfo, Gate
 from msbot.agent.join_queue import JoinQueue
 from msbot.agent.outside_share import BEYOND_OUTSIDE, OutsideShare
+from msbot.agent.predecessors import Predecessors
 from msbot.agent.proxy import Proxy
 from msbot.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
 from msbot.agent.session_eviction import SessionBudget
@@ -69,13 +70,14 @@ class Handshake:
 
     def __init__(
         self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: Rivals,
-        queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
+        predecessors: Predecessors, queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
     ) -> None:  # fmt: skip
         self._clients = clients
         self._gate = gate
         self._settings = settings
         self._budget = budget
         self._rivals = rivals
+        self._predecessors = predecessors
         self._queue = queue
         self._open_session = open_session
         self._end_session = end_session
@@ -189,6 +191,7 @@ class Handshake:
                 self._rivals.begin(known, others, origin, now)
         known.logins = (number, *logins[: RECENT_LOGINS - 1]) if number else ()
         self._clients.place(known, port, peer)
+        self._predecessors.begin(known, port, peer, now)
         self._gate.joined(info)
         known.recheck()
         known.pull()

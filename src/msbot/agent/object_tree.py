@@ -18,7 +18,7 @@ from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic
 from msbot.agent.topic_attachment import EndpointHost
 from msbot.errors import RemoteProtocolError
 from msbot.xrce import References, Status
-from msbot.xrce.messages import ObjectKind
+from msbot.xrce.messages import ObjectKind, kind_of
 from msbot.xrce.objects import Definition, named_by, parse_variant
 from msbot.xrce.sessions import CreateRequested
 
@@ -45,6 +45,10 @@ _LAST_RESERVED_KIND = 9
 """Kinds above this (types, profiles, applications ...) are answered OK, and nothing is made (seen on the wire)."""
 
 
+LONGEST_WORDS = 240
+"""Of the reason for a refusal in the log: a client may name what it likes."""
+
+
 class ObjectBudget:
     """How many objects all clients of an agent may still create; the last half is reserved for settled ones."""
 
@@ -66,12 +70,26 @@ class ObjectBudget:
         self._free += count
 
 
-def _refuse(host: EndpointHost, reason: str, object_id: int) -> Status:
-    """Refuse an object; the client is told no reason, so people are."""
-    if reason not in host.dropped:
-        logger.warning("client %08X: object %04X is refused: %s", host.key, object_id, reason)
+def _refuse(host: EndpointHost, object_id: int, status: Status, reason: str, detail: object = "") -> Status:
+    """Refuse an object; the client is told no reason, so people are: by a line of the log, and a count for the client.
+
+    What only the agent's user can change is a warning. Of the rest a client's first is said at `-v 4`: some clients
+    create everything twice, and take the refusals for an answer.
+    """
+    if reason in host.dropped:
+        level = logging.DEBUG
+    else:
+        level = logging.WARNING if status is Status.ERR_RESOURCES else logging.INFO
+    words = f"{reason} ({detail})"[:LONGEST_WORDS] if detail else reason
+    logger.log(level, "client %08X: object %04X is refused: %s", host.key, object_id, words)
     host.dropped.count(reason)
-    return Status.ERR_RESOURCES
+    return status
+
+
+def _named(object_id: int, entity: ClientObject) -> str:
+    topic = entity.topic_name
+    name = f"{ObjectKind(kind_of(object_id)).name.lower()} {object_id:04X}"
+    return name if topic is None else f"{name}: {topic}"
 
 
 class ObjectTree:
@@ -105,21 +123,23 @@ class ObjectTree:
         kind = variant.kind
         parent_kind = _PARENTS.get(kind)
         if parent_kind is None:
-            return _OK if kind > _LAST_RESERVED_KIND else Status.ERR_DDS_ERROR
+            if kind > _LAST_RESERVED_KIND:
+                return _OK
+            return _refuse(host, request.object_id, Status.ERR_DDS_ERROR, "CREATE of a kind that cannot be created")
         object_id = (request.object_id & 0xFFF0) | kind
         entities = self._entities
         old = entities.get(object_id)
         if old is not None:
             if not request.reuse and not request.replace:
-                return Status.ERR_ALREADY_EXISTS
+                return _refuse(host, object_id, Status.ERR_ALREADY_EXISTS, "CREATE of an object that is there already")
             if request.reuse and self._define(host, request) == old.definition:
                 return Status.OK_MATCHED
             if not request.replace:
-                return Status.ERR_MISMATCH
-            self.delete(object_id)
+                return _refuse(host, object_id, Status.ERR_MISMATCH, "CREATE of an object that is there, but differs")
+            self.delete(host, object_id)
         parent = None
         if parent_kind and (parent := entities.get((variant.parent_id & 0xFFF0) | parent_kind)) is None:
-            return _UNKNOWN
+            return _refuse(host, object_id, _UNKNOWN, "CREATE without its parent", f"{variant.parent_id:04X}")
         definition = self._define(host, request)
         if definition is None:
             return Status.ERR_DDS_ERROR
@@ -128,25 +148,30 @@ class ObjectTree:
             settled = host.is_settled()
             limit = self._settings.max_objects if settled else self._settings.max_objects_unsettled
             if len(entities) >= limit:
-                return _refuse(host, f"object beyond {limit} of one client", object_id)
+                return _refuse(host, object_id, Status.ERR_RESOURCES, f"object beyond {limit} of one client")
             if not self._budget.take(settled=settled):
-                return _refuse(host, "object beyond what all clients together may have", object_id)
+                reason = "object beyond what all clients together may have"
+                return _refuse(host, object_id, Status.ERR_RESOURCES, reason)
         try:
             entity = self._creator.make(host, object_id, definition, parent, entities)
         except NoSuchTopic as error:
             self._budget.give()
-            logger.debug("object %04X: there is no %s", object_id, error)
-            return Status.ERR_DDS_ERROR
+            reason = "CREATE for a topic that its participant does not have"
+            return _refuse(host, object_id, Status.ERR_DDS_ERROR, reason, error)
         entities[object_id] = entity
+        if logger.isEnabledFor(logging.DEBUG):
+            logger.debug("client %08X created %s", host.key, _named(object_id, entity))
         if entity.endpoint is not None:
             self.endpoints[object_id] = entity.endpoint
         return _OK
 
-    def delete(self, object_id: int) -> Status:
-        """Remove exactly that object."""
+    def delete(self, host: EndpointHost, object_id: int) -> Status:
+        """Remove exactly that object of the client, `host`."""
         entity = self._entities.pop(object_id, None)
         if entity is None:
             return _UNKNOWN
+        if logger.isEnabledFor(logging.DEBUG):
+            logger.debug("client %08X deleted %s", host.key, _named(object_id, entity))
         self._budget.give()
         if entity.endpoint is not None:
             del self.endpoints[object_id]
@@ -178,6 +203,6 @@ class ObjectTree:
                     raise
                 return named_by(variant)
         except RemoteProtocolError as error:
-            logger.debug("CREATE refused: %s", error)
-            host.dropped.count("CREATE with a representation that cannot be used")
+            reason = "CREATE with a representation that cannot be used"
+            _refuse(host, request.object_id, Status.ERR_DDS_ERROR, reason, error)
             return None

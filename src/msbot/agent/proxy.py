@@ -329,7 +329,7 @@ class Proxy:
         self.session.send_status(event.request_id, event.object_id, status, event.stream_id)
 
     def _delete(self, event: DeleteRequested) -> None:
-        status = self._tree.delete(event.object_id)
+        status = self._tree.delete(self, event.object_id)
         self.session.send_status(event.request_id, event.object_id, status, event.stream_id)
 
     def _answer_ping(self, event: InfoRequested) -> None:
@@ -357,6 +357,10 @@ class Proxy:
         if (endpoint := self._endpoints.get(event.object_id)) is None or endpoint.incoming is None:
             self.session.send_status(event.request_id, event.object_id, Status.ERR_UNKNOWN_REFERENCE, STREAM_RELIABLE)
             return
+        logger.debug(
+            "client %08X reads %04X on stream %02X: %s",
+            self.info.key, event.object_id, event.read.stream_id, endpoint.topic,
+        )  # fmt: skip
         endpoint.incoming.start(event.request_id, event.read.stream_id, event.read.delivery)
 
     def _is_own(self, writer: Guid) -> bool:

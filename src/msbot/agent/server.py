@@ -24,6 +24,7 @@ from msbot.agent.known_peers import put_known_peers_first
 from msbot.agent.latency import Latency
 from msbot.agent.object_creation import Creator
 from msbot.agent.object_tree import ObjectBudget
+from msbot.agent.predecessors import Predecessors
 from msbot.agent.proxy import Proxy
 from msbot.agent.relays import Relays
 from msbot.agent.reply_routing import ReplyExchange
@@ -76,10 +77,12 @@ class Agent:
         self._clients = ClientTable()
         self._budget = SessionBudget(self._gate, settings)
         self._rivals = Rivals(self._clients, self._gate, self._call_at, self._end_session)
+        predecessors = Predecessors(self._gate, self._call_at, self._end_session)
         self._queue = JoinQueue(self._gate, places=settings.max_joining, most_waiting=settings.max_unsettled)
         self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), settings.max_outside_per_s)
         self._handshake = Handshake(
-            self._clients, self._gate, settings, budget=self._budget, rivals=self._rivals, queue=self._queue,
+            self._clients, self._gate, settings, budget=self._budget, rivals=self._rivals,
+            predecessors=predecessors, queue=self._queue,
             open_session=self._open_session, end_session=self._end_session,
         )  # fmt: skip
         self._share = FairShare[Proxy](

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import logging
 import os
-import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Final
+from typing import Final, TextIO
 
 from msbot.runtime.terminal_log import PlainFormatter
 
@@ -58,13 +57,14 @@ class JournalFormatter(PlainFormatter):
         return "\n".join(f"<{priority}>{line}" for line in super().format(record).split("\n"))
 
 
-def goes_to_journal() -> bool:
-    """Whether standard error is connected to systemd's journal (systemd.exec(5), JOURNAL_STREAM)."""
+def goes_to_journal(stream: TextIO) -> bool:
+    """Whether standard output or standard error is connected to systemd's journal (systemd.exec(5),
+    JOURNAL_STREAM)."""
     device, _, number = os.environ.get("JOURNAL_STREAM", "").partition(":")
     if not (device.isdecimal() and number.isdecimal()):
         return False
     try:
-        status = os.fstat(sys.stderr.fileno())
+        status = os.fstat(stream.fileno())
     except (OSError, ValueError):  # closed, or no file, as in tests
         return False
     return (status.st_dev, status.st_ino) == (int(device), int(number))

@@ -18,7 +18,7 @@ SAME = 5
 REPEAT_S = 60.0
 """How often the same text is written in that time."""
 BURST = 20
-"""Lines of one kind, from one place in the code, that are written within `BURST_S`."""
+"""Lines of one kind, from one place in the code, that are written within `BURST_S` unless told otherwise."""
 BURST_S = 10.0
 LONGEST_S = 3600.0
 MOST_KINDS = 256
@@ -81,9 +81,10 @@ class _Kinds(Generic[K]):
 class LogLimiter:
     """See the module's docstring."""
 
-    def __init__(self) -> None:
+    def __init__(self, burst: int = BURST) -> None:
+        """`burst`: lines from one place in the code that are written within `BURST_S`."""
         self._texts: _Kinds[tuple[str, str]] = _Kinds(SAME, REPEAT_S)
-        self._places: _Kinds[tuple[str, int]] = _Kinds(BURST, BURST_S)
+        self._places: _Kinds[tuple[str, int]] = _Kinds(burst, BURST_S)
 
     def __len__(self) -> int:
         """How many kinds are remembered."""

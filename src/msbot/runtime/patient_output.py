@@ -16,11 +16,11 @@ import os
 import sys
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from time import monotonic
-from typing import Final, TextIO
+from typing import Any, Final, TextIO
 
 from msbot.runtime.amount import amount
 
@@ -183,14 +183,19 @@ def patient_output(patience_s: float = PATIENCE_S) -> Iterator[None]:
         yield
         return
     thread = _Thread(*before)
-    sys.stdout, sys.stderr = PatientOutput(before[0], thread), PatientOutput(before[1], thread)
-    logs = [one for one in logging.getLogger().handlers if getattr(one, "stream", None) is before[1]]
-    for log in logs:
-        log.setStream(sys.stderr)  # type: ignore[attr-defined]
+    patient = PatientOutput(before[0], thread), PatientOutput(before[1], thread)
+    sys.stdout, sys.stderr = patient
+    _exchange_streams(before, patient)
     try:
         yield
     finally:
         thread.end(patience_s)
         sys.stdout, sys.stderr = before
-        for log in logs:
-            log.setStream(before[1])  # type: ignore[attr-defined]
+        _exchange_streams(patient, before)
+
+
+def _exchange_streams(present: Sequence[Any], other: Sequence[Any]) -> None:
+    """Let the log go to the other streams wherever it goes to the present ones."""
+    for log in logging.getLogger().handlers:
+        if isinstance(log, logging.StreamHandler) and log.stream in present:
+            log.setStream(other[present.index(log.stream)])

@@ -12,7 +12,7 @@ import re
 import sys
 from typing import TextIO
 
-from msbot.runtime.log_limiter import LogLimiter
+from msbot.runtime.log_limiter import BURST, LogLimiter
 
 _UNSAFE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
@@ -36,12 +36,15 @@ class PlainFormatter(logging.Formatter):
 
 
 class TerminalHandler(logging.StreamHandler[TextIO]):
-    """Writes to standard error (see the module docstring)."""
+    """Writes to standard error unless told otherwise (see the module docstring)."""
 
-    def __init__(self, line: str = "%(asctime)s %(message)s", stream: TextIO | None = None) -> None:
+    def __init__(
+        self, line: str = "%(asctime)s %(message)s", stream: TextIO | None = None, *, burst: int = BURST
+    ) -> None:
+        """`burst`: lines of one kind that are written in a row."""
         super().__init__(stream or sys.stderr)
         self.setFormatter(PlainFormatter(line, datefmt="%H:%M:%S"))
-        self._limiter = LogLimiter()
+        self._limiter = LogLimiter(burst)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write the record, or only count it; the count is written when the period ends."""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from msbot.agent import MOST_OBJECTS, AgentSettings
 from msbot.cli.agent.serving import Wishes, discovery_for, given_text, serve, wished_master
 from msbot.cli.numbers import FiniteRange, WholeRange
 from msbot.cli.options import metrics_option, space_option
@@ -57,10 +58,14 @@ def common_options(function: Command) -> Command:
                   help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
     @click.option("-v", "--verbose", type=WholeRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
                   default=DEFAULT_VERBOSE, show_default=True,
-                  help="0 says nothing, 2 errors, 4 who comes and goes, 5 more, 6 every packet.")  # fmt: skip
+                  help="0 says nothing, 2 errors, 4 who comes and goes, 5 what each creates, deletes and reads as "
+                  "well, 6 every packet.")  # fmt: skip
     @click.option("--dead-after", metavar="SECONDS", type=FiniteRange(min=0.1),
                   help="Silence after which a client is asked three times, and then removed; without it silent "
                   "clients stay, unless they ask for it themselves (uxr_hl).")  # fmt: skip
+    @click.option("--max-objects", metavar="N", type=WholeRange(1, MOST_OBJECTS),
+                  default=AgentSettings().max_objects, show_default=True,
+                  help="Objects that one client may have: participants, topics, publishers, writers ...")  # fmt: skip
     @click.option("--master", metavar="ADDRESS", help="Bring the clients as parts to the robot's master at ADDRESS, "
                   "for example udp:192.168.1.20:8888, which decides who is let in.")  # fmt: skip
     @click.option("--name", metavar="NAME", help="With --master: what it calls this agent when it says where a part "
@@ -69,13 +74,13 @@ def common_options(function: Command) -> Command:
     def wrapped(
         *, middleware: str | None, space: SpaceAddress, metrics_port: int | None, log_wishes: LogWishes,
         refs: Path | None, verbose: int, dead_after: float | None, master: str | None, name: str | None,
-        rec: Path | None,
+        rec: Path | None, max_objects: int,
         **others: object,
     ) -> None:  # fmt: skip
         function(
             wishes=Wishes(
                 verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, metrics_port,
-                log_wishes, wished_master(master, name, space), rec,
+                log_wishes, wished_master(master, name, space), rec, max_objects,
             ),
             **others,
         )  # fmt: skip

@@ -9,6 +9,7 @@ import logging
 import math
 import os
 import platform
+import sys
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import field, replace
 from functools import partial
@@ -29,6 +30,7 @@ from msbot.ros.graph import RosGraph
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.given_file import open_given_text
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.log_limiter import BURST
 from msbot.runtime.patient_output import patient_output
 from msbot.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot.xrce import References
@@ -38,7 +40,10 @@ LEVELS = (
 )  # fmt: skip
 """Levels of logging by the number behind `-v`."""
 SAY_HELLO = 4
+SAY_DETAILS = 5
 SAY_PACKETS = 6
+DETAILS_IN_A_ROW = 2000
+"""Lines of one kind within 10 s, for somebody who wants to see what each of many boards creates."""
 
 DOMAIN_VARIABLE = "XRCE_DOMAIN_ID_OVERRIDE"
 """Environment variable with the domain of participants that leave the choice to the agent."""
@@ -96,6 +101,8 @@ class Wishes:
     """The master that says who is let in; None: everybody is."""
     rec: Path | None = None
     """A file in which everything is recorded."""
+    max_objects: int = AgentSettings().max_objects
+    """Objects that one client may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +135,10 @@ def serve(
         ConfigError: the profile file cannot be used.
         LinkDown: the link or the discovery port cannot be opened; the text names the remedy.
     """
-    wishes.log.set_up(logging.WARNING)
+    # In one stream with the greeting and the packets: `MicroXRCEAgent ... > log` keeps everything, and so does this.
+    # JSON stays by itself, for programs.
+    stream = sys.stderr if wishes.log.is_json else sys.stdout
+    wishes.log.set_up(logging.WARNING, stream, burst=DETAILS_IN_A_ROW if wishes.verbose >= SAY_DETAILS else BURST)
     logging.getLogger().setLevel(max(LEVELS[wishes.verbose], logging.WARNING))
     logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of other libraries are of no use here
     wishes.log.apply()
@@ -250,6 +260,7 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
         dead_after_s=wishes.dead_after_s,
         any_text_is_a_name=wishes.middleware == "ced",
         domain_255=domain_override(os.environ.get(DOMAIN_VARIABLE)),
+        max_objects=wishes.max_objects,
     )
     if wishes.master is None:
         agent = Agent(space, settings=settings, references=references, signal=signalled)

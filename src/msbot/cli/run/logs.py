@@ -6,7 +6,7 @@ import logging
 import pkgutil
 from collections.abc import Callable
 from functools import wraps
-from typing import TypeVar
+from typing import TextIO, TypeVar
 
 import click
 
@@ -14,6 +14,7 @@ import msbot
 from msbot.pnp.part_events import PartEvent
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.log_forms import ALWAYS, FIELDS, JournalFormatter, JsonFormatter, goes_to_journal
+from msbot.runtime.log_limiter import BURST
 from msbot.runtime.terminal_log import TerminalHandler
 
 LEVELS = {
@@ -34,13 +35,19 @@ class LogWishes:
     levels: tuple[tuple[str, int], ...] = ()
     """`(room, level)`; an empty room: all of them."""
 
-    def set_up(self, level: int) -> None:
-        """Log to standard error, at that level unless the user wants another one."""
-        handler = TerminalHandler()
+    def set_up(self, level: int, stream: TextIO | None = None, *, burst: int = BURST) -> None:
+        """Log to that stream, at that level unless the user wants another one.
+
+        Args:
+            level: what is logged.
+            stream: where to; standard error if absent.
+            burst: lines of one kind that are written in a row.
+        """
+        handler = TerminalHandler(stream=stream, burst=burst)
         if self.is_json:
             handler.setFormatter(JsonFormatter())
             _events.setLevel(logging.INFO)
-        elif goes_to_journal():
+        elif goes_to_journal(handler.stream):
             handler.setFormatter(JournalFormatter())
         logging.basicConfig(level=level, handlers=[handler])
         self.apply()
