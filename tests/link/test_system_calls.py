@@ -201,7 +201,7 @@ async def _says(client: Ear, server: Ear, words: bytes) -> None:
 
 
 @pytest.mark.parametrize("error", [*PASSING, *FATAL], ids=names)
-@pytest.mark.parametrize("call", ["recvfrom", "sendto"])
+@pytest.mark.parametrize("call", ["recvmsg", "sendto"])
 async def test_a_request_that_cannot_be_read_or_answered_does_not_end_discovery(
     call: str, error: int, faults: Faults
 ) -> None:

@@ -78,9 +78,11 @@ async def test_an_agent_that_serves_this_machine_only_does_not_answer_others() -
         """A socket with a question from another machine."""
 
         def __init__(self) -> None:
-            self.questions = [(QUESTION, ("192.0.2.9", 4000))]
+            self.questions: list[tuple[bytes, list[object], int, tuple[str, int]]] = [
+                (QUESTION, [], 0, ("192.0.2.9", 4000))
+            ]
 
-        def recvfrom(self, size: int) -> tuple[bytes, tuple[str, int]]:
+        def recvmsg(self, *sizes: int) -> tuple[bytes, list[object], int, tuple[str, int]]:
             if not self.questions:
                 raise BlockingIOError
             return self.questions.pop()

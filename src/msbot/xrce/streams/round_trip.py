@@ -30,7 +30,7 @@ _NEVER_YET = float("-inf")
 class RoundTrip:
     """The measured time from handing a message to the link until its acknowledgement, and recent losses."""
 
-    __slots__ = ("_spread_s", "count", "has_lost", "latest_s", "lossy_until", "smoothed_s")
+    __slots__ = ("_spread_s", "count", "latest_s", "lossy_until", "smoothed_s")
 
     def __init__(self) -> None:
         self.smoothed_s: float | None = None
@@ -40,8 +40,6 @@ class RoundTrip:
         self.latest_s = 0.0
         self._spread_s = 0.0
         self.lossy_until = _NEVER_YET
-        self.has_lost = False
-        """Whether a message was lost, or overtaken, ever."""
 
     def measure(self, sample_s: float, since_asked_s: float | None = None, now: float = 0.0) -> None:
         """Take one measurement.
@@ -80,7 +78,6 @@ class RoundTrip:
     def note_loss(self, now: float) -> None:
         """A message was lost, in either direction."""
         self.lossy_until = now + MEMORY_S
-        self.has_lost = True
 
     def is_lossy(self, now: float) -> bool:
         """Whether a message was lost a short while ago."""

@@ -15,8 +15,8 @@ The message is sent again only once for all of them: later requests count only a
 HEARTBEAT has asked.
 
 Statuses. A stock client that lacks a message takes the ones behind it in one go as soon as it comes, as if they were
-one message. So on a network that has lost or reordered something, nothing is sent behind a STATUS before the client has
-it (see `sharing_messages`).
+one message. So once a client has lacked something, nothing is sent behind a STATUS before the client has it (see
+`sharing_messages`).
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class ReliableOutput:
     """A stream with acknowledgement, a window and retransmission."""
 
     __slots__ = (
-        "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_heartbeat_sent_at", "_is_stock", "_newest",
-        "_next", "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_status_nr", "_timed",
-        "_timed_at", "_unacked", "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at", "missed",
-        "moved", "refused", "stream_id",
+        "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_has_lost", "_heartbeat_sent_at", "_is_stock",
+        "_newest", "_next", "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_status_nr",
+        "_timed", "_timed_at", "_unacked", "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at",
+        "missed", "moved", "refused", "stream_id",
     )  # fmt: skip
 
     def __init__(
@@ -78,6 +78,7 @@ class ReliableOutput:
         self._is_stock = is_stock
         self._newest: bytes | None = None  # the message that others may join
         self._status_nr: int | None = None  # the latest message with a STATUS for a stock client
+        self._has_lost = False  # whether the client has ever lacked a message
         self._counters = counters
         self._window = window
         self._round_trip = round_trip
@@ -290,7 +291,7 @@ class ReliableOutput:
         if self._status_nr not in self._unacked:
             self._status_nr = None
             return False
-        return self._round_trip.has_lost
+        return self._has_lost
 
     def _send_new(self, body: bytes) -> None:
         nr = self._next
@@ -335,6 +336,7 @@ class ReliableOutput:
             if bitmap >> index & 1 and nr in self._unacked and self._may_resend(nr, now):
                 self.missed.append(nr)
                 self._timed = None
+                self._has_lost = True
                 self._round_trip.note_loss(now)
 
     def _may_resend(self, nr: int, now: float) -> bool:
