@@ -146,7 +146,7 @@ def test_pages_that_have_to_be_made_anew_are_told_when_their_turn_is() -> None:
         slow = PageTurns(site.make)
         slow._made_s = site.turns._made_s
         given = [slow.turn_s(one, 0.0) for one in pupils]
-        assert given[1] == LONGEST_STEP_S, "as long as making one has taken lately, and what it loads"
+        assert given[1] == pytest.approx(LONGEST_STEP_S, rel=0.1), "as long as making one has taken lately"
         assert given[-1] is None, "beyond some time nobody can say"
         assert slow.turn_s(pupils[-1], LONGEST_TURN_S) is not None
 

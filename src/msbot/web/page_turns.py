@@ -34,7 +34,7 @@ LONGEST_S = 0.3
 NOT_CONNECTED_S = 5.0
 """How long a page that is being loaded is left alone; it connects within that time."""
 LEAST_STEP_S, LONGEST_STEP_S = 0.03, 0.25
-"""Between two turns that are given: as long as making a page has taken lately, and half as long for what it loads."""
+"""Between two turns that are given: as long as making a page has taken lately."""
 LONGEST_TURN_S = 10.0
 """Turns are given so far ahead; who asks then is told to ask again."""
 WAITING = "so many of your pages are being made: wait until they are there"
@@ -128,7 +128,7 @@ class PageTurns:
             if not own:
                 del self._given[id(session)]
             return None
-        self._next_turn_at = at + min(max(1.5 * self._made_s, LEAST_STEP_S), LONGEST_STEP_S)
+        self._next_turn_at = at + min(max(self._made_s, LEAST_STEP_S), LONGEST_STEP_S)
         own.append(at)
         return at - now
 
