@@ -165,8 +165,8 @@ class RequestsOut(ServiceEnd):
         super().close()
 
 
-class RepliesIn(ServiceEnd):
-    """Takes the replies to requests of ours."""
+class SamplesIn(ServiceEnd):
+    """Takes requests or replies of other programs."""
 
     def __init__(
         self, *common: object, reader: MemoryReader, name: str, type_name: str, qos: Qos, user_data: bytes
@@ -178,43 +178,40 @@ class RepliesIn(ServiceEnd):
 
     def _take(self, writer: Guid, data: RtpsData) -> None:
         body = body_of(data.payload)
-        if body is None:
+        if body is None or not self._took(writer, data, body):
             self.refused += 1
-            return
+
+    def _took(self, writer: Guid, data: RtpsData, body: bytes) -> bool:
+        """Take a sample with this body; False: it makes no sense."""
+        raise NotImplementedError
+
+
+class RepliesIn(SamplesIn):
+    """Takes the replies to requests of ours."""
+
+    def _took(self, writer: Guid, data: RtpsData, body: bytes) -> bool:
         related = data.inline.related
         if related is not None:
             asker, number = self._requesters.by_guid.get(related[0]), related[1]
         else:
             parts = split(body)
             if parts is None:
-                self.refused += 1
-                return
+                return False
             requester, number, body = parts
             asker = self._requesters.by_short.get(requester)
         if asker is not None:
             self._accept(Sample(body, writer, data.number, (asker, number)))
+        return True
 
 
-class RequestsIn(ServiceEnd):
+class RequestsIn(SamplesIn):
     """Takes the requests of other programs."""
 
-    def __init__(
-        self, *common: object, reader: MemoryReader, name: str, type_name: str, qos: Qos, user_data: bytes
-    ) -> None:
-        super().__init__(*common)  # type: ignore[arg-type]
-        self._accept = reader.accept
-        self.endpoint = self._driver.participant.open_reader(name, type_name, qos, self._take, user_data)
-        self._driver.flush()
-
-    def _take(self, writer: Guid, data: RtpsData) -> None:
-        body = body_of(data.payload)
-        if body is None:
-            self.refused += 1
-        elif self._driver.participant.vendor(writer) == CYCLONE:
+    def _took(self, writer: Guid, data: RtpsData, body: bytes) -> bool:
+        if self._driver.participant.vendor(writer) == CYCLONE:
             parts = split(body)
             if parts is None:
-                self.refused += 1
-                return
+                return False
             requester, number, body = parts
             self._requesters.met(writer, requester)
             self._accept(Sample(body, writer, number))
@@ -223,6 +220,7 @@ class RequestsIn(ServiceEnd):
             related = data.inline.related
             awaits = related is not None and related[0][15] & 0x3F in _READER_KINDS and related[0][:12] == writer[:12]
             self._accept(Sample(body, related[0] if related is not None and awaits else writer, data.number))
+        return True
 
 
 class RepliesOut(ServiceEnd):
