@@ -76,7 +76,8 @@ def _of_slot(robot: str, slot: str, info: PartInfo | None) -> DiagnosticStatus:
     if info.beat_age_s is not None:
         values["beat_age_s"] = f"{info.beat_age_s:.2f}"
     level = _LEVELS.get(info.state, WARN)
-    return _status(level, name, f"{info.state.value}: {info.reason}", info.uid.hex() or info.part_number, values)
+    # Not the part's UID: it is for teachers, and everybody in the network hears this.
+    return _status(level, name, f"{info.state.value}: {info.reason}", info.part_number, values)
 
 
 def _status(level: int, name: str, message: str, hardware_id: str, values: Mapping[str, str]) -> DiagnosticStatus:
