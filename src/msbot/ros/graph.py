@@ -16,9 +16,10 @@ import secrets
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
+from msbot.errors import RemoteProtocolError
 from msbot.ros import discovery_info
 from msbot.ros.bare_parameters import BareParameters, requests_of
-from msbot.ros.discovery_info import NodeInfo, encode, gid_octets_of, usual_gid_octets
+from msbot.ros.discovery_info import NodeInfo, decode, encode, gid_octets_of, usual_gid_octets
 from msbot.ros.node_names import NodeName, node_named
 from msbot.space import Guid, OwnEndpoint, Qos, Reader, Sample, SharedSpace, Topic, Writer
 
@@ -29,6 +30,9 @@ SETTLE_S_EACH = 20e-6
 
 EVERYBODY = ("",)
 """The partition in which ROS 2 nodes are."""
+
+MAX_OTHERS = 512
+"""Other programs whose nodes are remembered, to notice that one has a name of ours."""
 
 LAST_ONE = Qos(transient_local=True, depth=1, late_depth=1, partitions=EVERYBODY)
 
@@ -67,6 +71,11 @@ class RosGraph:
         self._octets = usual_gid_octets(distribution)
         self._is_fixed = distribution is not None
         self._has_warned = self._is_closed = False
+        self._others: dict[Guid, frozenset[str]] = {}
+        """Participant elsewhere -> its nodes."""
+        self._mine: frozenset[str] = frozenset()
+        self._twins: set[str] = set()
+        """Nodes that were told to be there twice."""
         space.on_endpoints(self.changed)
         self.changed()
 
@@ -81,11 +90,14 @@ class RosGraph:
             self._timer = self._loop.call_later(SETTLE_S + SETTLE_S_EACH * self._size, self._tell)
 
     def close(self) -> None:
-        """Stop telling: peers forget the nodes."""
+        """Tell that no node is left, and stop telling: Fast DDS forgets nobody for 10 s who only leaves."""
         if self._timer is not None:
             self._timer.cancel()
         self._is_closed = True
-        for writer in self._writers.values():
+        participants = self._space.participants()
+        for domain, writer in self._writers.items():
+            if domain in participants:
+                writer.write(encode(participants[domain], (), self._octets))
             writer.close()
         for reader in self._readers:
             reader.close()
@@ -101,6 +113,9 @@ class RosGraph:
             return  # the space has left DDS
         self._see_to_parameters()
         nodes = self._nodes()
+        self._mine = frozenset(str(node.name) for told in nodes.values() for node in told)
+        for others in self._others.values():
+            self._look_for_twins(others)
         for domain, participant in self._space.participants().items():
             mine = nodes.get(domain, [])
             if not mine and domain not in self._writers:
@@ -168,9 +183,37 @@ class RosGraph:
             self._readers.append(self._space.reader(topic, LAST_ONE, partial(self._heard, writer.guid)))
         return writer
 
+    def _remember(self, payload: bytes) -> None:
+        """Learn from others which nodes they have."""
+        try:
+            participant, nodes = decode(payload, self._octets)
+        except RemoteProtocolError:
+            return  # it is in the other form, which is told
+        if participant in self._space.participants().values():
+            return
+        names = self._others[participant] = frozenset(str(node.name) for node in nodes)
+        if len(self._others) > MAX_OTHERS:
+            del self._others[next(iter(self._others))]
+        self._look_for_twins(names)
+
+    def _look_for_twins(self, others: frozenset[str]) -> None:
+        twins = (others & self._mine) - self._twins
+        if not twins or len(self._twins) > MAX_OTHERS:
+            return
+        self._twins |= twins
+        shortest = min(twins, key=lambda name: (len(name), name))
+        more = f" and {len(twins) - 1} more" if len(twins) > 1 else ""
+        logger.warning(
+            "another program in this network has a ROS 2 node %s%s, too: each hears what is meant for the other; "
+            "give one of the two another name, or another domain", shortest, more,
+        )  # fmt: skip
+
     def _heard(self, own: Guid, sample: Sample) -> bool:
-        """Learn from other nodes which form the network uses."""
-        theirs = None if sample.writer == own else gid_octets_of(sample.payload)
+        """Learn from other nodes which form the network uses, and whether a name is there twice."""
+        if sample.writer == own:
+            return True
+        self._remember(sample.payload)
+        theirs = gid_octets_of(sample.payload)
         if theirs is None or theirs == self._octets:
             return True
         if not self._is_fixed and theirs == discovery_info.UNTIL_HUMBLE:

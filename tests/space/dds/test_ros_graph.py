@@ -58,6 +58,36 @@ async def test_nodes_come_and_go_with_their_endpoints() -> None:
         graph.close()
 
 
+async def test_who_leaves_says_that_no_node_is_left() -> None:
+    heard = Inbox()
+    with DdsSpace() as here, DdsSpace() as there:
+        graph = RosGraph(here, environment=NOWHERE)
+        here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
+        there.reader(TOLD, LAST_ONE, heard)
+        await until(lambda: "/garden/knob" in last_nodes(heard))
+        graph.close()
+        await until(lambda: last_nodes(heard) == {})
+
+
+async def test_a_node_that_is_there_twice_is_told_once_on_both_sides(caplog: pytest.LogCaptureFixture) -> None:
+    with DdsSpace() as here, DdsSpace() as there:
+        graphs = [RosGraph(space, environment=NOWHERE) for space in (here, there)]
+        writers = [space.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB) for space in (here, there)]
+        await until(lambda: len(caplog.messages) >= 2)
+        other = here.writer(Topic("rt/other", FLOAT.type_name), Qos(), bytes(15) + b"\3", Owner(7, "/garden/other"))
+        heard = Inbox()
+        there.reader(TOLD, LAST_ONE, heard)
+        await until(lambda: "/garden/other" in last_nodes(heard))  # told again, and the twin is known
+        assert caplog.messages == [
+            "another program in this network has a ROS 2 node /garden/knob, too: each hears what is meant for the "
+            "other; give one of the two another name, or another domain"
+        ] * 2  # fmt: skip
+        for writer in (*writers, other):
+            writer.close()
+        for graph in graphs:
+            graph.close()
+
+
 async def test_a_requester_reads_the_replies_that_its_agent_reads_for_all() -> None:
     heard = Inbox()
     with DdsSpace() as here, DdsSpace() as there:
