@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from msbot import ros2
 from msbot.config.ros_names import is_topic, topic_of
@@ -96,6 +96,10 @@ class _Step:
     factor: float
 
 
+RosFields = tuple[tuple[int, str, float], ...]
+"""Which field of ours (by its position) is which of theirs (`linear.x`), and times how much."""
+
+
 class RosForm:
     """How one message class looks in ROS 2."""
 
@@ -126,11 +130,14 @@ class RosForm:
             place = _inside(target, step.theirs[:-1])
             _set(place, step.theirs[-1], value, step.factor)
         if self._stamped:
-            stamp = _inside(target, ("header", "stamp"))
-            seconds, nanoseconds = divmod(self._epoch_ns(), 1_000_000_000)
-            _set(stamp, "sec", seconds, 1.0)
-            _set(stamp, "nanosec", nanoseconds, 1.0)
+            _stamp(target, self._epoch_ns())
         return target.encode()
+
+    @property
+    def fields(self) -> RosFields:
+        """The form without our class, for a recording."""
+        positions = {field.name: position for position, field in enumerate(fields_of(self.ours))}
+        return tuple((positions[step.ours], ".".join(step.theirs), step.factor) for step in self._steps)
 
     def inward(self, payload: bytes) -> bytes:
         """A payload of theirs as one of ours.
@@ -143,6 +150,24 @@ class RosForm:
             value = getattr(_inside(source, step.theirs[:-1]), step.theirs[-1])
             _set(target, step.ours, value, 1.0 / step.factor)
         return target.encode()
+
+
+def recorded_as_ros(theirs: type[Message], fields: RosFields, values: Sequence[object], epoch_ns: int) -> bytes:
+    """A recorded message of ours, of which only the values are known, as one of theirs.
+
+    Raises:
+        RemoteProtocolError: the form does not fit, or a value does not.
+    """
+    target = theirs()
+    try:
+        for position, path, factor in fields:
+            *outer, last = path.split(".")
+            _set(_inside(target, tuple(outer)), last, values[position], factor)
+    except (AttributeError, IndexError) as error:
+        raise RemoteProtocolError(f"the recorded form for {theirs.type_name} does not fit: {error}") from error
+    if any(field.name == "header" for field in fields_of(theirs)):
+        _stamp(target, epoch_ns)
+    return target.encode()
 
 
 def form_of(ours: type[Message], type_name: str = "", fields: Mapping[str, str] | None = None) -> RosForm:
@@ -221,6 +246,13 @@ def _inside(message: Message, path: tuple[str, ...]) -> Message:
     for name in path:
         message = getattr(message, name)
     return message
+
+
+def _stamp(message: Message, epoch_ns: int) -> None:
+    stamp = _inside(message, ("header", "stamp"))
+    seconds, nanoseconds = divmod(epoch_ns, 1_000_000_000)
+    _set(stamp, "sec", seconds, 1.0)
+    _set(stamp, "nanosec", nanoseconds, 1.0)
 
 
 def _set(message: Message, name: str, value: object, factor: float) -> None:

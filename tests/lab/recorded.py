@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from pathlib import Path
 from random import Random
 
@@ -28,15 +28,30 @@ Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
 
 
 def record_demo(
-    folder: Path, target: Path, scene: Scene, names: tuple[str, ...] | None = None, sample: str = "thesis"
+    folder: Path,
+    target: Path,
+    scene: Scene,
+    names: tuple[str, ...] | None = None,
+    sample: str = "thesis",
+    *,
+    shared: Mapping[str, str] | None = None,
 ) -> DemoRobot:
     """Run the thesis' ring, or another sample, or some of its slots, through a scene in virtual time.
 
     All is recorded in the target.
+
+    Args:
+        shared: topic -> what its binding says about ROS 2, in TOML.
     """
 
     async def main() -> DemoRobot:
         write_sample(folder / "robot.toml", sample)
+        text = (folder / "robot.toml").read_text()
+        for topic, words in (shared or {}).items():
+            line = f'topic = "{topic}"\n'
+            assert line in text
+            text = text.replace(line, f"{line}{words}\n")
+        (folder / "robot.toml").write_text(text)
         library = load_library()
         blueprint = load_blueprint(folder / "robot.toml", library)
         loop = asyncio.get_running_loop()

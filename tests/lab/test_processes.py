@@ -82,6 +82,9 @@ def test_a_killed_master_leaves_a_recording_that_is_whole(
     assert saved.returncode == 0, saved.stderr
     assert any(b"-> active" in one.data for one in RecordingReader(tmp_path / "left.mcap").messages())
     assert (tmp_path / "left.mcap").stat().st_mode & 0o077 == 0
+    bag = run("rec", "save", "bag", "--ros2", cwd=tmp_path, env=env)
+    assert (bag.returncode, "left out, for they are no ROS 2 messages: /msbot/" in bag.stdout) == (0, True), bag.stderr
+    assert all(one.is_ros for one in RecordingReader(tmp_path / "bag.mcap").messages())
     elsewhere = run("rec", "save", "left", "--robot", "Elsewhere", cwd=tmp_path, env=env)
     assert (elsewhere.returncode, "no recorder has left a ring" in elsewhere.stderr) == (2, True)
     (folder.parent / "Twin-01234567").mkdir()

@@ -130,6 +130,44 @@ def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -
     assert len(frames) == sum(frame_of(one) is not None for one in ours)
 
 
+def test_a_topic_that_ros_2_shares_is_recorded_as_ros_2_has_it(tmp_path: Path) -> None:
+    async def scene(_robot: DemoRobot, _operations: RunningOperations) -> None:
+        await asyncio.sleep(2)
+
+    whole, piece = tmp_path / "a.mcap", tmp_path / "ros.mcap"
+    shared = {
+        "fan_power": "ros = true",
+        "loudness": 'ros = true\nros_topic = "/loud"\nros_type = "sensor_msgs/msg/Temperature"\n'
+                    'ros_fields = { percent = "temperature * 2" }',
+    }  # fmt: skip
+    record_demo(tmp_path, whole, scene, ("knob", "fan", "ear", "hand"), "rover", shared=shared)
+    done = CliRunner().invoke(log_command, ["filter", str(whole), str(piece), "--ros2"], catch_exceptions=False)
+    assert done.exit_code == 0, done.stderr
+    types, robot = get_typestore(Stores.ROS2_JAZZY), "/ROVER"
+    with Reader(piece) as reader:
+        found = {one.topic: one.msgtype for one in reader.connections}
+        assert len(found) == len(reader.connections), "a topic is one channel"
+        assert found[f"{robot}/fan_power"] == "std_msgs/msg/Float32"
+        assert found["/loud"] == "sensor_msgs/msg/Temperature"
+        assert not {"/fan_power", "/loudness"} & set(found)
+        # With the definitions that ROS 2 itself has, as a program with its messages installed reads it.
+        known = [one for one in reader.connections if one.msgtype in types.types]
+        read = [(one.topic, at, types.deserialize_cdr(data, one.msgtype)) for one, at, data in reader.messages(known)]
+    decoder = Decoder()
+    said = [(one.logged_ns, (decoder.fields(one) or {})["percent"]) for one in messages(whole)
+            if one.topic == "/fan_power"]  # fmt: skip
+    assert len(said) > 10
+    theirs = [(at, one.data) for topic, at, one in read if topic == f"{robot}/fan_power"]  # type: ignore[attr-defined]
+    assert theirs == said
+    loud = [one for topic, _, one in read if topic == "/loud"]
+    assert {type(one).__name__ for one in loud} == {"sensor_msgs__msg__Temperature"}
+    heard = [one for one in messages(whole) if one.topic == "/loudness"]
+    assert [(one.header.stamp.sec, one.header.stamp.nanosec, one.temperature) for one in loud] == [  # type: ignore[attr-defined]
+        (*divmod(one.at_ns, NS), 2.0 * (decoder.fields(one) or {})["percent"])  # type: ignore[operator]
+        for one in heard
+    ]
+
+
 def test_topics_of_one_name_in_ros_2_stay_apart_and_what_was_asked_for_and_left_out_is_told(tmp_path: Path) -> None:
     schema = ("msbot_msgs/msg/Level", ENCODING, ros_definition(Level))
     items = []

@@ -21,6 +21,7 @@ from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass
+from msbot.runtime.printable import printable
 
 JUST_NOW_S = 0.8
 """What a robot has said is in the ring's file after at most this time."""
@@ -36,8 +37,9 @@ def command() -> None:
 @command.command("save")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--last", "last_s", type=FiniteRange(min=0.1), metavar="SECONDS", help="Only so much.")
+@click.option("--ros2", "ros", is_flag=True, help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it.")
 @robot_options
-def save(file: Path, last_s: float | None, db: str | None, robot: str | None) -> None:
+def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *, ros: bool) -> None:
     """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""
     from msbot.lab.recorder.ring import begun_segments
     from msbot.lab.recordings.cutting import write_cut
@@ -63,9 +65,11 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None) ->
         raise ConfigError(f"the recorder has nothing in {folder}: {trouble or 'nothing is written yet'}")
     paths = [segment.path for segment in found]
     from_ns = None if last_s is None else ended_ns(paths) - round(last_s * 1e9)
-    cut = write_cut(paths, target, from_ns=from_ns)
+    cut = write_cut(paths, target, from_ns=from_ns, ros=ros)
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
     click.echo(f"{target}: {amount(cut.messages, 'message')} of {seconds:.0f} s")
+    if cut.left_out:
+        click.echo(f"left out, for they are no ROS 2 messages: {printable(', '.join(sorted(cut.left_out)))}")
     for name, damage in cut.damages.items():
         if name != paths[-1].name:  # the newest file is being written: it has no end yet
             click.echo(f"msbot: {name} is damaged: {damage}", err=True)  # what is kept is all that there is

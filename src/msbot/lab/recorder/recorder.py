@@ -13,11 +13,12 @@ from itertools import count
 from typing import Final, Protocol
 
 from msbot.agent import client_key_of
-from msbot.config import Blueprint, Library
+from msbot.config import Blueprint, InDds, Library
 from msbot.lab.curves.measuring import Measured
 from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
 from msbot.lab.recorder.can_frames import FRAME_DEFINITION, FRAME_OCTETS, FRAME_TYPE, PLAIN_FRAMES, SENT, frame_octets
 from msbot.lab.recorder.robot_words import blueprint_words, event_words, shown_words
+from msbot.lab.recorder.ros_metadata import ros_metadata, topics_in_ros
 from msbot.lab.recorder.schemas import ENCODING, ros_definition, ros_name
 from msbot.lab.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN, SLOTS
 from msbot.link import Link, bound_name
@@ -70,6 +71,8 @@ class Recorder:
         self._told: dict[str, tuple[int, str, str]] = {}
         """Slot -> version of the configuration that was recorded last, and the nature of its part."""
         self._tapped: set[Link] = set()
+        self._in_ros: dict[str, tuple[str, InDds]] = {}
+        """Topic -> its name in ROS 2, and what its binding says about ROS 2."""
 
     # For the one who hands over to the recorder's process.
 
@@ -108,6 +111,7 @@ class Recorder:
     def watch(self, master: Master, operations: Operations) -> None:
         """Record the states of a robot's parts, STOP, what people do, and the frames of its CAN links."""
         self._master = master
+        self._in_ros = topics_in_ros(master.blueprint)
         master.inventory.on_event(self._part_changed)
         master.on_stop(self._stopped)
         operations.on_done(self._done)
@@ -166,6 +170,8 @@ class Recorder:
             if port is not None:
                 metadata["port"] = port
         cls = None if is_service else self._class_of(topic.type_name)
+        if cls is not None and topic.name in self._in_ros:
+            metadata |= ros_metadata(self._in_ros[topic.name], cls)
         name = "/" + topic.name.removeprefix("rt/").lstrip("/")
         schema = ("", "", "") if cls is None else (ros_name(topic.type_name), ENCODING, ros_definition(cls))
         return self._number(RecordedChannel(name, "cdr", *schema, metadata=tuple(metadata.items())))

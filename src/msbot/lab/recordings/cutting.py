@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
-from itertools import count
 from pathlib import Path
 from typing import Final
 
@@ -12,9 +11,9 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from msbot.errors import ConfigError
-from msbot.lab.recorder.schemas import ros_topic
 from msbot.lab.recordings.new_file import new_file, whole_or_none
 from msbot.lab.recordings.reading import OWN, RecordedMessage, RecordingReader
+from msbot.lab.recordings.ros_view import RosView
 from msbot.runtime.lazy_dataclass import dataclass
 
 MOMENTS: Final = (f"{OWN}acts", f"{OWN}measured")
@@ -73,10 +72,8 @@ def write_cut(
             for path in sources:
                 reader = RecordingReader(path)
                 for message in reader.messages():
-                    if not ros or message.is_ros:
-                        copier.take(message, from_ns, to_ns, wanted)
-                    elif wanted(message):
-                        cut.left_out.add(message.topic)
+                    if wanted(message):
+                        copier.take(message, from_ns, to_ns)
                 if reader.damage:
                     damages[path.name] = reader.damage
             cut.damages = damages
@@ -92,9 +89,7 @@ class _Copier:
     def __init__(self, writer: Writer, cut: Cut, *, ros: bool) -> None:
         self._writer = writer
         self._cut = cut
-        self._ros = ros
-        self._names: dict[str, str] = {}
-        """Topic -> its name in ROS 2."""
+        self._ros = RosView() if ros else None
         self._channels: dict[ChannelKey, int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._before: dict[tuple[ChannelKey, int], RecordedMessage] | None = {}
@@ -108,10 +103,15 @@ class _Copier:
         message: RecordedMessage,
         from_ns: int | None,
         to_ns: int | None,
-        wanted: Callable[[RecordedMessage], bool],
     ) -> None:
-        if not wanted(message) or (to_ns is not None and message.at_ns > to_ns):
+        if to_ns is not None and message.at_ns > to_ns:
             return
+        if self._ros is not None:
+            shown = self._ros.shown(message)
+            if shown is None:
+                self._cut.left_out.add(message.topic)
+                return
+            message = shown
         is_early = message.is_repeated or (from_ns is not None and message.at_ns < from_ns)
         if not is_early:
             self._begin(message.logged_ns if from_ns is None else from_ns)
@@ -150,19 +150,11 @@ class _Copier:
                 self._schemas[known] = self._writer.register_schema(*known)
             schema = self._schemas[known]
         return self._writer.register_channel(
-            self._name(channel.topic) if self._ros else channel.topic,
+            channel.topic,
             channel.message_encoding,
             schema,
             channel.metadata,
         )
-
-    def _name(self, topic: str) -> str:
-        """A name that ROS 2 allows, and that no other topic of the file has."""
-        if topic not in self._names:
-            name, taken = ros_topic(topic), set(self._names.values())
-            others = (f"{name}_{number}" for number in count(2))
-            self._names[topic] = name if name not in taken else next(one for one in others if one not in taken)
-        return self._names[topic]
 
 
 def _key(message: RecordedMessage) -> ChannelKey:
