@@ -1,25 +1,54 @@
-"""Every test here has a network of its own with nothing in it but the loopback interface, and what it starts, too."""
+"""The tests of a file share a network with nothing in it but the loopback interface, and a genuine node in it.
+
+What another test asked of the node is taken back before each test; the robots of another test have left the network.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 import pytest
 
 from msbot.errors import ConfigError
 from msbot.space.dds.library import load
-from tests.ros.genuine.environment import environment, refuse
-from tests.space.own_network import own_network
+from tests.ros.genuine.environment import MIDDLEWARES, environment, refuse
+from tests.ros.genuine.node import Node
+from tests.space.own_network import inside, open_network
 
 
-@pytest.fixture(autouse=True)
-def _own_network(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    for variable in ("CYCLONEDDS_URI", "ROS_DISTRO", "ROS_DOMAIN_ID", "FASTRTPS_DEFAULT_PROFILES_FILE"):
-        monkeypatch.delenv(variable, raising=False)
+@pytest.fixture(scope="module")
+def network() -> Iterator[int]:
+    """The network of a file's tests."""
     try:
         load()
     except ConfigError as error:
         refuse(str(error))
     environment()
-    with own_network():
+    opened = open_network()
+    yield opened
+    os.close(opened)
+
+
+@pytest.fixture(autouse=True)
+def _own_network(network: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    for variable in ("CYCLONEDDS_URI", "ROS_DISTRO", "ROS_DOMAIN_ID", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.delenv(variable, raising=False)
+    with inside(network):
         yield
+
+
+@pytest.fixture(scope="module", params=MIDDLEWARES)
+def peer(request: pytest.FixtureRequest, network: int) -> Iterator[Node]:
+    """A genuine node, /peer, for all tests of a file."""
+    with inside(network):
+        node = Node("peer", middleware=request.param)
+    yield node
+    node.end()
+
+
+@pytest.fixture
+def node(peer: Node) -> Node:
+    """The same, with nothing in it from another test."""
+    peer.do("forget")
+    return peer

@@ -7,14 +7,12 @@ import platform
 import shutil
 import subprocess
 import sys
-from contextlib import AbstractAsyncContextManager
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from tests.kept import kept
-from tests.space.dds.peers import Program, program
 
 PROGRAMS = Path(__file__).with_name("programs")
 PYTHON = "3.11"
@@ -22,8 +20,11 @@ PYTHON = "3.11"
 PACKAGES = (
     "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp", "ros-jazzy-std-msgs", "ros-jazzy-std-srvs",
     "ros-jazzy-sensor-msgs", "ros-jazzy-geometry-msgs", "ros-jazzy-nav-msgs", "ros-jazzy-diagnostic-msgs",
-    "ros-jazzy-test-msgs",
+    "ros-jazzy-test-msgs", "mcap",
 )  # fmt: skip
+CYCLONE = os.environ.get("MSBOT_RMW_CYCLONEDDS", "")
+"""A `librmw_cyclonedds_cpp.so` that somebody has built for these packages: then all tests are run with it as well."""
+MIDDLEWARES = ("rmw_fastrtps_cpp", *(["rmw_cyclonedds_cpp"] if CYCLONE else []))
 
 
 def refuse(reason: str) -> None:
@@ -52,17 +53,29 @@ def environment() -> Path:
         raise
 
 
-def ros_program(name: str, *arguments: str, **variables: str) -> AbstractAsyncContextManager[Program]:
-    """Run a program of ours with genuine ROS 2."""
+def command(name: str, *arguments: str) -> list[str]:
+    """How to run a program of ours with genuine ROS 2."""
+    return [str(environment() / "bin/python"), str(PROGRAMS / name), *arguments]
+
+
+def surroundings(middleware: str = MIDDLEWARES[0], **variables: str) -> dict[str, str]:
+    """The variables for such a program."""
     place = environment()
-    surroundings = {
-        "LD_LIBRARY_PATH": str(place / "lib"),
-        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    libraries = [place / "lib"]
+    more = {}
+    if middleware == "rmw_cyclonedds_cpp":
+        # The packages are linked to rmw_fastrtps; what is loaded before it takes its place.
+        more["LD_PRELOAD"] = CYCLONE
+        libraries += place.glob("lib/python*/site-packages/ros_rcl.libs")
+    return {
+        **os.environ,
+        "LD_LIBRARY_PATH": ":".join(map(str, libraries)),
+        "RMW_IMPLEMENTATION": middleware,
         "ROS_LOG_DIR": str(place / "log"),
         "PYTHONPATH": "",
+        **more,
         **variables,
     }
-    return program(str(place / "bin/python"), str(PROGRAMS / name), *arguments, environment=surroundings)
 
 
 def _python() -> str | None:

@@ -1,4 +1,4 @@
-"""Services, parameters and actions of genuine nodes with rmw_fastrtps, ROS 2's default, and of boards and a robot here.
+"""Services, parameters and actions of genuine nodes, and of boards and a robot here.
 
 A program in the manner of rmw_cyclonedds asks and answers beside it: both kinds must work at once.
 """
@@ -21,7 +21,7 @@ from msbot.ros.graph import RosGraph
 from msbot.space.dds import DdsSpace
 from msbot.xrce.objects.binary import EndpointQos
 from tests.hearing_client import HearingClient
-from tests.ros.genuine.node import genuine_node
+from tests.ros.genuine.node import Node, genuine_node
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import program, until
 
@@ -33,6 +33,7 @@ ADD = ServiceNames(
     "add_two_ints", "example_interfaces::srv::dds_::AddTwoInts_Request_",
     "example_interfaces::srv::dds_::AddTwoInts_Response_", "rq/add_two_intsRequest", "rr/add_two_intsReply",
 )  # fmt: skip
+NAMES = {"send_goal": "SendGoal", "get_result": "GetResult"}
 CYCLONE_NODE = (sys.executable, str(SOURCES / "ros_service.py"))
 
 
@@ -57,11 +58,11 @@ def text(words: str) -> bytes:
     return pack("<I", len(words) + 1) + words.encode() + b"\0"
 
 
-async def test_a_board_serves_and_asks_nodes_of_both_kinds() -> None:
+async def test_a_board_serves_and_asks_nodes_of_both_kinds(node: Node) -> None:
     pytest.importorskip("cyclonedds")
     replies: list[bytes] = []
     with DdsSpace() as space:
-        async with board(space) as (client, participant), genuine_node() as node:
+        async with board(space) as (client, participant):
             switch, add = client.create_replier(participant, SWITCH), client.create_replier(participant, ADD)
 
             def answer(asked: int, _request: int, identity: bytes, payload: bytes) -> None:
@@ -98,58 +99,114 @@ async def test_a_board_serves_and_asks_nodes_of_both_kinds() -> None:
             assert (await node.does("parameters", names=["/board", "/peer"]))["/board"] == []
 
 
-async def test_a_board_carries_out_an_action() -> None:
+@contextlib.asynccontextmanager
+async def fibonacci(client: HearingClient, participant: Entity) -> AsyncIterator[None]:
+    """The board carries out an action of this name as long as the block lasts; every goal has the same result."""
     kind = "test_msgs::action::dds_::Fibonacci"
 
     def service(name: str, request: str) -> ServiceNames:
         path = f"fibonacci/_action/{name}"
         return ServiceNames(path, f"{request}_Request_", f"{request}_Response_", f"rq/{path}Request", f"rr/{path}Reply")
 
+    send = client.create_replier(participant, service("send_goal", f"{kind}_SendGoal"))
+    result = client.create_replier(participant, service("get_result", f"{kind}_GetResult"))
+    cancel = client.create_replier(
+        participant, service("cancel_goal", "action_msgs::srv::dds_::CancelGoal")
+    )  # fmt: skip
+    publisher = client.create_publisher(participant)
+    feedback = client.create_writer(
+        publisher, client.create_topic(participant, "rt/fibonacci/_action/feedback", f"{kind}_FeedbackMessage_")
+    )
+    status = client.create_topic(
+        participant, "rt/fibonacci/_action/status", "action_msgs::msg::dds_::GoalStatusArray_"
+    )  # fmt: skip
+    client.create_writer(publisher, status, EndpointQos(transient_local=True, depth=1))
+
+    def answer(asked: int, _request: int, identity: bytes, payload: bytes) -> None:
+        if asked == send.object_id:
+            client.reply(send, identity, pack("<?3xiI", True, 1, 0))
+        else:
+            client.write(feedback, payload[:16] + pack("<I2i", 2, 0, 1))
+            client.reply(result, identity, pack("<b3xI4i", 4, 4, 0, 1, 1, 2))
+
+    client.on_request = answer
+    for replier in (send, result, cancel):
+        client.read(replier)
+    await client.until_all_statuses(30)
+    yield
+
+
+async def test_a_board_carries_out_an_action(node: Node) -> None:
     with DdsSpace() as space:
-        async with board(space) as (client, participant), genuine_node() as node:
-            send = client.create_replier(participant, service("send_goal", f"{kind}_SendGoal"))
-            result = client.create_replier(participant, service("get_result", f"{kind}_GetResult"))
-            cancel = client.create_replier(
-                participant, service("cancel_goal", "action_msgs::srv::dds_::CancelGoal")
-            )  # fmt: skip
-            publisher = client.create_publisher(participant)
-            feedback = client.create_writer(
-                publisher, client.create_topic(participant, "rt/fibonacci/_action/feedback", f"{kind}_FeedbackMessage_")
-            )
-            client.create_writer(
-                publisher,
-                client.create_topic(
-                    participant, "rt/fibonacci/_action/status", "action_msgs::msg::dds_::GoalStatusArray_"
-                ),
-                EndpointQos(transient_local=True, depth=1),
-            )
-
-            def answer(asked: int, _request: int, identity: bytes, payload: bytes) -> None:
-                if asked == send.object_id:
-                    client.reply(send, identity, pack("<?3xiI", True, 1, 0))
-                else:
-                    client.write(feedback, payload[:16] + pack("<I2i", 2, 0, 1))
-                    client.reply(result, identity, pack("<b3xI4i", 4, 4, 0, 1, 1, 2))
-
-            client.on_request = answer
-            for replier in (send, result, cancel):
-                client.read(replier)
-            await client.until_all_statuses(30)
+        async with board(space) as (client, participant), fibonacci(client, participant):
             done = await node.does("send_goal", type="test_msgs/action/Fibonacci", name="/fibonacci", goal={"order": 3})
             assert done["accepted"]
             assert done["status"] == 4
             assert done["result"] == {"sequence": [0, 1, 1, 2]}
 
 
-async def test_a_service_is_found_again_after_a_restart_of_its_agent() -> None:
-    async with genuine_node() as node:
-        for words in ("once", "again"):
-            with DdsSpace() as space:
-                async with board(space) as (client, participant):
-                    serve_switch(client, participant, words)
-                    await client.until_all_statuses(30)
-                    told = await node.does("call", type="std_srvs/srv/SetBool", name="/switch", request={})
-                    assert told["response"]["message"] == words
+async def test_a_board_asks_for_an_action_of_a_node(node: Node) -> None:
+    kind, path = "test_msgs::action::dds_::Fibonacci", "spiral/_action"
+
+    def service(name: str) -> ServiceNames:
+        return ServiceNames(
+            f"{path}/{name}", f"{kind}_{NAMES[name]}_Request_", f"{kind}_{NAMES[name]}_Response_",
+            f"rq/{path}/{name}Request", f"rr/{path}/{name}Reply",
+        )  # fmt: skip
+
+    replies: dict[int, list[bytes]] = {}
+    feedback: list[bytes] = []
+    await node.does("serve_action", type="test_msgs/action/Fibonacci", name="/spiral")
+    with DdsSpace() as space:
+        async with board(space) as (client, participant):
+            send, result = (client.create_requester(participant, service(name)) for name in NAMES)
+            topic = client.create_topic(participant, f"rt/{path}/feedback", f"{kind}_FeedbackMessage_")
+            reader = client.create_reader(client.create_subscriber(participant), topic)
+            client.on_reply = lambda asked, _request, payload: replies.setdefault(asked, []).append(payload)
+            client.on_topic = lambda _object, _request, payload: feedback.append(payload)
+            for one in (send, result, reader):
+                client.read(one)
+            await client.until_all_statuses(30)
+            goal = bytes(range(16))
+            while send.object_id not in replies:  # what is asked before both know of each other is heard by nobody
+                client.write(send, goal + pack("<i", 3))
+                await asyncio.sleep(0.05)
+            assert replies[send.object_id][0][0] == 1, "it is accepted"
+            while result.object_id not in replies:
+                client.write(result, goal)
+                await asyncio.sleep(0.05)
+            status, size = unpack_from("<b3xI", replies[result.object_id][0])
+            assert (status, unpack_from(f"<{size}i", replies[result.object_id][0], 8)) == (4, (0, 1, 1, 2))
+            await until(lambda: feedback, "feedback")
+
+
+async def test_a_service_is_found_again_after_a_restart_of_its_agent(node: Node) -> None:
+    for words in ("once", "again"):
+        with DdsSpace() as space:
+            async with board(space) as (client, participant):
+                serve_switch(client, participant, words)
+                await client.until_all_statuses(30)
+                told = await node.does("call", type="std_srvs/srv/SetBool", name="/switch", request={})
+                assert told["response"]["message"] == words
+        await node.does("service_gone", name="/switch")
+
+
+async def test_a_board_finds_a_service_again_after_a_restart_of_its_node(node: Node) -> None:
+    lamp = ServiceNames("lamp", SWITCH.request_type, SWITCH.reply_type, "rq/lampRequest", "rr/lampReply")
+    replies: list[bytes] = []
+    with DdsSpace() as space:
+        async with board(space) as (client, participant):
+            requester = client.create_requester(participant, lamp)
+            client.on_reply = lambda _object, _request, payload: replies.append(payload)
+            client.read(requester)
+            await client.until_all_statuses(30)
+            for _ in range(2):
+                async with genuine_node("server", middleware=node.middleware) as server:
+                    await server.does("serve", type="std_srvs/srv/SetBool", name="/lamp")
+                    replies.clear()
+                    while not replies:
+                        client.write(requester, b"\1")
+                        await asyncio.sleep(0.05)
 
 
 def serve_switch(client: HearingClient, participant: Entity, words: str) -> None:
@@ -163,9 +220,9 @@ def serve_switch(client: HearingClient, participant: Entity, words: str) -> None
     client.read(switch)
 
 
-async def test_a_long_request_and_a_long_reply_come_in_fragments() -> None:
+async def test_a_long_request_and_a_long_reply_come_in_fragments(node: Node) -> None:
     with DdsSpace() as space:
-        async with board(space) as (client, participant), genuine_node() as node:
+        async with board(space) as (client, participant):
             names = ServiceNames(
                 "long", "rcl_interfaces::srv::dds_::GetParameters_Request_",
                 "rcl_interfaces::srv::dds_::GetParameters_Response_", "rq/longRequest", "rr/longReply",

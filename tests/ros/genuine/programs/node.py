@@ -5,17 +5,24 @@ It runs with the Python of its own environment, and imports nothing of MsBOT.
 
 import importlib
 import json
+import os
 import sys
 import threading
 import time
+from itertools import cycle
 
 import rclpy
+from mcap.reader import make_reader
 from rcl_interfaces.srv import ListParameters
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 GENEROUS_S = 20.0
 # A node of ours is told that nobody answers after this time, and nothing that works takes so long.
@@ -45,6 +52,23 @@ class Does:
         self.node = node
         self.kept = []
         self.heard = {}
+        self.publishers_of = {}
+
+    def forget(self):
+        """Take back all that was asked for."""
+        for one in self.kept:
+            destroy = {
+                ActionServer: lambda: one.destroy(),
+                Subscription: lambda: self.node.destroy_subscription(one),
+                Publisher: lambda: self.node.destroy_publisher(one),
+                Service: lambda: self.node.destroy_service(one),
+                Timer: lambda: self.node.destroy_timer(one),
+            }.get(type(one))
+            if destroy is not None:
+                destroy()
+        self.kept.clear()
+        self.heard.clear()
+        self.publishers_of.clear()
 
     def call(self, type, name, request, times=1):
         kind = class_of(type)
@@ -69,17 +93,21 @@ class Does:
 
         self.kept.append(self.node.create_service(class_of(type), name, answer))
 
-    def send_goal(self, type, name, goal):
+    def send_goal(self, type, name, goal, times=1):
         kind = class_of(type)
         client = ActionClient(self.node, kind, name)
         if not client.wait_for_server(GENEROUS_S):
             raise TimeoutError(f"there is no action {name}")
-        feedback = []
-        sent = client.send_goal_async(filled(kind.Goal(), goal), lambda one: feedback.append(plain(one.feedback)))
-        handle = wait(sent, name)
-        result = wait(handle.get_result_async(), name)
+        feedback, took = [], []
+        for _ in range(times):
+            begun = time.perf_counter()
+            sent = client.send_goal_async(filled(kind.Goal(), goal), lambda one: feedback.append(plain(one.feedback)))
+            handle = wait(sent, name)
+            result = wait(handle.get_result_async(), name)
+            took.append(time.perf_counter() - begun)
         client.destroy()
         return {
+            "median_ms": 1e3 * sorted(took)[len(took) // 2],
             "accepted": handle.accepted,
             "status": result.status,
             "result": plain(result.result),
@@ -99,11 +127,11 @@ class Does:
 
         self.kept.append(ActionServer(self.node, kind, name, carry_out))
 
-    def listen(self, type, name, reliable=True, late=False):
+    def listen(self, type, name, reliable=True, late=False, depth=10):
         came = self.heard[name] = []
         self.kept.append(
             self.node.create_subscription(
-                class_of(type), name, lambda one: came.append(plain(one)), qos(reliable, late)
+                class_of(type), name, lambda one: came.append(plain(one)), qos(reliable, late, depth)
             )
         )
 
@@ -118,14 +146,60 @@ class Does:
     def came_so_far(self, name):
         return self.heard[name]
 
-    def publish(self, type, name, message, reliable=True, late=False, period_s=None):
+    def publish(self, type, name, messages, reliable=True, late=False, period_s=None, depth=10, until=0):
+        """Publish these, at once or one after the other with a period; first wait for so many readers."""
         kind = class_of(type)
-        publisher = self.node.create_publisher(kind, name, qos(reliable, late))
-        self.kept.append(publisher)
+        publisher = self.publishers_of.get(name)
+        if publisher is None:
+            publisher = self.publishers_of[name] = self.node.create_publisher(kind, name, qos(reliable, late, depth))
+            self.kept.append(publisher)
+        self._wait_for_readers(publisher, until)
+        messages = [filled(kind(), one) for one in messages]
         if period_s is None:
-            publisher.publish(filled(kind(), message))
+            for one in messages:
+                publisher.publish(one)
         else:
-            self.kept.append(self.node.create_timer(period_s, lambda: publisher.publish(filled(kind(), message))))
+            rest = cycle(messages)
+            self.kept.append(self.node.create_timer(period_s, lambda: publisher.publish(next(rest))))
+
+    def ping(self, there, back, times):
+        """How long a number takes to somebody who sends it back, and back: the median."""
+        kind = class_of("std_msgs/msg/Int32")
+        came = threading.Event()
+        publisher = self.node.create_publisher(kind, there, 10)
+        self.kept += [publisher, self.node.create_subscription(kind, back, lambda _: came.set(), 10)]
+        self._wait_for_readers(publisher, 1)
+        took = []
+        while len(took) < times:
+            begun = time.perf_counter()
+            publisher.publish(kind(data=len(took)))
+            if came.wait(1.0):
+                took.append(time.perf_counter() - begun)
+            came.clear()
+        return {"median_ms": 1e3 * sorted(took)[times // 2]}
+
+    def play(self, file, topic, until=0):
+        """As `ros2 bag play` does: the octets in the bag, by the names of topic and type in it, in its order."""
+        played = 0
+        with open(file, "rb") as stream:
+            for schema, channel, message in make_reader(stream).iter_messages(topics=[topic]):
+                publisher = self.publishers_of.get(channel.topic)
+                if publisher is None:
+                    publisher = self.publishers_of[channel.topic] = self.node.create_publisher(
+                        class_of(schema.name), channel.topic, 10
+                    )
+                    self.kept.append(publisher)
+                    self._wait_for_readers(publisher, until)
+                publisher.publish(message.data)
+                played += 1
+        return played
+
+    def _wait_for_readers(self, publisher, wanted):
+        deadline = time.monotonic() + GENEROUS_S
+        while publisher.get_subscription_count() < wanted:
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"{publisher.topic_name}: {publisher.get_subscription_count()} readers")
+            time.sleep(0.005)
 
     def nodes(self, wanted=()):
         """The nodes, once those are there."""
@@ -134,6 +208,22 @@ class Does:
             found = sorted(f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces())
             if set(wanted) <= set(found) or time.monotonic() > deadline:
                 return found
+            time.sleep(0.01)
+
+    def gone(self, names):
+        """Wait until none of these nodes is there."""
+        deadline = time.monotonic() + GENEROUS_S
+        while set(names) & set(self.nodes()):
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"still there: {self.nodes()}")
+            time.sleep(0.01)
+
+    def service_gone(self, name):
+        """Wait until nobody serves it: a request to who has just left is lost in ROS 2."""
+        deadline = time.monotonic() + GENEROUS_S
+        while name in dict(self.node.get_service_names_and_types()):
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"{name} is still served")
             time.sleep(0.01)
 
     def topics(self):
@@ -191,9 +281,9 @@ class Does:
         return client
 
 
-def qos(reliable, late):
+def qos(reliable, late, depth=10):
     return QoSProfile(
-        depth=10,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if late else DurabilityPolicy.VOLATILE,
     )
@@ -231,7 +321,7 @@ def filled(message, values):
 
 
 def say(what):
-    print(json.dumps(what), flush=True)
+    os.write(1, json.dumps(what).encode() + b"\n")  # whole lines, whatever ROS 2 says in between
 
 
 main(*sys.argv[1:])
