@@ -45,6 +45,9 @@ class ToyBench:
     def is_plugged(self, slot: str) -> bool:
         return self.plugged[slot]
 
+    def uid(self, slot: str) -> bytes:
+        return b""
+
     def plug(self, slot: str) -> None:
         self.plugged[slot] = True
 

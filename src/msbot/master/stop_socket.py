@@ -35,7 +35,7 @@ from msbot.runtime.stop_listening import StopListener, listen
 from msbot.runtime.stop_names import new_name
 from msbot.runtime.stop_places import IS_LINUX, IS_THERE, own_user
 
-MAX_REQUEST: Final = 4096
+MAX_REQUEST: Final = 1 << 16
 MAX_ANSWER: Final = 150_000
 """Largest answer in octets; names of parts that do not fit are left out, and counted in `left_out`."""
 MARGIN: Final = 20

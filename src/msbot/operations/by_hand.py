@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from msbot.config import Direction, FieldKind, Port, Scalar
 from msbot.errors import ConfigError, RegistryError
@@ -96,8 +96,12 @@ class ByHand:
 
     def end_those_of(self, people: Collection[str]) -> None:
         """Release the ports that these people hold: each gets its safe value, then its wire."""
+        self.end_where(lambda _slot, who: who in people)
+
+    def end_where(self, is_over: Callable[[str, str], bool]) -> None:
+        """The same for those of which `(slot, who holds it)` is true."""
         for hold in list(self._holds.values()):
-            if hold.who in people and not hold.ending:
+            if not hold.ending and is_over(hold.held.slot, hold.who):
                 self._end(hold)
 
     def held(self) -> Mapping[tuple[str, str], str]:

@@ -52,12 +52,17 @@ class ClassControl:
     def forget(self, pupil: str) -> None:
         """A person is removed: whoever has that name later is in no group, and nobody holds them."""
         self._hands.pop(pupil, None)
+        self.let_go(pupil)
         self._drivers.discard(pupil)
         self._pupils.taken.pop(pupil, None)
         if self._pupils.group_of(pupil):
             groups = (replace(one, pupils=tuple(name for name in one.pupils if name != pupil)) for one in self.groups)
             self._pupils.use_groups([one for one in groups if one.pupils or one.slots])
         self._follow()
+
+    def let_go(self, person: str) -> None:
+        """End what somebody drives by hand: they are removed, or may do less from now on."""
+        self._by_hand.end_those_of({person})
 
     def use_people(self, people: Callable[[], Iterable[str]]) -> None:
         """Say who can sign in besides those who are here."""
@@ -308,6 +313,7 @@ class ClassControl:
             await self._running.read(keep)
         self._pupils.use_groups(groups)
         self._running.inventory.pupil_parts.regroup(self._running.now())
+        self._by_hand.end_where(lambda slot, who: who in self._drivers and not self._pupils.may_use(who, slot))
 
     def _note(self, words: str, who: str) -> None:
         self._running.note(EditKind.CLASS, words, who)

@@ -47,6 +47,8 @@ MOST_AT_ONCE: Final = 256
 MOST_OCTETS: Final = 1 << 18
 """Longest answer that is read."""
 _ONE_READ: Final = 1 << 16
+LONGEST_WORDS: Final = 200
+"""Letters of a reason, and of who says it, that are sent: STOP is refused for no text, however long."""
 
 _log = logging.getLogger(__name__)
 
@@ -160,7 +162,8 @@ class _Asking:
         self.answers: list[dict[str, object]] = []
         self.silent: list[SilentMaster] = []
         self._word = secrets.token_hex(8)
-        self._line = json.dumps({**request, "nonce": self._word}).encode() + b"\n"
+        words = {name: str(request[name] or "")[:LONGEST_WORDS] for name in ("who", "reason") if name in request}
+        self._line = json.dumps({**request, **words, "nonce": self._word}).encode() + b"\n"
         self._is_go = request.get("do") == "go"
         self._until = until
         self._group, self._robot, self._database = group, request.get("robot"), request.get("database")

@@ -214,18 +214,30 @@ class Service:
     def operate(self, session: Session, slot: str, control: str, value: Scalar) -> Done:
         """Do something to a simulated part."""
         self._need(session, Right.OPERATE)
-        self.pupils.check_slot(session, slot)
-        self.views.simulated(slot)
+        self._check_simulated(session, slot)
         self.views.bench.operate(slot, control, value)
         return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
 
     def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
         """Plug a simulated part in, or pull it out."""
         self._need(session, Right.OPERATE)
-        self.pupils.check_slot(session, slot)
-        self.views.simulated(slot)
+        self._check_simulated(session, slot)
+        if plugged and not session.may(Right.ARRANGE) and not self.views.bench.is_plugged(slot):
+            if self.views.is_taken(slot):  # it would look for another slot, and that may be another group's
+                raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
+
+    def _check_simulated(self, session: Session, slot: str) -> None:
+        """Check that somebody may play with the simulated part of a slot, wherever it is now.
+
+        Raises:
+            ConfigError: there is none, or that slot or the one that it holds is another group's.
+        """
+        self.pupils.check_slot(session, slot)
+        self.views.simulated(slot)
+        if held := self.views.slot_held_by_simulated(slot):
+            self.pupils.check_slot(session, held)
 
     def may_undo(self, session: Session, edit: EditLine) -> bool:
         """Whether to offer undo: students undo only their own settings."""

@@ -138,6 +138,17 @@ class Views:
             known = ", ".join(slot.name for slot in blueprint.slots) or "none"
             raise NotThere(said("there is no slot {name!r}; there are {known}", name=name, known=known))
 
+    def slot_held_by_simulated(self, slot: str) -> str:
+        """Which slot the simulated part of a slot holds now: another one if its own was taken; empty: none."""
+        uid = self.bench.uid(slot)
+        parts = self._master.inventory.view(self._clock()) if uid else ()
+        return next((info.slot for info in parts if info.uid == uid and info.slot and not info.state.is_over), "")
+
+    def is_taken(self, slot: str) -> bool:
+        """Whether a part that is there holds a slot."""
+        holder = self._master.inventory.holder(slot, self._clock())
+        return holder is not None and holder.state.is_registered
+
     def parts(self) -> list[PartLine]:
         """All parts that are there or were there lately."""
         return [part_line(info, is_ignored=self._ignored(info)) for info in self._master.inventory.view(self._clock())]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -34,7 +36,7 @@ class Meant:
         if self.db is not None:
             return database_identity(self.db)
         beside = database_beside(DEFAULT_BLUEPRINT)
-        return database_identity(beside) if self.group is None and Path(beside).exists() else None
+        return database_identity(beside) if self.group is None and _counts(Path(beside)) else None
 
     @property
     def in_group(self) -> str:
@@ -135,6 +137,24 @@ def go_command(one: Answer, among: Sequence[Answer], meant: Meant) -> str:
 def silent_words(silent: Sequence[SilentMaster]) -> str:
     """Masters that run and do not answer, by name."""
     return f"{', '.join(map(str, silent))}: {'it runs and does' if len(silent) == 1 else 'they run and do'} not answer"
+
+
+def _counts(database: Path) -> bool:
+    """Whether a database in this folder says which robot is meant: a file that this user has put there.
+
+    What others have put there must not lead STOP to another robot than the one that runs. Root is in somebody's folder
+    at times: there the file is the owner's, unless everybody may write into it.
+    """
+    if os.name != "posix":
+        return database.exists()
+    try:
+        found, folder, file = database.lstat(), database.absolute().parent.stat(), database.stat()
+    except OSError:
+        return False
+    if not stat.S_ISREG(file.st_mode):
+        return False
+    is_own = found.st_uid == own_user()
+    return is_own or (own_user() == 0 and found.st_uid == folder.st_uid and not folder.st_mode & 0o022)
 
 
 def _ask(do: str, meant: Meant, reason: str = "", *, serial_number: object = None, stop: object = None) -> Reached:

@@ -73,6 +73,7 @@ class Accounts:
         self.ticket_key = secrets.token_bytes(32)
         """For the proofs on pupils' tickets; kept over restarts with the sessions."""
         self._gone_listeners: list[Callable[[str], object]] = []
+        self._role_listeners: list[Callable[[str], object]] = []
         self._changing = asyncio.Lock()
         """Held from reading a user until the change is stored, so that no other change comes in between."""
         self.load(store.users())
@@ -89,6 +90,15 @@ class Accounts:
         """Call the listener with the name of everybody who is removed; whoever has that name later is another."""
         self._gone_listeners.append(listener)
 
+    def on_role(self, listener: Callable[[str], object]) -> None:
+        """Call the listener with the name of everybody who gets another role."""
+        self._role_listeners.append(listener)
+
+    def _role_changed(self, name: str, role: Role) -> None:
+        self.sessions.change_role(name, role)
+        for listener in self._role_listeners:
+            listener(name)
+
     def _take(self, users: Iterable[User]) -> None:
         before, self._users = self._users, {user.name: user for user in users}
         self._token_users = {digest: user.name for user in self._users.values() for _, digest in user.tokens}
@@ -101,7 +111,7 @@ class Accounts:
             if new is None or is_another or new.password_hash != old.password_hash:
                 self._end_all_of(name, Ending.REMOVED if new is None or is_another else Ending.NEW_PASSWORD)
             elif new.role is not old.role:
-                self.sessions.change_role(name, new.role)
+                self._role_changed(name, new.role)
 
     # Links on the terminal
 
@@ -348,7 +358,7 @@ class Accounts:
             if wanted is not Role.ADMINISTRATOR:
                 self._check_not_last(user, "have another role")
             await self._keep(who, replace(user, role=wanted))
-        self.sessions.change_role(name, wanted)
+        self._role_changed(name, wanted)
 
     async def change_password(
         self, name: str, password: str, *, who: str, old: str | None = None, browser: str = ""

@@ -17,6 +17,9 @@ class Bench(Protocol):
     def is_plugged(self, slot: str) -> bool:
         """Whether that part is on the wire."""
 
+    def uid(self, slot: str) -> bytes:
+        """The UID of that part; empty: it is pulled out, or has none that is known."""
+
     def plug(self, slot: str) -> None:
         """Plug a part in; nothing happens if it is."""
 
@@ -47,6 +50,10 @@ class NoBench:
     def is_plugged(self, slot: str) -> bool:  # noqa: ARG002 - the protocol's signature
         """Never."""
         return False
+
+    def uid(self, slot: str) -> bytes:  # noqa: ARG002
+        """None."""
+        return b""
 
     def plug(self, slot: str) -> None:
         """There is nothing to plug in."""

@@ -46,6 +46,11 @@ class SimulatedBench:
         """See `Bench.is_plugged`."""
         return self._robot.is_plugged(slot)
 
+    def uid(self, slot: str) -> bytes:
+        """See `Bench.uid`."""
+        simulated = self._robot.simulated(slot)
+        return b"" if simulated is None else simulated.part.uid or b""
+
     def plug(self, slot: str) -> None:
         """See `Bench.plug`."""
         self._robot.plug(slot)
