@@ -146,7 +146,7 @@ def planted() -> Iterator[None]:
         for path in Path(SHARED_FOLDER).glob(f"{PREFIX}{VICTIM}*"):
             if path.lstat().st_uid == NOBODY:
                 assert str(path).startswith(start)
-                path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
+                path.rmdir() if not path.is_symlink() and path.is_dir() else path.unlink()
 
 
 def test_planted_folders_900_sockets_and_a_flood_keep_no_stop_away(folder: Path, group: str) -> None:

@@ -92,6 +92,23 @@ def test_what_a_pupil_drives_by_hand_is_let_go_when_the_class_is_frozen(tmp_path
     play(tmp_path, scene, AA_IS_A_DIAL, parts=RING)
 
 
+@pytest.mark.promise("A pupil leaves neither group, freeze nor take-over, by whatever door")
+def test_what_somebody_drives_by_hand_ends_with_the_right_to_it(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        do, held = stage.operations.do, stage.operations.by_hand.held
+        for who, port in (("ada", "BB.in"), ("zed", "CC.in")):
+            await do("publish", who=pupil(who), port=port, values=["1", "on"], seconds=3600)
+        await stage.do.group("Green", ["ben"], ["BB"], who="novak")  # ada's slot is another group's now
+        assert held() == {("CC", "in"): "zed"}
+        stage.operations.pupils.forget("zed")  # removed by an administrator
+        assert held() == {}
+        await do("publish", who="novak", port="CC.in", values=["1", "on"], seconds=3600)
+        stage.operations.pupils.end_holds("novak")  # who has another role now
+        assert held() == {}
+
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=RING)
+
+
 def test_a_program_is_taken_over_and_handed_back(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         control = stage.operations.pupils

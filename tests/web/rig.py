@@ -38,6 +38,7 @@ class ToyBench:
     def __init__(self, *slots: str) -> None:
         self.plugged = dict.fromkeys(slots, True)
         self.turned: dict[str, Scalar] = dict.fromkeys(slots, 0)
+        self.uids: dict[str, bytes] = {}
 
     def slots(self) -> tuple[str, ...]:
         return tuple(self.plugged)
@@ -46,7 +47,7 @@ class ToyBench:
         return self.plugged[slot]
 
     def uid(self, slot: str) -> bytes:
-        return b""
+        return self.uids.get(slot, b"")
 
     def plug(self, slot: str) -> None:
         self.plugged[slot] = True

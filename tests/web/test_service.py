@@ -230,6 +230,32 @@ def test_the_robot_counts_who_waits_but_not_whom_a_person_ignores(tmp_path: Path
     show(tmp_path, scene)
 
 
+@pytest.mark.promise("A pupil leaves neither group, freeze nor take-over, by whatever door")
+def test_a_simulated_part_does_not_lead_a_pupil_into_another_group(tmp_path: Path) -> None:
+    bench = ToyBench("AA")
+
+    async def scene(rig: Rig) -> None:
+        student, teacher = rig.session(Role.STUDENT), rig.session(Role.TEACHER)
+        await rig.act(teacher, "group", group="Red", pupils=["student"], slots=["AA"])
+        await rig.act(teacher, "group", group="Blue", pupils=[], slots=["BB"])
+        for slot in ("AA", "BB"):
+            assert rig.views.is_taken(slot)
+        bench.plugged["AA"] = False
+        assert "AA has another part now" in str(await refusal(lambda: rig.service.plug(student, "AA", plugged=True)))
+        bench.plugged["AA"] = True
+        holder = rig.stage.master.inventory.holder("BB", asyncio.get_running_loop().time())
+        assert holder is not None
+        bench.uids["AA"] = holder.uid  # it has joined there
+        for deed in (
+            lambda: rig.service.operate(student, "AA", "turn", 7),
+            lambda: rig.service.plug(student, "AA", plugged=False),
+        ):
+            assert "slot BB belongs to group Blue" in str(await refusal(deed))
+        assert rig.service.plug(teacher, "AA", plugged=False).words
+
+    show(tmp_path, scene, bench=bench)
+
+
 def test_simulated_parts_are_played_with(tmp_path: Path) -> None:
     bench = ToyBench("AA")
 

@@ -76,7 +76,7 @@ COMMANDS = {
     "gateway": ("wide.gateway", "Carry topics between this site's data space and other sites, by a list."),
     "router": ("wide.router", "Run a Zenoh router, to which the sites of a wide network connect."),
     "clients": ("agent.clients", "List the sessions of every agent and master that runs here."),
-    "extensions": ("extensions", "List the extensions that are installed, and what is wrong with them."),
+    "extensions": ("extension_list", "List the extensions that are installed, and what is wrong with them."),
     "completion": ("completion", "Print what completes `msbot` commands in bash, zsh or fish."),
 }
 """Every command: the module below `msbot.cli` that has it, and its line in `msbot --help`."""

@@ -52,7 +52,7 @@ class ClassControl:
     def forget(self, pupil: str) -> None:
         """A person is removed: whoever has that name later is in no group, and nobody holds them."""
         self._hands.pop(pupil, None)
-        self.let_go(pupil)
+        self.end_holds(pupil)
         self._drivers.discard(pupil)
         self._pupils.taken.pop(pupil, None)
         if self._pupils.group_of(pupil):
@@ -60,7 +60,7 @@ class ClassControl:
             self._pupils.use_groups([one for one in groups if one.pupils or one.slots])
         self._follow()
 
-    def let_go(self, person: str) -> None:
+    def end_holds(self, person: str) -> None:
         """End what somebody drives by hand: they are removed, or may do less from now on."""
         self._by_hand.end_those_of({person})
 

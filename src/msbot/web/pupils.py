@@ -118,7 +118,7 @@ class PupilDesk:
         """Tickets of pupils and of classes."""
         self._control.use_people(self.pupils)
         accounts.on_gone(self._control.forget)
-        accounts.on_role(self._control.let_go)
+        accounts.on_role(self._control.end_holds)
         accounts.on_gone(passes.class_tickets.forget_those_of)
 
     def pupils(self) -> list[str]:

@@ -222,9 +222,10 @@ class Service:
         """Plug a simulated part in, or pull it out."""
         self._need(session, Right.OPERATE)
         self._check_simulated(session, slot)
-        if plugged and not session.may(Right.ARRANGE) and not self.views.bench.is_plugged(slot):
-            if self.views.is_taken(slot):  # it would look for another slot, and that may be another group's
-                raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
+        is_new = plugged and not self.views.bench.is_plugged(slot)
+        if is_new and self.views.is_taken(slot) and not session.may(Right.ARRANGE):
+            # It would look for another slot, and that may be another group's.
+            raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
 

@@ -131,6 +131,50 @@ def test_a_go_that_a_master_finds_when_it_goes_on_again_moves_nothing(
 
 
 @needs_sockets
+@pytest.mark.promise("Every request of who may say STOP is a STOP, and a GO ends none that its sayer did not know of")
+def test_a_reason_of_any_length_is_a_stop(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        for reason in ("x" * 100_000, "\N{PILE OF POO}" * 50_000, "\udcff" * 5_000):
+            said = await asyncio.to_thread(stop_route.say_stop, stop_route.Meant(None, None), reason)
+            assert len(said.answers) == 1
+            assert stage.master.stop.stopped
+            stage.master.say_go("ann")
+
+    with_socket(tmp_path, act)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="files have no owners here")
+@pytest.mark.promise("Another user of the computer does not keep STOP away")
+def test_a_robot_db_that_others_may_have_put_here_means_no_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside, elsewhere = tmp_path / "robot.db", tmp_path / "elsewhere.db"
+    elsewhere.touch()
+
+    def means_one() -> bool:
+        return stop_route.Meant(None, None).database is not None
+
+    assert not means_one()
+    os.mkfifo(beside)
+    assert not means_one()
+    beside.unlink()
+    beside.mkdir()
+    assert not means_one()
+    beside.rmdir()
+    beside.symlink_to("/dev/zero")
+    assert not means_one()
+    beside.unlink()
+    beside.symlink_to(elsewhere)
+    assert means_one(), "a link of one's own"
+    beside.unlink()
+    beside.touch()
+    assert means_one()
+    monkeypatch.setattr(stop_route, "own_user", lambda: beside.stat().st_uid + 1)
+    assert not means_one(), "a file of somebody else"
+    assert stop_route.Meant(None, None).is_all
+
+
+@needs_sockets
 def test_a_group_in_which_nobody_is_stops_nobody(tmp_path: Path) -> None:
     async def act(stage: Stage) -> None:
         async with answering(stage, str(tmp_path / "robot.db")), answering(stage, "other.db", "OTHER"):

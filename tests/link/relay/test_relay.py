@@ -116,7 +116,7 @@ def test_a_stop_that_the_relay_missed_is_said_on_its_bus_when_the_cable_heals() 
 
 def test_a_lossy_cable_costs_time_but_no_reliable_message() -> None:
     async def scene(stage: Stage) -> None:
-        assert stage.states() == {"MOUTH": "active", "EAR": "active"}
+        assert set(stage.states().values()) <= {"active", "late"}, "a beat may have been lost"
         for index in range(50):
             stage.mouth.publish("say", HelloWorld(index=index, message="hi"))
             await asyncio.sleep(0.05)

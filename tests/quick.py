@@ -1,0 +1,54 @@
+"""`pytest --quick`: the tests without processes, browsers, servers and virtual machines.
+
+A file of tests is left out if it imports what starts one of these, itself or by another module of the tests.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent
+STARTS = re.compile(r"^\s*(?:import|from) (?:subprocess|multiprocessing|playwright|schemathesis)\b", re.MULTILINE)
+_OURS = re.compile(r"^\s*(?:from (tests[\w.]*) import ([\w, ()\n]+)|import (tests[\w.]+))", re.MULTILINE)
+ANYWAY = ("registry/postgres.py",)
+"""Their users run without it, too."""
+
+
+def add_option(parser: pytest.Parser) -> None:
+    """For `conftest.py`: a plugin that is registered later is asked too late."""
+    parser.addoption("--quick", action="store_true", help="only what needs neither processes, browsers nor servers")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out folders whose fixtures start something, and files that do."""
+    if not config.getoption("--quick"):
+        return None
+    fixtures = collection_path / "conftest.py" if collection_path.is_dir() else collection_path
+    if collection_path != ROOT and fixtures.is_file() and fixtures.suffix == ".py" and starts_something(fixtures):
+        return True
+    return None
+
+
+@cache
+def starts_something(file: Path) -> bool:
+    """Whether a module of the tests starts processes, by itself or by what it imports."""
+    if file.is_relative_to(ROOT) and file.relative_to(ROOT).as_posix() in ANYWAY:
+        return False
+    text = file.read_text()
+    if STARTS.search(text):
+        return True
+    return any(starts_something(other) for other in _imported(text) if other != file)
+
+
+def _imported(text: str) -> set[Path]:
+    found = set[Path]()
+    for package, names, module in _OURS.findall(text):
+        name = package or module
+        folder = ROOT.parent / name.replace(".", "/")
+        wanted = [folder.with_suffix(".py"), *(folder / f"{one.strip(' (),')}.py" for one in names.split(","))]
+        found.update(path for path in wanted if path.is_file())
+    return found
