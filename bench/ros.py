@@ -35,16 +35,22 @@ GENUINE, MODEL = "tests.ros.genuine", "tests.space.dds"
 FASTRTPS, CYCLONE = "rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"
 SHOWN = {
     "topics": [f"{GENUINE}.test_topics", f"{GENUINE}.test_robot::test_what_a_node_publishes_moves_the_fan"],
-    "nodes": [f"{GENUINE}.test_robot::test_nodes_topics_and_parameters",
-              f"{GENUINE}.test_robot::test_a_robot_is_found_again_when_either_side_starts_again"],
-    "services": [f"{GENUINE}.test_services::test_a_board_serves_and_asks_nodes_of_both_kinds",
-                 f"{GENUINE}.test_services::test_a_service_is_found_again_after_a_restart_of_its_agent",
-                 f"{GENUINE}.test_services::test_a_board_finds_a_service_again_after_a_restart_of_its_node"],
+    "nodes": [
+        f"{GENUINE}.test_robot::test_nodes_topics_and_parameters",
+        f"{GENUINE}.test_robot::test_a_robot_is_found_again_when_either_side_starts_again",
+    ],
+    "services": [
+        f"{GENUINE}.test_services::test_a_board_serves_and_asks_nodes_of_both_kinds",
+        f"{GENUINE}.test_services::test_a_service_is_found_again_after_a_restart_of_its_agent",
+        f"{GENUINE}.test_services::test_a_board_finds_a_service_again_after_a_restart_of_its_node",
+    ],
     "parameters": [f"{GENUINE}.test_robot::test_nodes_topics_and_parameters"],
-    "actions": [f"{GENUINE}.test_services::test_a_board_carries_out_an_action",
-                f"{GENUINE}.test_services::test_a_board_asks_for_an_action_of_a_node"],
+    "actions": [
+        f"{GENUINE}.test_services::test_a_board_carries_out_an_action",
+        f"{GENUINE}.test_services::test_a_board_asks_for_an_action_of_a_node",
+    ],
     "bags": [f"{GENUINE}.test_bag"],
-}  # fmt: skip
+}
 """The tests that show it: all of a file, or all with this name."""
 STAND_IN = {
     "topics": f"{MODEL}.test_topics_in_dds::test_a_level_is_a_float32_for_ros_nodes_both_ways",
@@ -87,8 +93,12 @@ def table(passed: dict[str, bool], times: dict[str, dict[str, float]]) -> list[s
             median = times.get(middleware, {}).get(what)
             cells.append("" if median is None else f"{median:.1f} ms")
         lines.append(f"| {' | '.join(cells)} |")
-    return [*lines, "", "Medians: a number there and back (topics), a call answered at once (services), a value read "
-            "(parameters), a goal with its result (actions)."]  # fmt: skip
+    return [
+        *lines,
+        "",
+        "Medians: a number there and back (topics), a call answered at once (services), a value read "
+        "(parameters), a goal with its result (actions).",
+    ]
 
 
 def _cell(passed: dict[str, bool], tests: list[str], middleware: str, stand_in: str | None) -> str:
@@ -111,8 +121,12 @@ def run(paths: list[Path]) -> dict[str, bool]:
     """Which of the tests pass; a skipped one is absent."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
-        subprocess.run([sys.executable, "-m", "pytest", "-q", "-n", "0", f"--junitxml={report}", *map(str, paths)],
-                       cwd=ROOT, check=False, stdout=sys.stderr)  # fmt: skip
+        subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-n", "0", f"--junitxml={report}", *map(str, paths)],
+            cwd=ROOT,
+            check=False,
+            stdout=sys.stderr,
+        )
         return {
             f"{case.get('classname')}::{case.get('name')}": len(case) == 0
             for case in ET.parse(report).iter("testcase")
@@ -129,13 +143,22 @@ async def medians(middleware: str, times: int) -> dict[str, float]:
                 for what, ask in (("topics", _ping), ("services", _call)):
                     found[what] = await ask(space, node, times)
                 async with board(space) as (client, participant), fibonacci(client, participant):
-                    told = await node.does("send_goal", type="test_msgs/action/Fibonacci", name="/fibonacci",
-                                           goal={"order": 3}, times=times)  # fmt: skip
+                    told = await node.does(
+                        "send_goal",
+                        type="test_msgs/action/Fibonacci",
+                        name="/fibonacci",
+                        goal={"order": 3},
+                        times=times,
+                    )
                     found["actions"] = told["median_ms"]
             async with robot(Path(folder)):
-                told = await node.does("call", type="rcl_interfaces/srv/GetParameters",
-                                       name="/ROVER/knob/get_parameters", request={"names": ["period_s"]},
-                                       times=times)  # fmt: skip
+                told = await node.does(
+                    "call",
+                    type="rcl_interfaces/srv/GetParameters",
+                    name="/ROVER/knob/get_parameters",
+                    request={"names": ["period_s"]},
+                    times=times,
+                )
                 found["parameters"] = told["median_ms"]
     return found
 
@@ -170,8 +193,10 @@ async def _call(space: DdsSpace, node: Node, times: int) -> float:
 def _version(package: str) -> str:
     done = subprocess.run(
         [str(environment() / "bin/python"), "-c", f"import importlib.metadata as m; print(m.version('ros-{package}'))"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return done.stdout.strip()
 
 

@@ -26,12 +26,20 @@ def brought(name: str, found: object, group: str = "links", package: str = "a 1"
 
 def test_what_is_wrong_is_left_out_and_said_once(caplog: pytest.LogCaptureFixture) -> None:
     good = Scheme("good:1", lambda rest, serve, can: open_link("udp:127.0.0.1:1"))
-    found = Extensions(lambda: [
-        brought("good", good), brought("missing", ModuleNotFoundError("x", name="x")), brought("text", "a text"),
-        brought("exits", SystemExit(3)), brought("says", ConfigError("it needs a cable")), brought("udp", good),
-        brought("good", good, package="b 1"), brought("odd", good, group="stops"),
-        brought("raises", ValueError("\x1b[2J")), brought("../up", good),
-    ])  # fmt: skip
+    found = Extensions(
+        lambda: [
+            brought("good", good),
+            brought("missing", ModuleNotFoundError("x", name="x")),
+            brought("text", "a text"),
+            brought("exits", SystemExit(3)),
+            brought("says", ConfigError("it needs a cable")),
+            brought("udp", good),
+            brought("good", good, package="b 1"),
+            brought("odd", good, group="stops"),
+            brought("raises", ValueError("\x1b[2J")),
+            brought("../up", good),
+        ]
+    )
     for _ in range(2):
         assert found.all("links", Scheme, ["udp"]) == {"good": good}
     assert {(one.package, one.group, one.name): why for one, why in found.listed() if why} == {

@@ -63,11 +63,22 @@ def test_they_are_read_when_the_robot_has_settled(tmp_path: Path) -> None:
     lesson_scene(tmp_path, scene)
 
 
-@pytest.mark.parametrize("text", [
-    "[a](javascript:x)", "[a](javascript&#58;x)", "[a](&#106;avascript&colon;x)", "[a](data:text/html,x)",
-    "[a][b]\n\n[b]: javascript&#58;x", "![a](javascript:x)", "![a](http://elsewhere.example/x.png)",
-    "![a](//elsewhere.example/x.png)", "<img src=x onerror=x>", "![a](x\"onerror=\"x)", "[a](x 'a\" onclick=\"x')",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[a](javascript:x)",
+        "[a](javascript&#58;x)",
+        "[a](&#106;avascript&colon;x)",
+        "[a](data:text/html,x)",
+        "[a][b]\n\n[b]: javascript&#58;x",
+        "![a](javascript:x)",
+        "![a](http://elsewhere.example/x.png)",
+        "![a](//elsewhere.example/x.png)",
+        "<img src=x onerror=x>",
+        '![a](x"onerror="x)',
+        "[a](x 'a\" onclick=\"x')",
+    ],
+)
 @pytest.mark.promise("Texts and files of strangers are shown as text in the browser, and nothing in them runs")
 def test_a_lesson_of_a_stranger_has_no_link_that_runs_and_no_picture_from_elsewhere(text: str) -> None:
     found: list[tuple[str, dict[str, str | None]]] = []
@@ -88,6 +99,13 @@ def test_what_markdown_can_do_stays() -> None:
     html = text_html(
         "| a | b |\n|:--|--:|\n| **1** | `2` |\n\n[c](/library/LED) [d](https://school.example/x) ![e](/web/icon.svg)"
     )
-    for piece in ("<table>", "text-align", "<strong>1</strong>", "<code>2</code>", 'href="/library/LED"',
-                  'href="https://school.example/x"', 'src="/web/icon.svg"'):  # fmt: skip
+    for piece in (
+        "<table>",
+        "text-align",
+        "<strong>1</strong>",
+        "<code>2</code>",
+        'href="/library/LED"',
+        'href="https://school.example/x"',
+        'src="/web/icon.svg"',
+    ):
         assert piece in html

@@ -238,14 +238,13 @@ def test_a_simulated_part_does_not_lead_a_pupil_into_another_group(tmp_path: Pat
         student, teacher = rig.session(Role.STUDENT), rig.session(Role.TEACHER)
         await rig.act(teacher, "group", group="Red", pupils=["student"], slots=["AA"])
         await rig.act(teacher, "group", group="Blue", pupils=[], slots=["BB"])
-        for slot in ("AA", "BB"):
-            assert rig.views.is_taken(slot)
         bench.plugged["AA"] = False
         assert "AA has another part now" in str(await refusal(lambda: rig.service.plug(student, "AA", plugged=True)))
-        bench.plugged["AA"] = True
-        holder = rig.stage.master.inventory.holder("BB", asyncio.get_running_loop().time())
-        assert holder is not None
-        bench.uids["AA"] = holder.uid  # it has joined there
+        holders = [rig.stage.master.inventory.holder(slot, rig.service.now()) for slot in ("AA", "BB")]
+        own, other = (holder.uid for holder in holders if holder is not None)
+        bench.uids["AA"] = own  # it was pulled out a moment ago, and is not lost yet
+        assert rig.service.plug(student, "AA", plugged=True).words == "AA is plugged in"
+        bench.uids["AA"] = other  # it has joined there
         for deed in (
             lambda: rig.service.operate(student, "AA", "turn", 7),
             lambda: rig.service.plug(student, "AA", plugged=False),

@@ -50,9 +50,10 @@ class Predecessors:
 
     def _ask(self, newcomer: Proxy, port: ServedLink, peer: Peer, now: float) -> None:
         others = [
-            proxy for proxy, place in port.members.items()
+            proxy
+            for proxy, place in port.members.items()
             if place == peer and proxy is not newcomer and not self._gate.keeps(proxy.info)
-        ]  # fmt: skip
+        ]
         if not others:
             return
         self._newest[port, peer] = newcomer

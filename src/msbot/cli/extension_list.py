@@ -25,9 +25,16 @@ def command(*, as_json: bool) -> None:
     _load_all()
     found = list(extensions().listed())
     if as_json:
-        click.echo(json.dumps({"extensions": [
-            {"package": one.package, "group": one.group, "name": one.name, "left_out": why} for one, why in found
-        ]}))  # fmt: skip
+        click.echo(
+            json.dumps(
+                {
+                    "extensions": [
+                        {"package": one.package, "group": one.group, "name": one.name, "left_out": why}
+                        for one, why in found
+                    ]
+                }
+            )
+        )
     elif not found:
         click.echo("No extension is installed. How to write one: docs/howto/write_an_extension.md")
     else:

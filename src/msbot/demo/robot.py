@@ -213,6 +213,10 @@ class DemoRobot:
             if other.slot == plug.slot:
                 self._enter(other)
 
+    def uid(self, name: str) -> bytes:
+        """The UID of that part, plugged in or not."""
+        return self._plug(name).uid
+
     def simulated(self, name: str) -> SimulatedPart | None:
         """The simulated device plugged in there, to be played with; None for the thesis' three and an empty place."""
         return self._plug(name).simulated

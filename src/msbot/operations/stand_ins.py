@@ -107,6 +107,10 @@ class StandIns:
         task = self._slots[slot].task
         return task is not None and not task.done()
 
+    def uid(self, slot: str) -> bytes:
+        """The UID of the stand-in of a slot, running or not."""
+        return self._slots[slot].uid
+
     def plug(self, slot: str) -> None:
         """Start the stand-in of a slot; nothing happens if it runs."""
         stand_in = self._slots[slot]

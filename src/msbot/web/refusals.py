@@ -24,7 +24,7 @@ def wants_page(scope: Scope) -> bool:
 
 def refusal_page(
     scope: Scope, words: str, *, session: Session | None, comes_back: bool, ways: Sequence[str] = ()
-) -> bytes:  # fmt: skip
+) -> bytes:
     """The page, as it is sent.
 
     Args:
@@ -37,17 +37,28 @@ def refusal_page(
     language = language_of(HTTPConnection(scope))
     stop = "" if session is None else render("stop", say=language.say, csrf=session.csrf)
     page = render(
-        "refused", language=language, say=language.say, title=language.say("Not now" if comes_back else "Not there"),
-        robot="MsBOT", stop=Markup(stop), why=sentence(language.say(words)),
-        comes_back=comes_back and scope["method"] in ("GET", "HEAD"), ways=ways,
-    )  # fmt: skip
+        "refused",
+        language=language,
+        say=language.say,
+        title=language.say("Not now" if comes_back else "Not there"),
+        robot="MsBOT",
+        stop=Markup(stop),
+        why=sentence(language.say(words)),
+        comes_back=comes_back and scope["method"] in ("GET", "HEAD"),
+        ways=ways,
+    )
     return page.encode()
 
 
 async def refuse(
-    scope: Scope, send: Send, status: int, words: str, *, session: Session | None,
+    scope: Scope,
+    send: Send,
+    status: int,
+    words: str,
+    *,
+    session: Session | None,
     headers: Iterable[tuple[bytes, bytes]] = (),
-) -> None:  # fmt: skip
+) -> None:
     """Answer a request with a refusal."""
     comes_back = status in PASSING
     if wants_page(scope):

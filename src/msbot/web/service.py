@@ -223,7 +223,7 @@ class Service:
         self._need(session, Right.OPERATE)
         self._check_simulated(session, slot)
         is_new = plugged and not self.views.bench.is_plugged(slot)
-        if is_new and self.views.is_taken(slot) and not session.may(Right.ARRANGE):
+        if is_new and self.views.is_held_by_another(slot) and not session.may(Right.ARRANGE):
             # It would look for another slot, and that may be another group's.
             raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)

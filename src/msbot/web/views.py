@@ -144,10 +144,10 @@ class Views:
         parts = self._master.inventory.view(self._clock()) if uid else ()
         return next((info.slot for info in parts if info.uid == uid and info.slot and not info.state.is_over), "")
 
-    def is_taken(self, slot: str) -> bool:
-        """Whether a part that is there holds a slot."""
+    def is_held_by_another(self, slot: str) -> bool:
+        """Whether a part that is there holds a slot, and is not the simulated one, which may just have been pulled."""
         holder = self._master.inventory.holder(slot, self._clock())
-        return holder is not None and holder.state.is_registered
+        return holder is not None and holder.state.is_registered and holder.uid != self.bench.uid(slot)
 
     def parts(self) -> list[PartLine]:
         """All parts that are there or were there lately."""

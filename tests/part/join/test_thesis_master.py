@@ -60,9 +60,12 @@ def test_a_part_at_the_thesis_own_master_says_that_it_does_not_join() -> None:
         agent.add_link(for_part)
         master = HearingClient(masters, key=0xEFEFEFEF)
         membership = Membership(
-            partial(Client, parts, key=1), Joining(ExpectedRobot()), CLAIM,
-            changed=changes.append, configure=lambda _: None,
-        )  # fmt: skip
+            partial(Client, parts, key=1),
+            Joining(ExpectedRobot()),
+            CLAIM,
+            changed=changes.append,
+            configure=lambda _: None,
+        )
         tasks = [asyncio.create_task(one.run()) for one in (agent, master)]
         await master.connect(60.0)
         participant = master.create_participant()

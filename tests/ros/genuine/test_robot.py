@@ -53,8 +53,14 @@ async def test_what_a_node_publishes_moves_the_fan(tmp_path: Path, node: Node, *
     async with robot(tmp_path, binding=binding, parts=("fan",)) as rover:
         fan = rover.parts["fan"]
         for percent in (80.0, 0.0):
-            await node.does("publish", type=FLOAT, name="/ROVER/power", messages=[{"data": percent}],
-                            reliable=reliable, period_s=0.1)  # fmt: skip
+            await node.does(
+                "publish",
+                type=FLOAT,
+                name="/ROVER/power",
+                messages=[{"data": percent}],
+                reliable=reliable,
+                period_s=0.1,
+            )
             await until(lambda wanted=percent: bool(fan.source("speed")) == bool(wanted), f"{percent} %")  # type: ignore[misc]
             await node.does("forget")
 
@@ -115,8 +121,10 @@ async def test_robots_share_what_their_blueprints_name(tmp_path: Path, node: Nod
 
 
 async def test_a_domain_is_a_network_of_its_own(tmp_path: Path, node: Node) -> None:
-    async with robot(tmp_path, "FAR", space="dds:7"), genuine_node("inside", middleware=node.middleware,
-                                                            ROS_DOMAIN_ID="7") as inside:  # fmt: skip
+    async with (
+        robot(tmp_path, "FAR", space="dds:7"),
+        genuine_node("inside", middleware=node.middleware, ROS_DOMAIN_ID="7") as inside,
+    ):
         assert "/FAR/knob" in await inside.does("nodes", wanted=["/FAR/knob"])
         assert await inside.does("parameters", names=["/FAR/knob"])
         assert "/FAR/knob" not in await node.does("nodes")

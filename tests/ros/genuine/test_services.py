@@ -26,13 +26,19 @@ from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import program, until
 
 SWITCH = ServiceNames(
-    "switch", "std_srvs::srv::dds_::SetBool_Request_", "std_srvs::srv::dds_::SetBool_Response_",
-    "rq/switchRequest", "rr/switchReply",
-)  # fmt: skip
+    "switch",
+    "std_srvs::srv::dds_::SetBool_Request_",
+    "std_srvs::srv::dds_::SetBool_Response_",
+    "rq/switchRequest",
+    "rr/switchReply",
+)
 ADD = ServiceNames(
-    "add_two_ints", "example_interfaces::srv::dds_::AddTwoInts_Request_",
-    "example_interfaces::srv::dds_::AddTwoInts_Response_", "rq/add_two_intsRequest", "rr/add_two_intsReply",
-)  # fmt: skip
+    "add_two_ints",
+    "example_interfaces::srv::dds_::AddTwoInts_Request_",
+    "example_interfaces::srv::dds_::AddTwoInts_Response_",
+    "rq/add_two_intsRequest",
+    "rr/add_two_intsReply",
+)
 NAMES = {"send_goal": "SendGoal", "get_result": "GetResult"}
 CYCLONE_NODE = (sys.executable, str(SOURCES / "ros_service.py"))
 
@@ -83,9 +89,7 @@ async def test_a_board_serves_and_asks_nodes_of_both_kinds(node: Node) -> None:
                 assert await other.says("sum") == "sum 42 of request 7"
             # The other way round.
             await node.does("serve", type="std_srvs/srv/SetBool", name="/lamp")
-            lamp = ServiceNames(
-                "lamp", SWITCH.request_type, SWITCH.reply_type, "rq/lampRequest", "rr/lampReply"
-            )  # fmt: skip
+            lamp = ServiceNames("lamp", SWITCH.request_type, SWITCH.reply_type, "rq/lampRequest", "rr/lampReply")
             requester = client.create_requester(participant, lamp)
             client.on_reply = lambda _object, _request, payload: replies.append(payload)
             client.read(requester)
@@ -110,16 +114,12 @@ async def fibonacci(client: HearingClient, participant: Entity) -> AsyncIterator
 
     send = client.create_replier(participant, service("send_goal", f"{kind}_SendGoal"))
     result = client.create_replier(participant, service("get_result", f"{kind}_GetResult"))
-    cancel = client.create_replier(
-        participant, service("cancel_goal", "action_msgs::srv::dds_::CancelGoal")
-    )  # fmt: skip
+    cancel = client.create_replier(participant, service("cancel_goal", "action_msgs::srv::dds_::CancelGoal"))
     publisher = client.create_publisher(participant)
     feedback = client.create_writer(
         publisher, client.create_topic(participant, "rt/fibonacci/_action/feedback", f"{kind}_FeedbackMessage_")
     )
-    status = client.create_topic(
-        participant, "rt/fibonacci/_action/status", "action_msgs::msg::dds_::GoalStatusArray_"
-    )  # fmt: skip
+    status = client.create_topic(participant, "rt/fibonacci/_action/status", "action_msgs::msg::dds_::GoalStatusArray_")
     client.create_writer(publisher, status, EndpointQos(transient_local=True, depth=1))
 
     def answer(asked: int, _request: int, identity: bytes, payload: bytes) -> None:
@@ -150,9 +150,12 @@ async def test_a_board_asks_for_an_action_of_a_node(node: Node) -> None:
 
     def service(name: str) -> ServiceNames:
         return ServiceNames(
-            f"{path}/{name}", f"{kind}_{NAMES[name]}_Request_", f"{kind}_{NAMES[name]}_Response_",
-            f"rq/{path}/{name}Request", f"rr/{path}/{name}Reply",
-        )  # fmt: skip
+            f"{path}/{name}",
+            f"{kind}_{NAMES[name]}_Request_",
+            f"{kind}_{NAMES[name]}_Response_",
+            f"rq/{path}/{name}Request",
+            f"rr/{path}/{name}Reply",
+        )
 
     replies: dict[int, list[bytes]] = {}
     feedback: list[bytes] = []
@@ -224,9 +227,12 @@ async def test_a_long_request_and_a_long_reply_come_in_fragments(node: Node) -> 
     with DdsSpace() as space:
         async with board(space) as (client, participant):
             names = ServiceNames(
-                "long", "rcl_interfaces::srv::dds_::GetParameters_Request_",
-                "rcl_interfaces::srv::dds_::GetParameters_Response_", "rq/longRequest", "rr/longReply",
-            )  # fmt: skip
+                "long",
+                "rcl_interfaces::srv::dds_::GetParameters_Request_",
+                "rcl_interfaces::srv::dds_::GetParameters_Response_",
+                "rq/longRequest",
+                "rr/longReply",
+            )
             replier = client.create_replier(participant, names)
             came: list[int] = []
 

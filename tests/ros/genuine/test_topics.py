@@ -26,8 +26,15 @@ async def test_both_ways(node: Node, *, reliable: bool) -> None:
     inbox, qos = Inbox(), Qos(reliable=reliable, depth=10, partitions=EVERYBODY)
     with DdsSpace() as space:
         space.reader(TOPIC, qos, inbox)
-        await node.does("publish", type=INT, name="/count", messages=[{"data": n} for n in range(5)],
-                        reliable=reliable, until=1, period_s=0.02)  # fmt: skip
+        await node.does(
+            "publish",
+            type=INT,
+            name="/count",
+            messages=[{"data": n} for n in range(5)],
+            reliable=reliable,
+            until=1,
+            period_s=0.02,
+        )
         await until(lambda: len(inbox.payloads) >= 5)
         await node.does("forget")
         inbox.samples.clear()

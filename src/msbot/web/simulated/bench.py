@@ -18,7 +18,7 @@ class Bench(Protocol):
         """Whether that part is on the wire."""
 
     def uid(self, slot: str) -> bytes:
-        """The UID of that part; empty: it is pulled out, or has none that is known."""
+        """The UID of that part, plugged in or not; empty: it has none."""
 
     def plug(self, slot: str) -> None:
         """Plug a part in; nothing happens if it is."""

@@ -22,6 +22,9 @@ class SimulatedParts(Protocol):
     def is_plugged(self, slot: str) -> bool:
         """Whether that part is on the wire."""
 
+    def uid(self, slot: str) -> bytes:
+        """Its UID, plugged in or not."""
+
     def plug(self, slot: str) -> object:
         """Plug it in."""
 
@@ -48,8 +51,7 @@ class SimulatedBench:
 
     def uid(self, slot: str) -> bytes:
         """See `Bench.uid`."""
-        simulated = self._robot.simulated(slot)
-        return b"" if simulated is None else simulated.part.uid or b""
+        return self._robot.uid(slot)
 
     def plug(self, slot: str) -> None:
         """See `Bench.plug`."""
