@@ -230,6 +230,8 @@ class Does:
         return dict(self.node.get_topic_names_and_types())
 
     def services_of(self, name, namespace):
+        """What a node serves, once it is there."""
+        self.nodes([f"{namespace.rstrip('/')}/{name}"])
         return dict(self.node.get_service_names_and_types_by_node(name, namespace))
 
     def publishers(self, name, wanted=1):
