@@ -1,7 +1,7 @@
 """Whether the journal of a robot is consistent: read from the database with SQL alone, judged by its documentation.
 
 1. Numbers rise. Times do not go back.
-2. Every change has a reason in words, and is one of docs/explain/plug_and_play.md ("The states of a part").
+2. Every change has a reason in words, and is one of docs/explain/part_states.md.
 3. A slot has one holder at a time.
 4. No part of the robot is accused of what it has not done: its own samples are never forged.
 5. Every change by a person that was acknowledged is among the edits.
