@@ -97,7 +97,7 @@ SPECIAL = {
 """What the genuine agent does in recordings whose answers are compared in a way of their own."""
 
 OTHERWISE = SPECIAL | {name: LOST for group in LOSSLESS.values() for name in group}
-"""Recordings that ours answers otherwise, and why; `docs/reference/xrce.md` has the same list."""
+"""Recordings that ours answers otherwise, and why."""
 
 
 def test_every_recording_is_replayed_or_excused() -> None:
