@@ -91,9 +91,19 @@ def line(row: Row) -> str:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_the_page_tells_what_a_message_costs(row: Row) -> None:
+def test_messages_are_restored(row: Row) -> None:
     assert decompress(compress(row.octets)) == row.octets
-    assert line(row) in SECTION
+
+
+def test_the_page_shows_what_a_message_costs() -> None:
+    table = (
+        SECTION.partition("What a message costs")[2]
+        .partition("|---|---|---|---|---|---|---|\n")[2]
+        .partition("\n\n")[0]
+    )
+    shown = table.splitlines()
+    assert len(shown) > 10
+    assert [row for row in shown if row not in map(line, ROWS)] == []
 
 
 if __name__ == "__main__":
