@@ -26,7 +26,3 @@ def test_every_reason_for_dropping_is_explained() -> None:
     }
     assert len(reasons) >= 8
     assert [reason for reason in reasons if reason.strip() not in PAGE] == []
-
-
-def test_every_file_is_in_the_table() -> None:
-    assert [source.name for source in SOURCES if f"`{source.name}`" not in PAGE] == ["__init__.py"]
