@@ -3,8 +3,6 @@ picture of the wires of each.
 
     python tools/hardware_table.py           writes both
     python tools/hardware_table.py --check   says whether they are up to date (status 1 if not); a test does the same
-
-How a driver is tested follows from what it needs, and from the tests that name its part number.
 """
 
 from __future__ import annotations
@@ -31,53 +29,29 @@ BUSES = {
     BusKind.SPI: "SPI",
     BusKind.SERIAL: "serial port",
 }
-TESTED = {
-    "test_outputs.py": "mock pins",
-    "test_inputs.py": "mock pins",
-    "test_i2c_chips.py": "model of its registers",
-    "test_kernel_files.py": "files as the kernel's",
-    "test_usb_gpio.py": "module on a pseudo terminal",
-    "test_i2c_stub.py": "i2c-stub of a Linux kernel",
-    "test_gpio_sim.py": "gpio-sim of a Linux kernel",
-    "test_usb_module.py": "USB device of a Linux kernel",
-}
-"""Test files of drivers, and what they have in place of the thing."""
-OTHERS = {
-    ("test_outputs.py", BusKind.SPI): "a file for its SPI",
-    ("test_inputs.py", BusKind.ADC): "mock pins and files as the kernel's",
-    ("test_kernel_files.py", BusKind.SERIAL): "pseudo terminal",
-}
-"""Those that have something else for one kind of bus."""
-
-
-ON_BOARDS = "on boards: a double of `machine`"
+TESTS = ("tests/hardware", "tests/socketcan")
+"""Folders of the tests of drivers."""
 
 
 def tests_of(part_type: PartType) -> list[str]:
-    """What the driver of a part type is tested with."""
-    found = []
-    for folder in ("tests/hardware", "tests/socketcan"):
-        for path in sorted((ROOT / folder).glob("test_*.py")):
-            if path.name in TESTED and re.search(rf"[\"']{re.escape(part_type.number)}[\"']", path.read_text("utf-8")):
-                found.append(OTHERS.get((path.name, part_type.driver.bus), TESTED[path.name]))
-    return list(dict.fromkeys(found))
+    """The files of tests that name a part type."""
+    return [
+        path.name
+        for folder in TESTS
+        for path in sorted((ROOT / folder).glob("test_*.py"))
+        if re.search(rf"[\"']{re.escape(part_type.number)}[\"']", path.read_text("utf-8"))
+    ]
 
 
 def table() -> str:
     """One row for each part type."""
-    rows = ["| part number | is | simulator | driver on Linux | driver on boards | tested with |"]
-    rows.append("|---|---|---|---|---|---|")
+    rows = ["| part number | is | driver on Linux | driver on boards |", "|---|---|---|---|"]
     for part_type in sorted(load_library(), key=lambda one: one.number):
         driver = part_type.driver
         linux = f"[{BUSES[driver.bus]}](wiring.md#{anchor(part_type)})" if driver.entry_point else f"no: {driver.none}"
-        tested = ", ".join(tests_of(part_type)) if driver.entry_point else "–"
-        simulator = "yes" if part_type.simulator is not None else "no"
-        board = BOARD_DRIVERS.get(driver.board.driver)
-        boards = "a program of your own" if board is None else f"`{driver.board.driver}`: {board.words}"
-        if board is not None:
-            tested = f"{tested}; {ON_BOARDS}"
-        cells = (f"`{part_type.number}`", part_type.name, simulator, linux, boards, tested)
-        rows.append(f"| {' | '.join(cells)} |")
+        board = driver.board.driver
+        boards = f"`{board}`" if board in BOARD_DRIVERS else "–"
+        rows.append(f"| `{part_type.number}` | {part_type.name} | {linux} | {boards} |")
     return "\n".join(rows) + "\n"
 
 
@@ -105,9 +79,9 @@ def wiring() -> str:
         driver = part_type.driver
         if not driver.entry_point:
             continue
-        lines = [f"## {part_type.number}", "", f"{part_type.name}. {part_type.description}.", ""]
-        lines += [f"![Wires of {part_type.number}](wiring/{part_type.number}.svg)", ""]
-        lines += ["| pin | carries | goes to |", "|---|---|---|"]
+        lines = [f"## {part_type.number}", ""]
+        lines += [f"{part_type.name}. ![Wires of {part_type.number}](wiring/{part_type.number}.svg)", ""]
+        lines += ["| pin | goes to |", "|---|---|"]
         wires = {wire.pin: wire for wire in driver.pins}
         for pin in part_type.pins:
             supply = str(part_type.supply or "supply")
@@ -119,11 +93,12 @@ def wiring() -> str:
                 goes += f", {wire.description}" if wire.description else ""
             elif pin.kind.value == "bus" and driver.bus is BusKind.I2C:
                 goes = {"SDA": "SDA, GPIO 2", "SCL": "SCL, GPIO 3"}.get(pin.name, "")
-            carries = f"{pin.kind.value}, {pin.description}" if pin.description else pin.kind.value
-            lines.append(f"| {pin.name} | {carries} | {goes or '–'} |")
+            said = "" if pin.kind.value == "bus" else pin.description
+            if goes or said:
+                lines.append(f"| {pin.name} | {'; '.join(filter(None, (goes, said)))} |")
         lines += ["", "```", example(part_type), "```", ""]
         if driver.options:
-            lines += ["| option | unless told | means |", "|---|---|---|"]
+            lines += ["| option | default | means |", "|---|---|---|"]
             for option in driver.options:
                 unit = f" {option.unit}" if option.unit else ""
                 lines.append(f"| `{option.name}` | {scalar_text(option.default)}{unit} | {option.description} |")
