@@ -23,7 +23,9 @@ class Rig:
         if measured:
             self.sender.round_trip.measure(0.002)
         self.stream = ReliableInput(16, Memory(1 << 20), counters)
-        self.asking = AskingAgain(self.sender, guesses=guesses, overtaking=Overtaking() if is_stock else None)
+        self.asking = AskingAgain(
+            self.sender, guesses=guesses, overtaking=Overtaking(self.sender.round_trip) if is_stock else None
+        )
 
     def take(self, number: int, now: float) -> None:
         """A message comes in."""

@@ -7,6 +7,7 @@ import pytest
 from msbot.xrce.sessions.counters import Memory, SessionCounters
 from msbot.xrce.streams.overtaking import DELAY_MAX_S, MARGIN, MEMORY_S, Overtaking
 from msbot.xrce.streams.receiving_in_order import ReliableInput
+from msbot.xrce.streams.round_trip import RoundTrip
 
 STREAM = 0x80
 
@@ -16,7 +17,8 @@ class Rig:
 
     def __init__(self) -> None:
         self.stream = ReliableInput(16, Memory(1 << 20), SessionCounters())
-        self.overtaking = Overtaking()
+        self.round_trip = RoundTrip()
+        self.overtaking = Overtaking(self.round_trip)
 
     def take(self, number: int, now: float) -> None:
         self.overtaking.note(STREAM, self.stream, number, now)
@@ -58,6 +60,28 @@ def test_reports_of_what_comes_later_do_not_count() -> None:
         rig.stream.told(2, 1, 1.002)  # asks for message 2
     rig.take(0, 1.02)
     assert rig.overtaking.is_seen(1.02)
+
+
+def test_what_comes_for_a_report_that_was_under_way_when_it_was_lost_was_not_overtaken() -> None:
+    rig = Rig()
+    rig.round_trip.learn(0.0025)
+    rig.take(1, 1.0)
+    rig.tell(1.0)  # about 0; the client sends 2, which is lost, and 3 before it has this
+    rig.take(3, 1.002)
+    for number in (0, 1, 2, 3):
+        rig.take(number, 1.005)
+    assert not rig.overtaking.is_seen(1.005)
+    rig.tell(1.005)
+    rig.take(5, 1.1)  # long after the latest report
+    rig.take(4, 1.11)
+    assert rig.overtaking.is_seen(1.11)
+
+
+def test_what_comes_in_the_same_burst_needs_no_time_between_acknowledgements() -> None:
+    rig = Rig()
+    rig.take(1, 1.0)
+    rig.take(0, 1.0)
+    assert not rig.overtaking.is_seen(1.0)
 
 
 def test_the_delay_is_bounded_and_the_longest_counts() -> None:

@@ -98,7 +98,8 @@ class Session(ABC, Generic[Event]):
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
         self._sender = SessionOutput(envelope, self.counters, settings, unacked)
         # On a bus (no such short silence) silence means that others go first, and questions would make it worse.
-        self._overtaking = Overtaking() if settings.may_reorder and settings.peer_is_stock else None
+        watches_order = settings.may_reorder and settings.peer_is_stock
+        self._overtaking = Overtaking(self._sender.round_trip) if watches_order else None
         guesses = settings.heartbeat_min_s < settings.heartbeat_s
         self._asking = AskingAgain(self._sender, guesses=guesses, overtaking=self._overtaking)
 

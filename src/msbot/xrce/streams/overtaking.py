@@ -5,14 +5,16 @@ wire). What was under way and lost at that moment can never be sent again. So an
 reorders must leave time between two ACKNACKs of which the second is higher.
 
 How it is seen: a number that was missing when later ones had come is watched. Its client sends it once by itself, and
-once for each ACKNACK that reports something missing. If it comes more often than that, or before anything was reported,
-it had not been lost but overtaken, and the time since its absence was noticed bounds how late it was. A network that
-doubles packets is taken for one that reorders by a round trip; that costs little.
+once for each ACKNACK that reports something missing, also for one that was under way when the number was first sent and
+lost. If it comes more often than that, or before anything was reported, it had not been lost but overtaken, and the
+time since its absence was noticed bounds how late it was. A network that doubles packets is taken for one that reorders
+by a round trip; that costs little.
 """
 
 from __future__ import annotations
 
 from msbot.xrce.streams.receiving_in_order import ReliableInput
+from msbot.xrce.streams.round_trip import RoundTrip
 
 MEMORY_S = 30.0
 """How long after the last sign a network counts as one that reorders."""
@@ -24,6 +26,10 @@ DELAY_MIN_S, DELAY_MAX_S = 0.005, 0.2
 
 ASKED_MAX = 4
 """After more reports than that, how often a number came says little about how late it was."""
+
+UNDER_WAY_MAX_S = 0.003
+"""For a round trip a client may still answer a report with everything that it has sent by then. This is the most that
+is allowed for, and what is taken while none is measured: with more, too little would be seen where much is lost."""
 
 TICK_S = 0.0005
 """The shortest wait."""
@@ -42,16 +48,17 @@ class _Watched:
     def __init__(self, since: float, reports: int) -> None:
         self.since = since
         self.reports = reports
-        """How many reports the stream had sent by then."""
+        """How many reports the stream had sent by then, those that were still under way left out."""
         self.copies = 0
 
 
 class Overtaking:
     """What is known of one session's network."""
 
-    __slots__ = ("_numbers", "_until", "delay_s")
+    __slots__ = ("_numbers", "_round_trip", "_until", "delay_s")
 
-    def __init__(self) -> None:
+    def __init__(self, round_trip: RoundTrip) -> None:
+        self._round_trip = round_trip
         self.delay_s = 0.0
         """How late a packet may be that another one has overtaken; of use while `is_seen`."""
         self._until = _NEVER_YET
@@ -69,7 +76,9 @@ class Overtaking:
             watched.copies += 1
             asked = stream.reports_on(number) - watched.reports
             if watched.copies > asked and asked <= ASKED_MAX:
-                self._see(now - watched.since, now)
+                late_s = now - watched.since
+                if late_s >= TICK_S:  # what is read in one burst is answered by one ACKNACK
+                    self._see(late_s, now)
         self.announced(stream_id, stream, (number - 1) & 0xFFFF, now)
 
     def announced(self, stream_id: int, stream: ReliableInput, last: int, now: float) -> None:
@@ -78,8 +87,11 @@ class Overtaking:
         if not 0 < ahead <= WATCHED_MAX:
             return
         numbers = self._numbers.setdefault(stream_id, {})
+        known_s = self._round_trip.smoothed_s
+        under_way_s = UNDER_WAY_MAX_S if known_s is None else min(known_s, UNDER_WAY_MAX_S)
+        reports = stream.reports - stream.reports_since(now - under_way_s)
         for index in range(ahead):
-            numbers[(last - index) & 0xFFFF] = _Watched(now, stream.reports)
+            numbers[(last - index) & 0xFFFF] = _Watched(now, reports)
         while len(numbers) > WATCHED_MAX:
             del numbers[next(iter(numbers))]
 

@@ -23,6 +23,8 @@ GIVEN_UP = "message given up: its client can no longer send it"
 
 MOVES_KEPT = 64
 """How many of the latest numbers from which ACKNACKs spoke are remembered."""
+REPORTS_KEPT = 16
+"""How many of the latest reports are remembered with their time."""
 ALL_RIPE: frozenset[int] = frozenset()
 """What is missing is not only late."""
 _NEVER_YET = float("-inf")
@@ -47,8 +49,8 @@ class BestEffortInput:
 class ReliableInput:
     """A stream with acknowledgement: every message exactly once and in order."""
 
-    __slots__ = ("_counters", "_held", "_memory", "_moves", "_window", "announced", "joiner", "last_handled", "reports",
-                 "told_at", "told_bits", "told_first", "unripe")  # fmt: skip
+    __slots__ = ("_counters", "_held", "_memory", "_moves", "_reported_at", "_window", "announced", "joiner",
+                 "last_handled", "reports", "told_at", "told_bits", "told_first", "unripe")  # fmt: skip
 
     def __init__(self, window: int, memory: Memory, counters: SessionCounters) -> None:
         self._window = window
@@ -67,6 +69,7 @@ class ReliableInput:
         self.reports = 0
         """How many ACKNACKs asked for something."""
         self._moves: deque[tuple[int, int]] = deque(maxlen=MOVES_KEPT)
+        self._reported_at: deque[float] = deque(maxlen=REPORTS_KEPT)
 
     def told(self, first: int, bits: int, now: float) -> None:
         """Note an ACKNACK that goes to the peer."""
@@ -75,6 +78,7 @@ class ReliableInput:
         self.told_first, self.told_bits, self.told_at = first, bits, now
         if bits:
             self.reports += 1
+            self._reported_at.append(now)
 
     def reports_on(self, number: int) -> int:
         """How many of the reports can have made the peer send that message: those from before it was acknowledged."""
@@ -82,6 +86,10 @@ class ReliableInput:
             if 0 < (first - number) & 0xFFFF < HALF:
                 return reports
         return self.reports
+
+    def reports_since(self, moment: float) -> int:
+        """How many of the latest reports have gone since then."""
+        return sum(reported_at >= moment for reported_at in self._reported_at)
 
     def accept(self, sequence_nr: int, packet: bytes) -> bool:
         """Whether the message is the next in order; an early one is held, any other is counted and forgotten."""
@@ -174,6 +182,7 @@ class ReliableInput:
         self.told_first = self.told_bits = self.reports = 0
         self.told_at = _NEVER_YET
         self._moves.clear()
+        self._reported_at.clear()
 
     def _hold(self, sequence_nr: int, packet: bytes, ahead: int) -> None:
         # A number far beyond the window is ignored: it would be reported missing for ever, and C clients answer any bit
