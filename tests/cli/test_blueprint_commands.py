@@ -1,14 +1,14 @@
 """`msbot check`, `diff`, `apply`, `export`, `robots`: a blueprint and the database against each other."""
 
-import importlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli import COMMANDS
+from msbot.cli import msbot
 from msbot.cli.change import robot_access as control
 from msbot.config import write_sample
 from msbot.errors import ConfigError, MsbotError
@@ -25,7 +25,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     write_sample(Path("robot.toml"))
 
     def run(name: str, *arguments: str, answer: str = "") -> Result:
-        command = importlib.import_module(f"msbot.cli.{COMMANDS[name][0]}").command
+        command = msbot.get_command(click.Context(msbot), name)
+        assert command is not None
         result = CliRunner().invoke(command, arguments, input=answer)
         if isinstance(result.exception, MsbotError):
             raise result.exception

@@ -3,7 +3,7 @@
 import click
 import pytest
 
-from msbot.cli import COMMANDS, first_page
+from msbot.cli import command_lines, first_page
 from msbot.cli.group import msbot
 
 
@@ -14,4 +14,4 @@ def test_it_is_what_click_would_print(columns: int, monkeypatch: pytest.MonkeyPa
     context = click.Context(msbot, info_name="msbot", terminal_width=None, max_content_width=None)
     context.terminal_width = max(min(columns, 80) - 2, 50)
     context.help_option_names = ["-h", "--help"]
-    assert first_page.page({name: words for name, (_, words) in COMMANDS.items()}, columns) == msbot.get_help(context)
+    assert first_page.page(command_lines(), columns) == msbot.get_help(context)

@@ -204,12 +204,16 @@ def _tell_ends(running: dict[int, socket.socket]) -> None:
 
 def _prepare(arguments: Sequence[str]) -> None:
     """Import what a command with these arguments will import."""
-    from msbot.cli import COMMANDS
+    from msbot.cli import BUILT_IN
+    from msbot.runtime.extensions import installed
 
     word = arguments[0] if arguments else ""
-    if word not in COMMANDS:
+    known = {name: f"msbot.cli.{module}" for name, module in BUILT_IN.items()}
+    # Those of others are found when a copy looks for them, perhaps with another path.
+    known |= {one.name: one.target.partition(":")[0] for one in installed() if one.group == "commands" and one.is_own}
+    if word not in known:
         return
-    names = [f"msbot.cli.{COMMANDS[word][0]}", *NEEDS.get(word, ())]
+    names = [known[word], *NEEDS.get(word, ())]
     if word in ("demo", "master") and not {"--no-page", "--help"} & {*arguments}:
         names.append(PAGE)
     before = len(sys.modules)

@@ -93,6 +93,20 @@ def test_packages_are_found_wherever_python_looks(tmp_path: Path, monkeypatch: p
     assert sorted(one.name for one in installed()) == ["also", "near"], "the nearer one hides the other"
 
 
+def test_what_msbot_brings_itself_is_no_extension() -> None:
+    stranger, other = brought("demo", "theirs", "commands"), brought("x", "theirs", "loaders")
+    own = brought("demo", "ours", "commands", "msbot-web 1"), brought("x", "ours", "loaders", "msbot-web 1")
+    found = Extensions(lambda: [stranger, other, *own])
+    assert found.all("commands", str, ["demo"]) == {"demo": "ours"}
+    assert found.all("loaders", str) == {"x": "ours"}
+    assert {(one.package, one.group) for one, why in found.listed() if why} == {("a 1", "commands"), ("a 1", "loaders")}
+    broken = Extensions(lambda: [brought("page", ImportError("no nicegui"), "services", "msbot-web 1"), own[0]])
+    assert broken.all("services", object) == {}
+    assert [(one.package, one.name, why) for one, why in broken.listed()] == [
+        ("msbot-web 1", "page", "ImportError: no nicegui")
+    ]
+
+
 def test_octets_that_are_no_text_do_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", [str(tmp_path)])
     planted(tmp_path, "good", "[msbot.links]\nfar = x:y\n")

@@ -7,11 +7,14 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import distribution
 from pathlib import Path
 
 import httpx
 import pytest
 
+from msbot.cli import BUILT_IN
+from msbot.config import write_sample
 from msbot.runtime.extensions import GROUPS, PREFIX
 from tests.e2e.processes import Process, run, running
 
@@ -50,9 +53,9 @@ def test_it_brings_one_of_each_in_under_150_lines(env: dict[str, str]) -> None:
     assert {row["left_out"] for row in found} == {""}
     lines = told("extensions", env=env).splitlines()
     assert lines[0] == "msbot-hello 1.0"
-    assert "  commands    hello" in lines
+    assert "  commands        hello" in lines
     written = [path for path in EXAMPLE.rglob("*") if path.suffix in (".py", ".toml")]
-    assert sum(len(path.read_text().splitlines()) for path in written) < 150
+    assert sum(bool(line.strip()) for path in written for line in path.read_text().splitlines()) < 150
 
 
 def test_its_command_and_files_are_there_like_those_of_msbot(env: dict[str, str], tmp_path: Path) -> None:
@@ -98,6 +101,61 @@ def test_its_page_call_and_fault_work_at_a_running_robot(robot: Process, env: di
     assert "hiccup" in told("fault", "add", "hiccup", "fan", env=env, cwd=tmp_path)
     assert robot.end() == 0
     assert not any("Traceback" in line for line in robot.lines)
+
+
+def test_its_service_runs_beside_a_master_and_an_agent(env: dict[str, str], tmp_path: Path) -> None:
+    write_sample(tmp_path / "robot.toml")
+    for words in (("master", "--link", "udp:127.0.0.1:0", "--no-page"), ("agent", "udp4", "-p", "0")):
+        with running(*words, "--greet", "rover", cwd=tmp_path, env=env) as process:
+            process.wait_for("Hello, rover!")
+            assert process.end() == 0
+        with running(*words, cwd=tmp_path, env=env) as process:
+            process.wait_for("Ctrl-C ends it")
+            assert process.end() == 0
+        assert not any("Hello" in line for line in process.lines), "nobody asked for it"
+
+
+def without(place: Path, *groups: str) -> dict[str, str]:
+    """MsBOT as if the packages were not installed that bring these groups."""
+    info = place / "msbot-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: msbot\nVersion: 1\n")
+    points = distribution("msbot").entry_points
+    (info / "entry_points.txt").write_text(
+        "".join(f"[{one.group}]\n{one.name} = {one.value}\n" for one in points if one.group not in groups)
+    )
+    return {"PYTHONPATH": str(place), "COLUMNS": "100"}
+
+
+def test_a_master_runs_without_page_and_lessons(tmp_path: Path) -> None:
+    env = without(tmp_path, "msbot.services")
+    write_sample(tmp_path / "robot.toml")
+    for option in ("--port", "--lessons", "--announce", "--no-page"):
+        done = run("master", option, "0", env=env, cwd=tmp_path)
+        assert done.returncode == 2
+        assert "No such option" in done.stderr
+        assert option in done.stderr
+    with running("master", "--link", "udp:127.0.0.1:0", cwd=tmp_path, env=env) as process:
+        process.wait_for("Ctrl-C ends it")
+        assert "fan" in told("parts", env=env, cwd=tmp_path)
+        assert process.end() == 0
+    assert not any("http" in line or "left out" in line for line in process.lines)
+
+
+def test_an_agent_runs_alone(tmp_path: Path) -> None:
+    env = without(tmp_path, "msbot.agent_services", "msbot.services", "msbot.commands", "msbot.loaders")
+    listed = re.findall(r"^  ([a-z]+)  ", told("--help", env=env).partition("Commands:")[2], re.MULTILINE)
+    assert listed == [*BUILT_IN]
+    done = run("master", env=env)
+    assert done.returncode == 2
+    assert "No such command 'master'" in done.stderr
+    usage = told("agent", "udp4", "--help", env=env)
+    assert "--refs" in usage
+    assert not any(f"{option} " in usage for option in ("--rec", "--metrics", "--master", "--name"))
+    with running("agent", "udp4", "-p", "0", cwd=tmp_path, env=env) as process:
+        process.wait_for("Ctrl-C ends it")
+        assert process.end() == 0
+    assert told("extensions", env=env).startswith("No extension is installed")
 
 
 def broken(place: Path) -> dict[str, str]:

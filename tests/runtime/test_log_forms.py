@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.run.logs import EVENTS, LogWishes, RoomLevel, log_event
+from msbot.cli.logs import EVENTS, LogWishes, RoomLevel
+from msbot.cli.run.event_log import log_event
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.runtime.log_forms import JournalFormatter, JsonFormatter, goes_to_journal, room_of
 from msbot.runtime.log_limiter import BURST

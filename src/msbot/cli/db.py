@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import db_option, existing_database
+from msbot.cli.robot_options import db_option, existing_database
 from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 
@@ -89,7 +89,7 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 
     What it had is kept in a copy. No master may run a robot of it meanwhile.
     """
-    from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside
+    from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside
     from msbot.registry import without_password
     from msbot.registry.maintenance import upkeep
 

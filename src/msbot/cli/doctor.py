@@ -10,15 +10,8 @@ from urllib.parse import urlsplit
 
 import click
 
-from msbot.cli.options import (
-    DEFAULT_BLUEPRINT,
-    database_beside,
-    is_there,
-    json_option,
-    no_database,
-    robot_options,
-    space_option,
-)
+from msbot.cli.options import json_option, space_option
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
 from msbot.errors import ConfigError
 from msbot.link import open_link
 from msbot.runtime.terminal_log import TerminalHandler

@@ -14,7 +14,8 @@ import click
 from msbot.cli.bus.telling import library_of, listener_for
 from msbot.cli.group import complain
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import json_option, library_option
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import library_option
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
 from msbot.pnp import Overhearer

@@ -6,6 +6,7 @@ import json
 import logging
 from collections import defaultdict
 from itertools import groupby
+from types import FunctionType
 
 import click
 
@@ -45,27 +46,20 @@ def command(*, as_json: bool) -> None:
 
 def _load_all() -> None:
     """Have everything loaded as it is when it is used."""
-    from msbot.config import load_library
-    from msbot.doctor import all_checks
-    from msbot.lab.faults.kinds import KINDS
-    from msbot.lab.missions.mission_file import ready_missions
+    from msbot.cli.services import Service
     from msbot.link import link_kinds
     from msbot.space import brought_kinds
 
     brought = extensions()
-    brought.all("commands", click.Command, COMMANDS)
+    for name, one in brought.names("commands", COMMANDS).items():
+        if not one.is_own:
+            brought.get("commands", name, click.Command)
+    for group in ("services", "agent_services"):
+        brought.all(group, Service)
     link_kinds()
     brought_kinds()
-    load_library()
-    brought.folders("lessons")
-    ready_missions()
-    len(KINDS)
-    list(all_checks())
-    brought.all("routes", object)
-    if brought.names("pages"):
-        from msbot.web.pages.extension_page import brought_pages
-
-        brought_pages()
+    for load in brought.all("loaders", FunctionType).values():
+        load()
 
 
 def _print(found: list[tuple[Extension, str]]) -> None:

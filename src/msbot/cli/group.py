@@ -6,13 +6,12 @@ import errno
 import importlib
 import os
 import sys
-from collections.abc import Iterator
 
 import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from msbot.cli import CHANGING, COMMANDS, brought_commands
+from msbot.cli import BUILT_IN, COMMANDS, command_lines
 from msbot.cli.first_page import SUMMARY, leave_output
 from msbot.errors import MsbotError
 from msbot.runtime.extensions import extensions
@@ -31,34 +30,35 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         """The commands in the order in which a newcomer needs them."""
-        return [*COMMANDS, *brought_commands()]
+        return list(command_lines())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import and return one command, or None when there is no such name."""
         if cmd_name not in COMMANDS:
             return extensions().get("commands", cmd_name, click.Command)
         with made_to_stay():
-            module = importlib.import_module(f"msbot.cli.{COMMANDS[cmd_name][0]}")
-        command = module.verb(cmd_name) if cmd_name in CHANGING else module.command
-        assert isinstance(command, click.Command)
+            if cmd_name in BUILT_IN:
+                command = importlib.import_module(f"msbot.cli.{BUILT_IN[cmd_name]}").command
+            else:
+                brought = extensions().names("commands", COMMANDS).get(cmd_name)
+                command = None if brought is None else brought.load()
+        assert isinstance(command, click.Command | None)
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """The commands that begin with `incomplete`, from the table above; click would import them all."""
         if not incomplete.startswith("-"):
-            return [CompletionItem(name, help=words) for name, words in _lines() if name.startswith(incomplete)]
+            return [
+                CompletionItem(name, help=words)
+                for name, words in command_lines().items()
+                if name.startswith(incomplete)
+            ]
         return super().shell_complete(ctx, incomplete)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Print the table above without importing anything."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(_lines()))
-
-
-def _lines() -> Iterator[tuple[str, str]]:
-    """Every command with what it does."""
-    yield from ((name, words) for name, (_, words) in COMMANDS.items())
-    yield from brought_commands().items()
+            formatter.write_dl(list(command_lines().items()))
 
 
 @click.group(cls=LazyGroup, help=SUMMARY, context_settings={"help_option_names": ["-h", "--help"]})
@@ -99,7 +99,7 @@ def run() -> None:
         words = f"{name_in_words(wrong)} is not UTF-8, as names and texts must be"
     except Exception as error:
         brought = extensions().names("commands", COMMANDS).get(sys.argv[1] if len(sys.argv) > 1 else "")
-        if brought is None:
+        if brought is None or brought.is_own:
             raise
         words = f"the command {brought.name} of {brought.package} failed: {type(error).__name__}: {error}"
     else:

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.key_of_board import slot_of_board
-from msbot.cli.options import db_option, existing_database
+from msbot.cli.robot_options import db_option, existing_database
 from msbot.config import shown_by
 from msbot.errors import ConfigError
 from msbot.part.join.keys import KEY_OCTETS, key_text

@@ -10,7 +10,9 @@ import click
 
 from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
 from msbot.cli.group import complain
-from msbot.cli.options import answer_options, json_option, lessons_option, mistakes_told, robot_options
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
+from msbot.cli.run.teaching import lessons_option
 from msbot.runtime.amount import amount
 
 

@@ -6,21 +6,19 @@ wrong kind, is left out with a sentence in the log; nothing that an extension do
 
 from __future__ import annotations
 
+import importlib
 import logging
 import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from msbot.errors import MsbotError
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.printable import printable
-
-if TYPE_CHECKING:
-    from importlib.metadata import Distribution
 
 T = TypeVar("T")
 
@@ -28,10 +26,14 @@ _log = logging.getLogger(__name__)
 
 PREFIX = "msbot."
 GROUPS = (
-    "commands", "pages", "routes", "links", "spaces", "part_types", "messages", "lessons", "missions", "faults",
-    "checks",
+    "commands", "services", "agent_services", "pages", "routes", "links", "spaces", "part_types", "messages", "lessons",
+    "missions", "faults", "checks",
 )  # fmt: skip
 """What an extension can bring; `PREFIX` before it is the group of its entry points."""
+OWN_GROUPS = ("loaders", "mission_pages")
+"""What one distribution of MsBOT brings to a lower one. Not for others: it may change with any version."""
+OWN_PACKAGES = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-web")
+"""The distributions of MsBOT: what they bring is a part of it, not an extension."""
 _NAME = re.compile(r"[a-z][a-z0-9_-]{0,49}")
 """A name stands in addresses and on command lines."""
 
@@ -50,6 +52,13 @@ class Extension:
     """What the distribution says of itself."""
     load: Callable[[], Any]
     """Imports it; may raise anything."""
+    target: str = ""
+    """Where it is: `msbot_hello.command:hello`."""
+
+    @property
+    def is_own(self) -> bool:
+        """Whether a distribution of MsBOT brings it."""
+        return self.package.partition(" ")[0] in OWN_PACKAGES
 
 
 class Extensions:
@@ -74,7 +83,8 @@ class Extensions:
         """
         found = self._look().get(group, {})
         for name in set(found).intersection(taken):
-            self.leave_out(found[name], f"MsBOT itself has {name!r} there; give it another name")
+            if not found[name].is_own:
+                self.leave_out(found[name], f"MsBOT itself has {name!r} there; give it another name")
         return {name: one for name, one in found.items() if self._key(one) not in self._left_out}
 
     def get(self, group: str, name: str, kind: type[T]) -> T | None:
@@ -129,19 +139,24 @@ class Extensions:
             self.leave_out(one, why)
 
     def listed(self) -> Iterator[tuple[Extension, str]]:
-        """All of them, with why they are left out; empty: they are not."""
+        """All extensions, with why they are left out; empty: they are not.
+
+        What MsBOT's own distributions bring is among them only where it is left out.
+        """
         everything = [one for group in self._look().values() for one in group.values()]
         doubles = [one for one in self._doubles if one not in everything]
         for one in sorted((*everything, *doubles), key=lambda one: (one.package, one.group, one.name)):
-            yield one, self._left_out.get(self._key(one), "")
+            why = self._left_out.get(self._key(one), "")
+            if why or not one.is_own:
+                yield one, why
 
     def _look(self) -> dict[str, dict[str, Extension]]:
         if self._found is None:
             self._found, self._doubles = {}, list[Extension]()
-            for one in sorted(self._find(), key=lambda one: (one.package, one.group, one.name)):
+            for one in sorted(self._find(), key=lambda one: (not one.is_own, one.package, one.group, one.name)):
                 named = self._found.setdefault(one.group, {})
                 other = named.setdefault(one.name, one)
-                if one.group not in GROUPS:
+                if one.group not in GROUPS and not (one.is_own and one.group in OWN_GROUPS):
                     self.leave_out(one, f"MsBOT has no group {PREFIX}{one.group}; there are {', '.join(GROUPS)}")
                 elif not _NAME.fullmatch(one.name):
                     self.leave_out(one, "a name has small letters, digits, - and _ only, and begins with a letter")
@@ -162,48 +177,67 @@ def extensions() -> Extensions:
 
 
 def installed() -> Iterator[Extension]:
-    """Everything that installed packages bring; `importlib.metadata` is imported only where there is something."""
-    if not any(_mentions(Path(place)) for place in sys.path):
-        return
-    from importlib.metadata import distributions
+    """Everything that installed packages bring.
 
+    Their files are read here: `importlib.metadata` would take longer to import than all of `msbot --help`.
+    """
     seen = set[str]()
-    for distribution in distributions():
-        try:
-            found = list(_brought_by(distribution))
-        except Exception as error:  # files of others may be broken in any way
-            _log.warning("a package that may have extensions cannot be read: %s", _why(error))
-            continue
-        name = distribution.metadata["Name"]
-        if name not in seen:  # hidden by the one before it in sys.path
-            seen.add(name)
-            yield from found
+    for place in sys.path:
+        for info in _with_extensions(Path(place)):
+            try:
+                name, found = _brought_by(info)
+            except Exception as error:  # files of others may be broken in any way
+                _log.warning("%s: a package that may have extensions cannot be read: %s", info.name, _why(error))
+                continue
+            if name not in seen:  # hidden by the one before it in sys.path
+                seen.add(name)
+                yield from found
 
 
-def _brought_by(distribution: Distribution) -> Iterator[Extension]:
-    package = printable(f"{distribution.metadata['Name']} {distribution.version}")
-    summary = printable(distribution.metadata["Summary"] or "")
-    for point in distribution.entry_points:
-        if point.group.startswith(PREFIX):
-            yield Extension(point.group.removeprefix(PREFIX), point.name, package, summary, point.load)
-
-
-def _mentions(place: Path) -> bool:
-    """Whether a package in a folder of `sys.path` has entry points for MsBOT, seen in a millisecond."""
+def _with_extensions(place: Path) -> Iterator[Path]:
+    """The descriptions of the packages in a folder of `sys.path` that have entry points for MsBOT."""
     wanted = f"[{PREFIX}".encode()
     try:
         with os.scandir(place or ".") as entries:
             infos = [entry.path for entry in entries if entry.name.endswith((".dist-info", ".egg-info"))]
     except OSError:
-        return False
-    for info in infos:
+        return
+    for info in sorted(infos):
         try:
             with open(os.path.join(info, "entry_points.txt"), "rb") as file:
                 if wanted in file.read():
-                    return True
+                    yield Path(info)
         except OSError:
             continue
-    return False
+
+
+def _brought_by(info: Path) -> tuple[str, list[Extension]]:
+    """The name of a package, and what it brings."""
+    head = dict[str, str]()
+    text = (info / ("METADATA" if info.suffix == ".dist-info" else "PKG-INFO")).read_text("utf-8")
+    for line in text.partition("\n\n")[0].splitlines():
+        key, _, value = line.partition(":")
+        head.setdefault(key, value.strip())
+    name = head["Name"]
+    package, summary = printable(f"{name} {head['Version']}"), printable(head.get("Summary", ""))
+    found, section = [], ""
+    for line in (info / "entry_points.txt").read_text("utf-8").splitlines():
+        point, equals, target = (word.strip() for word in line.partition("="))
+        if line.startswith("["):
+            section = line.strip("[] \t")
+        elif equals and section.startswith(PREFIX) and not line.startswith(("#", ";")):
+            group = section.removeprefix(PREFIX)
+            found.append(Extension(group, point, package, summary, partial(_load, target), target))
+    return name, found
+
+
+def _load(target: str) -> object:
+    """The object of an entry point, `package.module:attribute` or a module."""
+    module, _, attributes = target.partition("[")[0].strip().partition(":")
+    found: object = importlib.import_module(module.strip())
+    for attribute in filter(None, attributes.strip().split(".")):
+        found = getattr(found, attribute)
+    return found
 
 
 def _why(error: BaseException) -> str:

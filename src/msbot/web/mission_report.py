@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
+from msbot.errors import ConfigError
 from msbot.lab.faults.kinds import KINDS
 from msbot.lab.missions.facts import Fact, What
 from msbot.lab.missions.grading import FaultGrade, Grade, place_words
@@ -12,7 +13,7 @@ from msbot.lab.missions.played import PlayedMission
 from msbot.lab.missions.repairs import REPAIRS
 from msbot.runtime.sentence import said
 from msbot.web.html import Markup, render
-from msbot.web.language import Language
+from msbot.web.language import Language, languages
 from msbot.web.svg.plots import STATE_COLOURS, shortened
 
 _WIDTH, _LEFT, _RIGHT, _ROW = 1000, 150, 20, 26
@@ -25,6 +26,17 @@ _MARKS = {
     What.ACT: ("#5b6b78", "A"), What.LOOKED: ("#b3261e", "L"),
 }  # fmt: skip
 """Colour and letter of what people did; the list below says it in words."""
+
+
+def page_in(played: PlayedMission, code: str) -> str:
+    """The page of `msbot mission report --html`.
+
+    Raises:
+        ConfigError: there is no language of that code.
+    """
+    if code not in languages():
+        raise ConfigError(f"--language: there is no language {code!r}; there are {', '.join(languages())}")
+    return report_page(played, languages()[code])
 
 
 def report_page(played: PlayedMission, language: Language) -> str:

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
-from msbot.cli.demo.world import WorldWishes
+from msbot.cli.run.world import WorldWishes
 from msbot.errors import ConfigError, LinkDown
 from msbot.sim import make_simulator
 from msbot.sim.arena import server as server_module

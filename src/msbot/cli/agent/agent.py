@@ -12,10 +12,12 @@ from pathlib import Path
 import click
 
 from msbot.agent import MOST_OBJECTS, AgentSettings
-from msbot.cli.agent.serving import Wishes, discovery_for, given_text, serve, wished_master
+from msbot.cli.agent.agent_service import AgentCommand
+from msbot.cli.agent.serving import Wishes, discovery_for, given_text, serve
+from msbot.cli.logs import LogWishes, log_options
 from msbot.cli.numbers import FiniteRange, WholeRange
-from msbot.cli.options import metrics_option, space_option
-from msbot.cli.run.logs import LogWishes, log_options
+from msbot.cli.options import space_option
+from msbot.cli.services import wanted_services
 from msbot.errors import ConfigError
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
@@ -50,10 +52,7 @@ def common_options(function: Command) -> Command:
                   help="ced: any reference or XML is a topic's name. dds and rtps are taken for the sake of start "
                   "scripts; where samples are is said with --space.")  # fmt: skip
     @space_option
-    @metrics_option
     @log_options
-    @click.option("--rec", metavar="FILE", type=click.Path(path_type=Path),
-                  help="Record samples and CAN frames in this .mcap file (extra msbot[master]).")  # fmt: skip
     @click.option("-r", "--refs", metavar="FILE", type=click.Path(path_type=Path),
                   help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
     @click.option("-v", "--verbose", type=WholeRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
@@ -66,21 +65,15 @@ def common_options(function: Command) -> Command:
     @click.option("--max-objects", metavar="N", type=WholeRange(1, MOST_OBJECTS),
                   default=AgentSettings().max_objects, show_default=True,
                   help="Objects that one client may have: participants, topics, publishers, writers ...")  # fmt: skip
-    @click.option("--master", metavar="ADDRESS", help="Bring the clients as parts to the robot's master at ADDRESS, "
-                  "for example udp:192.168.1.20:8888, which decides who is let in.")  # fmt: skip
-    @click.option("--name", metavar="NAME", help="With --master: what it calls this agent when it says where a part "
-                  "is; the computer's name by default.")  # fmt: skip
     @wraps(function)
     def wrapped(
-        *, middleware: str | None, space: SpaceAddress, metrics_port: int | None, log_wishes: LogWishes,
-        refs: Path | None, verbose: int, dead_after: float | None, master: str | None, name: str | None,
-        rec: Path | None, max_objects: int,
-        **others: object,
+        *, middleware: str | None, space: SpaceAddress, log_wishes: LogWishes, refs: Path | None, verbose: int,
+        dead_after: float | None, max_objects: int, **others: object,
     ) -> None:  # fmt: skip
         function(
             wishes=Wishes(
-                verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, metrics_port,
-                log_wishes, wished_master(master, name, space), rec, max_objects,
+                verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, log_wishes,
+                max_objects, wanted_services(),
             ),
             **others,
         )  # fmt: skip
@@ -92,7 +85,7 @@ def network_command(name: str, kind: type[UdpServerLink] | type[TcpServerLink], 
     """Add the command for a transport over IP."""
     here, everywhere = ("127.0.0.1", "0.0.0.0") if ip == 4 else ("::1", "::")
 
-    @command.command(name, help=doc)
+    @command.command(name, cls=AgentCommand, help=doc)
     @click.option("-p", "--port", type=WholeRange(0, 65535), required=True, help="Port to listen on; 0 = any.")
     @click.option("--host", default=here, show_default=True,
                   help=f"Address to listen on; {everywhere} for every interface.")  # fmt: skip
@@ -182,7 +175,7 @@ def port_names(ports: tuple[str, ...], list_file: Path | None) -> list[str]:
     return names
 
 
-@command.command("serial")
+@command.command("serial", cls=AgentCommand)
 @port_options
 @common_options
 def serial(*, ports: list[str], link: Link, wishes: Wishes) -> None:
@@ -192,7 +185,7 @@ def serial(*, ports: list[str], link: Link, wishes: Wishes) -> None:
     serve(link, wishes)
 
 
-@command.command("multiserial")
+@command.command("multiserial", cls=AgentCommand)
 @port_options
 @common_options
 def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noqa: ARG001 - any number of ports is right
@@ -200,7 +193,7 @@ def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noq
     serve(link, wishes)
 
 
-@command.command("pseudoterminal")
+@command.command("pseudoterminal", cls=AgentCommand)
 @click.option("-D", "--dev", "path", metavar="NAME", help="A name for the terminal, besides the one the system gives.")
 @baudrate_option
 @common_options
@@ -226,7 +219,7 @@ def id_option(function: Command) -> Command:
 def can_command(name: str, *, doc: str, extra: Callable[[Command], Command] = lambda function: function) -> None:
     """Add the command for one framing on a CAN bus; `extra` is an option of its own."""
 
-    @command.command(name, help=doc)
+    @command.command(name, cls=AgentCommand, help=doc)
     @extra
     @click.option("-D", "--dev", "device", metavar="BUS", required=True,
                   help="An interface of Linux (can0), or an interface of python-can and its channel "

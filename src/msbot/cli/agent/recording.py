@@ -1,10 +1,16 @@
-"""The flight recorder beside an agent, for `msbot agent --rec FILE`."""
+"""The service `recording` of `msbot agent`: the flight recorder, `--rec FILE`."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
+import click
+
+from msbot.cli.agent.agent_service import AgentContext, AgentService
+from msbot.cli.services import Beside
 from msbot.errors import ConfigError
 from msbot.link import Link
 from msbot.space import Space
@@ -59,3 +65,40 @@ class AgentRecording:
         self._recorder.watch_links([link])
         process.record(self._path)
         await run_recorder(process)
+
+
+class Recording(AgentService[Path]):
+    """`msbot agent ... --rec FILE`."""
+
+    options = (
+        click.option("--rec", metavar="FILE", type=click.Path(path_type=Path),
+                     help="Record samples and CAN frames in this .mcap file (extra msbot[master])."),
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self._running: AgentRecording | None = None
+
+    def check(self, given: Mapping[str, Any]) -> Path | None:
+        """Where the recording goes."""
+        path: Path | None = given["rec"]
+        if path is not None:
+            if given.get("master") is not None:
+                raise ConfigError(
+                    "--rec is for an agent on its own; a robot is recorded by its master: `msbot master --rec`"
+                )
+            check_recording(path)
+        return path
+
+    def space(self, wanted: Path, space: Space) -> Space:
+        """The data space with the recorder before it."""
+        self._running = AgentRecording(wanted)
+        return self._running.space(space)
+
+    def beside(self, wanted: Path, context: AgentContext) -> Iterable[Beside]:  # noqa: ARG002 - the recorder has it
+        """The recorder."""
+        assert self._running is not None
+        (link,) = context.links
+        return [self._running.run(link)]
+
+
+RECORDING = Recording()

@@ -6,25 +6,23 @@ import asyncio
 import contextlib
 import ipaddress
 import logging
-import math
 import os
-import platform
 import sys
-from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import field, replace
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from dataclasses import field
 from functools import partial
 from pathlib import Path
 
 import click
 
 from msbot.agent import Agent, AgentSettings, DiscoveryResponder, StatusServer, host_ipv6_addresses
+from msbot.cli.agent.agent_service import AgentContext, AgentPlan, AgentService
 from msbot.cli.agent.packets import packet_tap
-from msbot.cli.agent.recording import AgentRecording, check_recording
-from msbot.cli.run.logs import LogWishes
-from msbot.cli.run.metrics import metrics_beside
-from msbot.cli.run.until_ended import run_until_signal
+from msbot.cli.logs import LogWishes
+from msbot.cli.services import WantedService
+from msbot.cli.until_ended import run_until_signal
 from msbot.errors import ConfigError
-from msbot.link import Link, Peer, Signal, bound_name, open_link
+from msbot.link import Link, Peer, Signal, bound_name
 from msbot.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot.ros.graph import RosGraph
 from msbot.runtime.event_loop import run_to_end
@@ -59,33 +57,6 @@ FILES_BESIDES = 64
 
 
 @dataclass(frozen=True, slots=True)
-class MasterElsewhere:
-    """A master that feeds this agent's gate."""
-
-    address: str
-    name: str
-    """What it calls this agent."""
-
-
-def wished_master(address: str | None, name: str | None, space: SpaceAddress) -> MasterElsewhere | None:
-    """What `--master` and `--name` say.
-
-    Raises:
-        ConfigError: they make no sense, or not with `--space`.
-    """
-    if address is None:
-        if name is not None:
-            raise ConfigError("--name is what a master calls this agent: say with --master ADDRESS where that is")
-        return None
-    if space.kind != MEMORY:
-        raise ConfigError(
-            "with --master the topics go to the robot's master: leave --space out here, and give it to `msbot master`"
-        )
-    open_link(address)  # report mistakes before anything runs
-    return MasterElsewhere(address, name or platform.node() or "agent")
-
-
-@dataclass(frozen=True, slots=True)
 class Wishes:
     """The user's options that do not depend on the link."""
 
@@ -95,14 +66,11 @@ class Wishes:
     dead_after_s: float
     """Infinite: silent clients are kept."""
     space: SpaceAddress = field(default_factory=SpaceAddress)
-    metrics_port: int | None = None
     log: LogWishes = field(default_factory=LogWishes)
-    master: MasterElsewhere | None = None
-    """The master that says who is let in; None: everybody is."""
-    rec: Path | None = None
-    """A file in which everything is recorded."""
     max_objects: int = AgentSettings().max_objects
     """Objects that one client may have."""
+    services: Sequence[WantedService] = ()
+    """What runs beside it, or changes it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,12 +111,6 @@ def serve(
     logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of other libraries are of no use here
     wishes.log.apply()
     references = None if wishes.refs is None else read_references(wishes.refs)
-    if wishes.rec is not None:
-        if wishes.master is not None:
-            raise ConfigError(
-                "--rec is for an agent on its own; a robot is recorded by its master: `msbot master --rec`"
-            )
-        check_recording(wishes.rec)
     if isinstance(link, TcpServerLink):
         _allow_connections()
     with contextlib.suppress(KeyboardInterrupt), patient_output():
@@ -234,19 +196,20 @@ async def _main(  # noqa: PLR0917 - what `serve` was given
     open_for: Callable[[int], Link],
 ) -> None:  # fmt: skip
     with open_space(wishes.space) as inner:
-        recording = None if wishes.rec is None else AgentRecording(wishes.rec)
-        space = inner if recording is None else recording.space(inner)
+        space = inner
+        for one in wishes.services:
+            if isinstance(one.service, AgentService):
+                space = one.service.space(one.wanted, space)
         where = "; ".join(filter(None, (hint, space.words)))
         if isinstance(inner, SharedSpace):
             RosGraph(inner)  # micro-ROS clients are nodes for ROS 2
         greet = partial(_greet, wishes=wishes, hint=where)
-        beside = [] if recording is None else [recording.run(link)]
-        await _run_in(space, link, wishes, references, greet, discovery, open_for, beside)
+        await _run_in(space, link, wishes, references, greet, discovery, open_for)
 
 
 async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
     space: Space, link: Link, wishes: Wishes, references: References | None, greet: Callable[[Link, str], None],
-    discovery: Discovery | None, open_for: Callable[[int], Link], more: Sequence[Coroutine[object, object, None]],
+    discovery: Discovery | None, open_for: Callable[[int], Link],
 ) -> None:  # fmt: skip
     up = asyncio.Event()
 
@@ -262,38 +225,36 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
         domain_255=domain_override(os.environ.get(DOMAIN_VARIABLE)),
         max_objects=wishes.max_objects,
     )
-    if wishes.master is None:
-        agent = Agent(space, settings=settings, references=references, signal=signalled)
-        agent.add_link(link)
-        work = agent.run()
-    else:
-        from msbot.master.fed_agent import FedAgent  # here, because an agent starts without all that a master needs
-
-        say = click.echo if wishes.verbose else _silent
-        fed = FedAgent(
-            open_for, open_link(wishes.master.address), name=wishes.master.name, say=say, space=space,
-            settings=fed_settings(settings), references=references, on_signal=signalled,
-        )  # fmt: skip
-        agent, work = fed.agent, fed.run()
-        say(f"agent {wishes.master.name} looks for the robot's master on {wishes.master.address}; Ctrl-C ends it")
+    say = click.echo if wishes.verbose else _silent
+    plan = AgentPlan(space, link, open_for, settings, references, signalled, say)
+    agent, work = next(_made_by_services(wishes.services, plan), None) or _usual_agent(plan)
     if wishes.verbose >= SAY_PACKETS:
         agent.tap = packet_tap(link, click.echo)
-    beside = [StatusServer(agent, what="agent", name=partial(bound_name, link)).run(), *more]
-    beside += metrics_beside(wishes.metrics_port, agent, click.echo)
+    beside = [StatusServer(agent, what="agent", name=partial(bound_name, link)).run()]
+    for one in wishes.services:
+        beside += one.beside(AgentContext(agent, (link,), space, up, click.echo))
     if discovery is not None:
         beside.append(_answer_questions(link, up, discovery))
     await run_until_signal(work, beside=beside)
 
 
+def _made_by_services(
+    services: Sequence[WantedService], plan: AgentPlan
+) -> Iterator[tuple[Agent, Coroutine[object, object, None]]]:
+    for one in services:
+        made = one.service.agent(one.wanted, plan) if isinstance(one.service, AgentService) else None
+        if made is not None:
+            yield made
+
+
+def _usual_agent(plan: AgentPlan) -> tuple[Agent, Coroutine[object, object, None]]:
+    agent = Agent(plan.space, settings=plan.settings, references=plan.references, signal=plan.on_signal)
+    agent.add_link(plan.link)
+    return agent, agent.run()
+
+
 def _silent(words: str) -> None:
     """`-v 0` says nothing."""
-
-
-def fed_settings(settings: AgentSettings) -> AgentSettings:
-    """The same for an agent of a robot: a client that is silent is removed, as at a master."""
-    if settings.dead_after_s < math.inf:
-        return settings
-    return replace(settings, dead_after_s=AgentSettings().dead_after_s)
 
 
 async def _answer_questions(link: Link, up: asyncio.Event, discovery: Discovery) -> None:

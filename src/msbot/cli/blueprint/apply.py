@@ -10,7 +10,7 @@ import click
 
 from msbot.cli.blueprint.differences_view import as_json as differences_json
 from msbot.cli.blueprint.differences_view import empty_like, plan_lines
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, library_option, user_name
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, db_option, library_option, user_name
 from msbot.config import Blueprint, Library, differences, open_blueprint
 from msbot.errors import ConfigError
 from msbot.registry import Registry, open_registry

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.options import DEFAULT_BLUEPRINT, library_option, mistakes_told
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, library_option, mistakes_told
 from msbot.config import Blueprint, Library, open_blueprint
 from msbot.runtime.amount import amount
 

@@ -10,7 +10,7 @@ import click
 
 from msbot.cli.blueprint.differences_view import as_json as differences_json
 from msbot.cli.blueprint.differences_view import empty_like, plan_lines
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, db_option, is_there, library_option
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, db_option, is_there, library_option
 from msbot.config import Blueprint, Difference, Library, differences, open_blueprint
 from msbot.registry import open_registry, without_password
 

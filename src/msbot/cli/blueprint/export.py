@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.look.one_robot import one_robot
-from msbot.cli.options import db_option, existing_database, robot_option
+from msbot.cli.robot_options import db_option, existing_database, robot_option
 from msbot.config import blueprint_toml
 from msbot.errors import ConfigError
 from msbot.registry import open_registry

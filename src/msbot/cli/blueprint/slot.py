@@ -10,13 +10,13 @@ import click
 
 from msbot.cli.blueprint.apply import put_in_force
 from msbot.cli.change.robot_access import say
-from msbot.cli.options import (
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     answer_options,
     database_beside,
     db_option,
     existing_database,
-    json_option,
     library_option,
 )
 from msbot.config import Slot, open_blueprint, parse_blueprint, slot_toml

@@ -11,7 +11,8 @@ import click
 from msbot.cli.bus.frame_filter import FilterType, FrameFilter
 from msbot.cli.group import complain
 from msbot.cli.numbers import FiniteRange, WholeRange
-from msbot.cli.options import DEFAULT_BLUEPRINT, json_option, library_option
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, library_option
 from msbot.link.can.sim import DEFAULT_NAME
 
 _C = TypeVar("_C", bound=Callable[..., object])

@@ -8,7 +8,7 @@ from typing import Any
 
 from msbot.agent import MASTER, RunningProcess, running_processes
 from msbot.cli.bus.source import open_bus
-from msbot.cli.options import user_name
+from msbot.cli.robot_options import user_name
 from msbot.config import FieldKind, MessageType
 from msbot.errors import ConfigError
 from msbot.pnp import KnownObject

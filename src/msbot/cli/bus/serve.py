@@ -7,7 +7,7 @@ import logging
 
 import click
 
-from msbot.cli.run.until_ended import run_until_signal
+from msbot.cli.until_ended import run_until_signal
 from msbot.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
 from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end

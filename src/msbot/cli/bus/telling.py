@@ -8,7 +8,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msbot.cli.options import DEFAULT_BLUEPRINT
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT
 from msbot.errors import ConfigError
 from msbot.link.can.protocol import LogLine, format_frame, show_frame
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, Overhearer

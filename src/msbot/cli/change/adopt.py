@@ -9,7 +9,7 @@ import click
 
 from msbot.cli.change.robot_access import say
 from msbot.cli.numbers import FiniteRange
-from msbot.cli.options import answer_options, wants_json
+from msbot.cli.robot_options import answer_options, wants_json
 
 WINDOW_S = 60.0
 

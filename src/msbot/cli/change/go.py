@@ -8,7 +8,7 @@ import click
 
 from msbot.cli.change.stop_route import Meant, say_go
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import robot_options, stop_group_option
+from msbot.cli.robot_options import robot_options, stop_group_option
 
 
 @click.command("go")

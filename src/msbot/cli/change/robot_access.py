@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msbot.agent import MASTER, RunningProcess, running_processes
-from msbot.cli.options import (
+from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     database_beside,
     existing_database,

@@ -7,7 +7,7 @@ import json
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.options import answer_options, wants_json
+from msbot.cli.robot_options import answer_options, wants_json
 from msbot.config import scalar_text
 from msbot.errors import ConfigError
 

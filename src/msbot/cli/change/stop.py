@@ -19,7 +19,7 @@ from msbot.cli.change.stop_route import (
     silent_words,
     stop_status,
 )
-from msbot.cli.options import robot_options, stop_group_option
+from msbot.cli.robot_options import robot_options, stop_group_option
 from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 

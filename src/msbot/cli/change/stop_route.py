@@ -8,7 +8,7 @@ import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, user_name
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, user_name
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.lazy_dataclass import dataclass

@@ -9,7 +9,7 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import answer_options, wants_json
+from msbot.cli.robot_options import answer_options, wants_json
 
 
 @click.command("undo")

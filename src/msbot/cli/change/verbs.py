@@ -1,28 +1,24 @@
-"""The commands that change a robot, made from the table of operations."""
+"""The commands that change a robot by one operation, made from the table of operations.
+
+`msbot.cli.change.verbs:swap` is the command for the operation `swap`, for entry points. Commands that do more than one
+operation have a file each.
+"""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 
 import click
 
 from msbot.cli.change.robot_access import say
 from msbot.cli.numbers import FiniteRange
-from msbot.cli.options import answer_options
+from msbot.cli.robot_options import answer_options
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
-
-WRITTEN_BY_HAND = ("adopt", "set", "undo", "stop", "go")
-"""Commands that do more than one operation; each has its own file."""
 
 
 def verb(name: str) -> click.Command:
     """The command that carries out an operation."""
-    if name in WRITTEN_BY_HAND:
-        command = importlib.import_module(f"msbot.cli.change.{name}").command
-        assert isinstance(command, click.Command)
-        return command
     operation = OPERATIONS[name]
 
     def run(db: str | None, robot: str | None, **given: object) -> None:
@@ -62,3 +58,9 @@ def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[
         multiple=argument.kind is ArgumentKind.TEXTS, default=() if argument.kind is ArgumentKind.TEXTS else default,
         help=argument.help, type=FiniteRange() if argument.kind is ArgumentKind.NUMBER else str,
     )  # fmt: skip
+
+
+def __getattr__(name: str) -> click.Command:
+    if name not in OPERATIONS:
+        raise AttributeError(f"there is no operation {name!r}")
+    return verb(name)

@@ -26,13 +26,17 @@ from msbot.cli.demo.key_presses import KeyPresses
 from msbot.cli.demo.notes import Notes
 from msbot.cli.demo.plain_lines import event_words, status_words
 from msbot.cli.demo.script import ScriptRun, ScriptStep, ScriptType
-from msbot.cli.demo.world import PILOT, DemoWorld, WorldWishes, world_options
+from msbot.cli.demo.world import PILOT, DemoWorld
+from msbot.cli.logs import LogWishes, log_options
 from msbot.cli.numbers import FiniteRange, WholeRange
-from msbot.cli.options import lessons_option, metrics_option, space_option
-from msbot.cli.run.logs import LogWishes, log_event, log_options
+from msbot.cli.options import space_option
+from msbot.cli.robot_options import metrics_option
+from msbot.cli.run.event_log import log_event
 from msbot.cli.run.metrics import metrics_beside
 from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
+from msbot.cli.run.teaching import lessons_option
+from msbot.cli.run.world import WorldWishes, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
 from msbot.demo import DemoRobot, Wire
 from msbot.errors import ConfigError, MsbotError
@@ -225,7 +229,7 @@ async def _main(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
             )
             beside += metrics_beside(options.metrics_port, robot.master.agent, notes.add, master=robot.master,
-                                     registry=registry, room=lambda: room)  # fmt: skip
+                                     registry=registry, page=None if room is None else room.figures)  # fmt: skip
             if options.log_wishes.is_json:
                 robot.master.inventory.on_event(log_event)
             stop = StopSocket(robot.master, lambda: _details(robot, operations, address, page_address()))

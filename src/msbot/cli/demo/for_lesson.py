@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from msbot.cli.options import user_name
+from msbot.cli.robot_options import user_name
 from msbot.config import write_sample
 from msbot.demo import DemoRobot
 from msbot.lessons.lesson import Lesson

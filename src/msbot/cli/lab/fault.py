@@ -9,7 +9,8 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.numbers import FiniteRange, WholeRange
-from msbot.cli.options import answer_options, json_option, robot_options
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import answer_options, robot_options
 
 
 @click.group("fault")

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING
 
 import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import answer_options, json_option, mistakes_told, robot_options
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
 from msbot.errors import ConfigError
+from msbot.runtime.extensions import extensions
 
 if TYPE_CHECKING:
     from msbot.lab.missions.mission import Mission
@@ -192,13 +195,12 @@ def _asked(db: str | None, robot: str | None, number: int | None) -> PlayedMissi
 
 
 def _write_html(played: PlayedMission, path: Path, code: str) -> None:
-    from msbot.web.language import languages
-    from msbot.web.mission_report import report_page
-
-    if code not in languages():
-        raise ConfigError(f"--language: there is no language {code!r}; there are {', '.join(languages())}")
+    pages = extensions().all("mission_pages", FunctionType)
+    if "html" not in pages:
+        raise ConfigError("--html needs the package msbot-web: `pip install msbot-web`")
+    page = pages["html"](played, code)
     try:
-        path.write_text(report_page(played, languages()[code]), "utf-8")
+        path.write_text(page, "utf-8")
     except OSError as error:
         raise ConfigError(f"--html: cannot write {path}: {error.strerror}") from None
 

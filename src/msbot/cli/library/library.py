@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.options import answer_options, json_option, library_here, library_option, mistakes_told
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import answer_options, library_here, library_option, mistakes_told
 
 
 @click.group("library")

@@ -10,7 +10,8 @@ import click
 from msbot.cli.change.robot_access import database_to_read, until_stored
 from msbot.cli.look.looking import looking_at
 from msbot.cli.look.one_robot import one_robot
-from msbot.cli.options import json_option, robot_options
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import robot_options
 from msbot.registry import PartRecord
 
 

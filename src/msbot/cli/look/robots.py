@@ -9,7 +9,7 @@ import click
 
 from msbot.cli.change.robot_access import until_stored
 from msbot.cli.look.looking import Look, looking_at
-from msbot.cli.options import db_option, existing_database
+from msbot.cli.robot_options import db_option, existing_database
 from msbot.pnp import PartState
 from msbot.registry import RobotRecord
 

@@ -13,7 +13,8 @@ from msbot.cli.look.folding import for_terminal
 from msbot.cli.look.looking import Look, looking_at
 from msbot.cli.look.one_robot import one_robot
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, existing_database, json_option, robot_options
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, existing_database, robot_options
 from msbot.errors import ConfigError, RegistryError
 from msbot.registry import JournalEntry, RobotRecord
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.numbers import FiniteRange
-from msbot.cli.options import link_option, robot_options
+from msbot.cli.robot_options import link_option, robot_options
 from msbot.errors import ConfigError, MsbotError
 from msbot.runtime.amount import amount
 

@@ -14,8 +14,8 @@ import click
 
 from msbot.cli.change.robot_access import perform
 from msbot.cli.numbers import FiniteRange, WholeRange
-from msbot.cli.options import library_option, robot_options
 from msbot.cli.record.recording_name import SUFFIX
+from msbot.cli.robot_options import library_option, robot_options
 from msbot.errors import ConfigError, LocalProtocolError
 from msbot.runtime.amount import amount
 from msbot.runtime.lazy_dataclass import dataclass

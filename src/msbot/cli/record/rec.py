@@ -14,9 +14,10 @@ import click
 
 from msbot.cli.change.robot_access import perform, running_master
 from msbot.cli.numbers import FiniteRange
-from msbot.cli.options import DEFAULT_BLUEPRINT, database_beside, is_there, json_option, no_database, robot_options
+from msbot.cli.options import json_option
 from msbot.cli.record.recording_name import recording_name
 from msbot.cli.record.ring_folders import rings_left
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
 from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.amount import amount

@@ -10,7 +10,8 @@ from pathlib import Path
 import click
 
 from msbot.cli.group import complain
-from msbot.cli.options import json_option, library_here, library_option
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import library_here, library_option
 
 
 @click.group("hardware")

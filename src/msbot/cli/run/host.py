@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.cli.demo.world import WorldWishes, guest_door, place_option, world_option
-from msbot.cli.options import json_option, library_here, library_option, link_option
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import library_here, library_option, link_option
+from msbot.cli.run.world import WorldWishes, guest_door, place_option, world_option
 from msbot.errors import ConfigError
 
 if TYPE_CHECKING:

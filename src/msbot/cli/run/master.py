@@ -4,43 +4,37 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import importlib
 import logging
 from collections.abc import Coroutine, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from msbot.agent import MASTER, StatusServer
 from msbot.cli.change.robot_access import details_of
-from msbot.cli.options import (
+from msbot.cli.logs import LogWishes, log_options
+from msbot.cli.options import space_option
+from msbot.cli.record.ring_folders import ring_folder
+from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     DEFAULT_LINK,
     StopGroupType,
     database_beside,
     db_option,
-    lessons_option,
     library_option,
     metrics_option,
-    space_option,
 )
-from msbot.cli.record.ring_folders import ring_folder
-from msbot.cli.run.announce import announcer, class_to_announce
 from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
-from msbot.cli.run.logs import LogWishes, log_event, log_options
+from msbot.cli.run.event_log import log_event
+from msbot.cli.run.master_context import MasterCommand, MasterContext
 from msbot.cli.run.metrics import metrics_beside
-from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
 from msbot.cli.run.recording import RobotRecording, rec_option
-from msbot.cli.run.until_ended import run_until_signal
+from msbot.cli.services import WantedService, wanted_services
+from msbot.cli.until_ended import run_until_signal
 from msbot.config import Blueprint, Library, open_blueprint
-from msbot.lab.faults.fault_lab import FaultLab
-from msbot.lab.missions.mission_lab import MissionLab
 from msbot.lab.recorder.wish import RecordingWish
-from msbot.lessons.lesson_desk import LessonDesk
-from msbot.lessons.shelf import LessonShelf
 from msbot.link import Link, bound_name, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
@@ -52,14 +46,10 @@ from msbot.registry.maintenance import waiting_restore as held
 from msbot.ros.description import read_description
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.lazy_dataclass import dataclass
-from msbot.runtime.made_to_stay import made_to_stay
 from msbot.runtime.patient_output import patient_output
 from msbot.runtime.stop_names import own_group
 from msbot.space import SharedSpace, SpaceAddress
 from msbot.xrce import compress, decompress, is_whole
-
-if TYPE_CHECKING:
-    from msbot.web.assembly import WebRoom
 
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 LOOK_S = 0.1
@@ -73,16 +63,14 @@ class _Beside:
     rec: RecordingWish
     metrics_port: int | None
     log: LogWishes
-    lessons: tuple[Path, ...]
     bigger: BiggerRobot | None
     """The robot that this one is a part of."""
-    announce: str
-    """The class for which it is announced in the network; empty: it is not."""
     stop_group: str | None
     """Its STOP group; None: as the variable or the blueprint says."""
+    services: Sequence[WantedService]
 
 
-@click.command("master")
+@click.command("master", cls=MasterCommand)
 @click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
 @click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
               help="Where parts come in; may be given several times.")  # fmt: skip
@@ -92,52 +80,35 @@ class _Beside:
 @rec_option
 @click.option("--standby", is_flag=True, help="Share the robot with a master on another computer: wait while that one "
               "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
-@lessons_option
 @metrics_option
 @log_options
 @click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
 @click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
-@click.option("--announce", metavar="CLASS", help="Say in the network that this robot is there, for `msbot class "
-              "find`; needs a page that others can reach: --host.")  # fmt: skip
 @click.option("--stop-group", type=StopGroupType(), metavar="NAME", help="The STOP group that the robot is in: a STOP "
               "for another one does not reach it; $MSBOT_STOP_GROUP unless given, or else BLUEPRINT says.")  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
-@page_options
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None, announce: str | None,
-    lessons: tuple[Path, ...], metrics_port: int | None, log_wishes: LogWishes, stop_group: str | None,
-    verbose: bool, port: int | None, host: str, no_page: bool,
-    certificate: Path | None, certificate_key: Path | None,
-    page_names: tuple[str, ...],
-    trusted_proxies: tuple[str, ...],
+    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None,
+    metrics_port: int | None, log_wishes: LogWishes, stop_group: str | None,
+    verbose: bool,
 ) -> None:  # fmt: skip
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
 
     Its page is at the address that is printed; at the first start a link that makes you its administrator.
     """
-    page = page_wishes(
-        port=port,
-        host=host,
-        no_page=no_page,
-        certificate=certificate,
-        certificate_key=certificate_key,
-        page_names=page_names,
-        trusted_proxies=trusted_proxies,
-    )
+    services = wanted_services()
     own_group()  # as below
     log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
     robot, library = open_blueprint(blueprint, *folders)
     description = read_description(robot)
-    LessonShelf(lessons)  # as below
     for address in addresses:
         open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
     bigger = bigger_robot(robot, library, part_of, as_number)
-    announced_for = "" if announce is None else class_to_announce(announce, page)
     where = db or database_beside(blueprint)
     with contextlib.suppress(KeyboardInterrupt):
-        wishes = _Beside(rec, metrics_port, log_wishes, lessons, bigger, announced_for, stop_group)
-        while _with_database(robot, library, addresses, space, where, page, wishes, description, standby=standby):
+        wishes = _Beside(rec, metrics_port, log_wishes, bigger, stop_group, services)
+        while _with_database(robot, library, addresses, space, where, wishes, description, standby=standby):
             pass  # it has lost the robot to another master, and waits again
 
 
@@ -147,7 +118,6 @@ def _with_database(  # noqa: PLR0917 - what the command was given
     addresses: Sequence[str],
     where: SpaceAddress,
     db: str,
-    page: PageWishes,
     beside: _Beside,
     description: str,
     *,
@@ -162,16 +132,14 @@ def _with_database(  # noqa: PLR0917 - what the command was given
     if kept is not None:
         click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
     with open_registry(db) as registry:
-        lease = _wait_for_turn(registry, blueprint, library, page) if standby else None
+        lease = _wait_for_turn(registry, blueprint, library, beside.services) if standby else None
         robot = registry.robots.apply_blueprint(blueprint, library)
         store = registry.runs.begin(robot)
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
             with patient_output():
-                run_to_end(
-                    _main(blueprint, library, links, where, (registry, store, db), page, beside, description, lease)
-                )
+                run_to_end(_main(blueprint, library, links, where, (registry, store, db), beside, description, lease))
         except LeaseLost as error:
             click.echo(str(error))
             return True
@@ -181,11 +149,12 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         return False
 
 
-def _wait_for_turn(registry: Registry, blueprint: Blueprint, library: Library, page: PageWishes) -> MasterLease:
+def _wait_for_turn(
+    registry: Registry, blueprint: Blueprint, library: Library, services: Sequence[WantedService]
+) -> MasterLease:
     """Wait until no other master serves the robot; whatever takes time to load is loaded before."""
-    if not page.off:
-        with made_to_stay():
-            importlib.import_module("msbot.web.assembly")
+    for service in services:
+        service.prepare()
     robot = registry.robots.find(blueprint) or registry.robots.apply_blueprint(blueprint, library)
     return registry.runs.wait_for_lease(robot, click.echo)
 
@@ -214,7 +183,7 @@ async def _serve(master: Master, lease: MasterLease | None) -> None:
 
 async def _main(  # noqa: PLR0917
     blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
-    database: tuple[Registry, RobotStore, str], page: PageWishes, wishes: _Beside,
+    database: tuple[Registry, RobotStore, str], wishes: _Beside,
     description: str, lease: MasterLease | None,
 ) -> None:  # fmt: skip
     registry, store, db = database
@@ -247,51 +216,39 @@ async def _main(  # noqa: PLR0917
                 click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
 
         beside: list[Coroutine[object, object, None]] = [] if lease is None else [_until_lost(lease)]
-        faults = FaultLab(operations)
-        beside += [faults.run(), MissionLab(operations, faults).run()]
-        desk = LessonDesk(operations, LessonShelf(wishes.lessons))
-        beside.append(desk.run())
         if isinstance(space, SharedSpace):
             from msbot.ros.robot_in_ros import RobotInRos
 
             beside.append(RobotInRos(master, operations, space, description=description).run())
         if wishes.bigger is not None:
             beside.append(wishes.bigger.make(master).run())
-        room: WebRoom | None = None
-
-        def page_address() -> str:
-            return "" if room is None else room.server.own_address
-
-        if not page.off:
-            with made_to_stay():
-                from msbot.web.assembly import Database, WebRoom
-                from msbot.web.real_buses import seen_of_links
-
-                room = WebRoom(
-                    master,
-                    operations,
-                    library,
-                    database=Database(registry, robot, db),
-                    seen=seen_of_links(links),
-                    settings=page.settings(),
-                    lessons=desk,
-                    space=where,
-                )
-            beside.append(serve_page(room, master.ready, page, click.echo))
-            if wishes.announce:
-                beside.append(announcer(master, room, page, wishes.announce, click.echo).run())
-        beside += metrics_beside(wishes.metrics_port, master.agent, click.echo, master=master, registry=registry,
-                                 room=lambda: room)  # fmt: skip
+        context = MasterContext(master, operations, library, registry, robot, db, links, where, click.echo)
+        for service in wishes.services:
+            beside += service.beside(context)
+        beside += metrics_beside(
+            wishes.metrics_port,
+            master.agent,
+            click.echo,
+            master=master,
+            registry=registry,
+            page=context.page_figures,
+        )
         status = StatusServer(
             master.agent,
             what=MASTER,
             name=f"{profile.name} {profile.version}",
             details=lambda: details_of(
-                master, db, mark=operations.blueprint_mark, page=page_address(), trouble=registry.storage.health.trouble
+                master,
+                db,
+                mark=operations.blueprint_mark,
+                page=context.page_address(),
+                trouble=registry.storage.health.trouble,
             ),
             control=partial(perform, operations),
         )
-        stop = StopSocket(master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=page_address()))
+        stop = StopSocket(
+            master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=context.page_address())
+        )
         await run_until_signal(
             _serve(master, lease),
             beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],

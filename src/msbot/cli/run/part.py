@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.cli.demo.world import WorldWishes, bring_into_world, guest_door, place_option, world_option
-from msbot.cli.options import library_here, library_option, link_option
+from msbot.cli.robot_options import library_here, library_option, link_option
+from msbot.cli.run.world import WorldWishes, bring_into_world, guest_door, place_option, world_option
 from msbot.errors import ConfigError
 from msbot.part import Part, SimGpio
 from msbot.part.run import run_parts
@@ -102,7 +102,7 @@ def _stand_in(
     name: str, local_name: str | None, uid: str | None, folders: tuple[Path, ...], *, quiet: bool
 ) -> tuple[str, str, str]:
     """Part number, local name and UID of a simulated part for a slot of the robot.toml here, or for a part number."""
-    from msbot.cli.options import DEFAULT_BLUEPRINT
+    from msbot.cli.robot_options import DEFAULT_BLUEPRINT
     from msbot.config import open_blueprint
     from msbot.part.join.uid import stored_uid
 

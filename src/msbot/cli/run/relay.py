@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import click
 
-from msbot.cli.run.until_ended import run_until_signal
+from msbot.cli.until_ended import run_until_signal
 from msbot.link import Link, open_link
 from msbot.link.can import CanSettings, Codec
 from msbot.link.relay import PartsRelay

@@ -11,12 +11,12 @@ import click
 
 from msbot.cli.change.stop import LOOK_S, PATIENCE_S
 from msbot.cli.change.stop_route import silent_words
-from msbot.cli.options import (
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     database_beside,
     db_option,
     existing_database,
-    json_option,
     library_option,
     stop_group_option,
     user_name,

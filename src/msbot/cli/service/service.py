@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.numbers import WholeRange
-from msbot.cli.options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside
 from msbot.cli.service import systemd
 from msbot.cli.service.units import RobotService, shown, state_of, unit_of
 from msbot.errors import ConfigError

@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.options import answer_options, json_option, library_option, robot_options
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import answer_options, library_option, robot_options
 from msbot.runtime.amount import amount
 
 

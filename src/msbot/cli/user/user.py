@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from msbot.cli.options import db_option, existing_database, json_option, user_name
+from msbot.cli.options import json_option
+from msbot.cli.robot_options import db_option, existing_database, user_name
 from msbot.errors import ConfigError
 from msbot.operations.rights import Role, role_named
 from msbot.runtime.amount import amount

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.run.until_ended import run_until_signal
+from msbot.cli.until_ended import run_until_signal
 from msbot.runtime.amount import amount
 from msbot.runtime.event_loop import run_to_end
 from msbot.runtime.patient_output import patient_output

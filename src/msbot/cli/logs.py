@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import logging
 import pkgutil
+from collections import defaultdict
 from collections.abc import Callable
 from functools import wraps
+from importlib.util import find_spec
 from typing import TextIO, TypeVar
 
 import click
 
-import msbot
-from msbot.pnp.part_events import PartEvent
 from msbot.runtime.lazy_dataclass import dataclass
-from msbot.runtime.log_forms import ALWAYS, FIELDS, JournalFormatter, JsonFormatter, goes_to_journal
+from msbot.runtime.log_forms import JournalFormatter, JsonFormatter, goes_to_journal
 from msbot.runtime.log_limiter import BURST
 from msbot.runtime.terminal_log import TerminalHandler
 
 LEVELS = {
     "debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR,
 }  # fmt: skip
+PACKAGES = ("msbot",)
+"""The packages of MsBOT: each has rooms, whose loggers are named by them. One that is not installed has none."""
 EVENTS = "msbot.pnp.events"
-"""The logger of what happens to parts, in JSON."""
+"""The logger of what happens to parts, in JSON; quiet in other forms, in which it is said in another way."""
 
 _C = TypeVar("_C", bound=Callable[..., object])
-_events = logging.getLogger(EVENTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class LogWishes:
         handler = TerminalHandler(stream=stream, burst=burst)
         if self.is_json:
             handler.setFormatter(JsonFormatter())
-            _events.setLevel(logging.INFO)
+            logging.getLogger(EVENTS).setLevel(logging.INFO)
         elif goes_to_journal(handler.stream):
             handler.setFormatter(JournalFormatter())
         logging.basicConfig(level=level, handlers=[handler])
@@ -55,7 +56,19 @@ class LogWishes:
     def apply(self) -> None:
         """Give each room its level."""
         for room, level in self.levels:
-            logging.getLogger(f"msbot.{room}" if room else "msbot").setLevel(level)
+            for name in rooms()[room] if room else PACKAGES:
+                logging.getLogger(name).setLevel(level)
+
+
+def rooms() -> dict[str, list[str]]:
+    """Every room, with the names of its loggers: two packages may have rooms of one name."""
+    found = defaultdict[str, list[str]](list)
+    for package in PACKAGES:
+        spec = find_spec(package)
+        for one in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
+            if one.ispkg:
+                found[one.name].append(f"{package}.{one.name}")
+    return dict(found)
 
 
 class RoomLevel(click.ParamType[tuple[str, int]]):
@@ -73,9 +86,8 @@ class RoomLevel(click.ParamType[tuple[str, int]]):
         room, level = (first, last) if equals else ("", first)
         if level.lower() not in LEVELS:
             self.fail(f"{level!r} is no level; there are {', '.join(LEVELS)}", param, ctx)
-        rooms = sorted(one.name for one in pkgutil.iter_modules(msbot.__path__) if one.ispkg)
-        if equals and room not in rooms:
-            self.fail(f"there is no room {room!r}; there are {', '.join(rooms)}", param, ctx)
+        if equals and room not in rooms():
+            self.fail(f"there is no room {room!r}; there are {', '.join(sorted(rooms()))}", param, ctx)
         return room, LEVELS[level.lower()]
 
 
@@ -91,17 +103,3 @@ def log_options(function: _C) -> _C:
         return function(log_wishes=LogWishes(log_format == "json", log_levels), **others)
 
     return wrapped  # type: ignore[return-value]
-
-
-def log_event(event: PartEvent) -> None:
-    """A change of a part as a line of the log, with its values."""
-    fields = {
-        "part": event.part,
-        "slot": event.slot or "",
-        "from": event.from_state.value if event.from_state else "",
-        "to": event.to_state.value,
-        "reason": str(event.reason),
-        "uid": event.uid.hex(),
-    }
-    # What happens to parts in slots is bounded by their number; strangers may come without end.
-    _events.info("%s", event.sentences()[0], extra={FIELDS: fields, ALWAYS: bool(event.slot)})

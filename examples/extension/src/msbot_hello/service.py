@@ -1,0 +1,22 @@
+"""`--greet NAME` of `msbot master` and `msbot agent`: a greeting when the robot is up."""
+
+import click
+
+from msbot.cli.services import Service
+
+
+class Greeting(Service):
+    options = (click.option("--greet", metavar="NAME", help="Say hello to NAME."),)
+
+    def check(self, given):
+        return given["greet"]  # None: it is not wanted
+
+    def beside(self, name, context):
+        return [self.greet(name, context)]
+
+    async def greet(self, name, context):
+        await context.ready.wait()
+        context.say(f"Hello, {name}!")
+
+
+GREETING = Greeting()

@@ -1,0 +1,12 @@
+"""Loads what extensions bring for robots, as it is loaded when it is used: for `msbot extensions`."""
+
+from __future__ import annotations
+
+
+def load_for_robots() -> None:
+    """Part types, messages, and checks of the doctor."""
+    from msbot.config import load_library
+    from msbot.doctor import all_checks
+
+    load_library()
+    list(all_checks())
