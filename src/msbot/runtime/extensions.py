@@ -156,12 +156,13 @@ class Extensions:
             for one in sorted(self._find(), key=lambda one: (not one.is_own, one.package, one.group, one.name)):
                 named = self._found.setdefault(one.group, {})
                 other = named.setdefault(one.name, one)
+                if other is not one:
+                    self._doubles.append(one)
                 if one.group not in GROUPS and not (one.is_own and one.group in OWN_GROUPS):
                     self.leave_out(one, f"MsBOT has no group {PREFIX}{one.group}; there are {', '.join(GROUPS)}")
                 elif not _NAME.fullmatch(one.name):
                     self.leave_out(one, "a name has small letters, digits, - and _ only, and begins with a letter")
                 elif other is not one:
-                    self._doubles.append(one)
                     self.leave_out(one, f"{other.package} has {one.name!r} already")
         return self._found
 
