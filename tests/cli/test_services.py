@@ -10,12 +10,12 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli.services import Beside, ServedCommand, Service, WantedService, wanted_services
+from msbot.cli.services import Beside, CommandService, ServedCommand, WantedService, wanted_services
 from msbot.errors import ConfigError
 from msbot.runtime.extensions import Extension, Extensions
 
 
-class Words(Service[str, list[str]]):
+class Words(CommandService[str, list[str]]):
     """Adds `--NAME TEXT`, and puts the text into the list that is its context."""
 
     def __init__(self, name: str, *after: str) -> None:
@@ -127,7 +127,7 @@ def test_what_a_stranger_brings_and_does_not_work_is_left_out() -> None:
     assert beside(wanted) == ["a", "a runs"]
     assert left_out(found) == {
         "missing": "ImportError: no way",
-        "text": "it is a str, not a Service",
+        "text": "it is a str, not a CommandService",
         "twice": "the command has --own already",
     }
 

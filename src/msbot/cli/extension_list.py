@@ -46,7 +46,7 @@ def command(*, as_json: bool) -> None:
 
 def _load_all() -> None:
     """Have everything loaded as it is when it is used."""
-    from msbot.cli.services import Service
+    from msbot.cli.services import CommandService
     from msbot.link import link_kinds
     from msbot.space import brought_kinds
 
@@ -55,7 +55,7 @@ def _load_all() -> None:
         if not one.is_own:
             brought.get("commands", name, click.Command)
     for group in ("services", "agent_services"):
-        brought.all(group, Service)
+        brought.all(group, CommandService)
     link_kinds()
     brought_kinds()
     for load in brought.all("loaders", FunctionType).values():

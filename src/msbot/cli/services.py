@@ -1,6 +1,6 @@
 """Services: what runs beside `msbot master` or `msbot agent`, with options of its own on their command lines.
 
-A package names a `Service` by an entry point, for a master in the group `msbot.services`, for an agent in
+A package names a `CommandService` by an entry point, for a master in the group `msbot.services`, for an agent in
 `msbot.agent_services`. The command goes through all of them four times, in one order:
 
 1. their `options` are added to its own, when its command line is read or its help is printed;
@@ -35,7 +35,7 @@ Beside = Coroutine[object, object, None]
 _GIVEN = "msbot.given"
 
 
-class Service(Generic[W, C]):
+class CommandService(Generic[W, C]):
     """One kind of thing that can run beside a master or an agent; there is one object of it in a process."""
 
     options: Sequence[Callable[[Any], Any]] = ()
@@ -77,17 +77,17 @@ class Service(Generic[W, C]):
 class WantedService:
     """A service with what the command line says of it."""
 
-    service: Service[Any, Any]
+    service: CommandService[Any, Any]
     wanted: object
     extension: Extension
     left_out: Callable[[Extension, str], None]
 
     def prepare(self) -> None:
-        """See `Service.prepare`."""
+        """See `CommandService.prepare`."""
         self.attempt(partial(self.service.prepare, self.wanted), None)
 
     def beside(self, context: object) -> list[Beside]:
-        """See `Service.beside`."""
+        """See `CommandService.beside`."""
         found = self.attempt(lambda: list(self.service.beside(self.wanted, context)), list[Beside]())
         return found if self.extension.is_own else [self._run(one) for one in found]
 
@@ -123,10 +123,10 @@ class ServedCommand(click.Command):
     """Whether the options of the services are among its own already."""
 
     @cached_property
-    def services(self) -> dict[str, tuple[Extension, Service[Any, Any], list[click.Parameter]]]:
+    def services(self) -> dict[str, tuple[Extension, CommandService[Any, Any], list[click.Parameter]]]:
         """Those that are installed, in their order, by name."""
         brought = self.find()
-        loaded = brought.all(self.group, Service)
+        loaded = brought.all(self.group, CommandService)
         about = brought.names(self.group)
         taken = {name for one in self._params for name in (one.name, *one.opts, *one.secondary_opts)}
         found = {}
@@ -184,7 +184,7 @@ def wanted_services() -> tuple[WantedService, ...]:
     return tuple(found)
 
 
-def _parameters(service: Service[Any, Any]) -> list[click.Parameter]:
+def _parameters(service: CommandService[Any, Any]) -> list[click.Parameter]:
     def carrier() -> None:
         """Click leaves the options at a function."""
 
@@ -193,7 +193,7 @@ def _parameters(service: Service[Any, Any]) -> list[click.Parameter]:
     return cast("list[click.Parameter]", getattr(carrier, "__click_params__", []))[::-1]
 
 
-def _in_order(services: Mapping[str, Service[Any, Any]], about: Mapping[str, Extension]) -> Iterator[str]:
+def _in_order(services: Mapping[str, CommandService[Any, Any]], about: Mapping[str, Extension]) -> Iterator[str]:
     """Each after those that it names; of several the own ones first, then by name."""
     left = sorted(services, key=lambda name: (not about[name].is_own, name))
     while left:

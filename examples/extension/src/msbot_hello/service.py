@@ -2,10 +2,10 @@
 
 import click
 
-from msbot.cli.services import Service
+from msbot.cli.services import CommandService
 
 
-class Greeting(Service):
+class Greeting(CommandService):
     options = (click.option("--greet", metavar="NAME", help="Say hello to NAME."),)
 
     def check(self, given):

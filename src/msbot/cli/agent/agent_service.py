@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 
 from msbot.agent import Agent, AgentSettings, AgentSignalHandler
-from msbot.cli.services import Beside, ServedCommand, Service, W
+from msbot.cli.services import Beside, CommandService, ServedCommand, W
 from msbot.link import Link
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.space import Space
@@ -41,7 +41,7 @@ class AgentContext:
     """Says a line to the person at the terminal."""
 
 
-class AgentService(Service[W, AgentContext]):
+class AgentService(CommandService[W, AgentContext]):
     """A service that changes how an agent is made."""
 
     def space(self, wanted: W, space: Space) -> Space:  # noqa: ARG002 - for those that need it

@@ -67,7 +67,7 @@ class AgentRecording:
         await run_recorder(process)
 
 
-class Recording(AgentService[Path]):
+class RecordingService(AgentService[Path]):
     """`msbot agent ... --rec FILE`."""
 
     options = (
@@ -101,4 +101,4 @@ class Recording(AgentService[Path]):
         return [self._running.run(link)]
 
 
-RECORDING = Recording()
+RECORDING = RecordingService()

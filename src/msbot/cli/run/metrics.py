@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from msbot.agent import Agent
 from msbot.cli.agent.agent_service import AgentContext
 from msbot.cli.robot_options import metrics_option
-from msbot.cli.services import Beside, Service
+from msbot.cli.services import Beside, CommandService
 
 if TYPE_CHECKING:
     from msbot.master import Master
@@ -53,7 +53,7 @@ def metrics_beside(
     return [server.run()]
 
 
-class AgentMetrics(Service[int, AgentContext]):
+class AgentMetrics(CommandService[int, AgentContext]):
     """`msbot agent ... --metrics PORT`."""
 
     options = (metrics_option,)

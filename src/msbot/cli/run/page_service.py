@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msbot.cli.run.page import PageWishes, page_options, page_wishes, serve_page
-from msbot.cli.services import Beside, Service
+from msbot.cli.services import Beside, CommandService
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.made_to_stay import made_to_stay
 
@@ -29,7 +29,7 @@ class _Wanted:
     """The class for which it is announced in the network; empty: it is not."""
 
 
-class PageService(Service[_Wanted, "MasterContext"]):
+class PageService(CommandService[_Wanted, "MasterContext"]):
     """Shows the lessons of the service `teaching`."""
 
     options = (page_options, announce_option)

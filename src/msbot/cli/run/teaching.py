@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msbot.cli.services import Beside, Service
+from msbot.cli.services import Beside, CommandService
 
 if TYPE_CHECKING:
     from msbot.cli.run.master_context import MasterContext
@@ -20,7 +20,7 @@ lessons_option = click.option(
 )  # fmt: skip
 
 
-class Teaching(Service["LessonShelf", "MasterContext"]):
+class Teaching(CommandService["LessonShelf", "MasterContext"]):
     """Offers the robot's `LessonDesk`."""
 
     options = (lessons_option,)
