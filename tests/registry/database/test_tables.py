@@ -13,7 +13,7 @@ PAGE = (Path(__file__).parents[3] / "docs/reference/registry.md").read_text()
 def _tables() -> dict[str, dict[str, str]]:
     """Column -> comment for each table of the page."""
     parts = re.split(r"(?m)^### `(\w+)`$", PAGE)
-    row = re.compile(r"(?m)^\| `(\w+)` \| \w+ \| (.*) \|$")
+    row = re.compile(r"(?m)^\| `(\w+)` \| (.*) \|$")
     return {name: dict(row.findall(text)) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 
