@@ -319,3 +319,23 @@ async def test_connections_that_only_begin_tls_make_room(make_socket: type[socke
         assert await closed(silent[0][0])
         for _, one in (*silent, (reader, writer)):
             one.close()
+
+
+@pytest.mark.promise("Every request of who may say STOP is a STOP, and a GO ends none that its sayer did not know of")
+@pytest.mark.parametrize("rest", [b"zz\r\n", b"2\r\n{}X", b"-1\r\n", b"5\r\nabcde\r\n\xff\xff\r\n"])
+@pytest.mark.parametrize("in_pieces", [False, True])
+async def test_who_says_stop_in_a_body_that_breaks_off_is_answered(rest: bytes, *, in_pieces: bool) -> None:
+    async with site() as server:
+        for path, status in ((b"/api/stop", b"200 OK"), (b"/api/go", b"400 Bad Request")):
+            reader, writer = await server.connect()
+            head = b"POST " + path + b" HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
+            for piece in (head, rest) if in_pieces else (head + rest,):
+                writer.write(piece)
+                await writer.drain()
+                await asyncio.sleep(0)
+            said = await reader.read()
+            assert said.startswith(b"HTTP/1.1 " + status), said
+            assert said.count(b"HTTP/1.1") == 1
+            assert b"connection: close" in said.lower()
+            writer.close()
+        assert b"200 OK" in await server.ask()

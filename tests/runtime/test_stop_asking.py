@@ -17,7 +17,7 @@ from msbot.errors import ConfigError
 from msbot.runtime import stop_abstract, stop_asking, stop_places
 from msbot.runtime.stop_asking import MOST_AT_ONCE, ask_masters
 from msbot.runtime.stop_listening import listen
-from msbot.runtime.stop_names import GROUP_VARIABLE, name_in, new_name
+from msbot.runtime.stop_names import GROUP_VARIABLE, group_to_stop, name_in, new_name
 from msbot.runtime.stop_places import IS_LINUX, IS_THERE, own_folder
 from tests.runtime.stop_stage import PATIENCE_S, StopsWhen, master, own_places, stuck_master, taken
 
@@ -55,6 +55,9 @@ def test_what_is_no_group_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GROUP_VARIABLE, "bench 1")
     with pytest.raises(ConfigError, match="MSBOT_STOP_GROUP: 'bench 1' is no name for a STOP group: it has at most 24"):
         ask_masters(STOP)
+    group, words = group_to_stop()
+    assert group == ""
+    assert words.startswith("$MSBOT_STOP_GROUP: 'bench 1' is no name")
 
 
 @pytest.mark.parametrize("place", [{"HOME": "/elsewhere"}, {"XDG_RUNTIME_DIR": "/elsewhere"}, {"TMPDIR": "/elsewhere"}])

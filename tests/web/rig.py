@@ -63,6 +63,9 @@ class ToyBench:
             raise ConfigError(f"{slot} has no control {control!r}")
         self.turned[slot] = value
 
+    def rest(self, slot: str, control: str) -> Scalar | None:
+        return 0
+
     def readings(self, slot: str) -> Mapping[str, Scalar]:
         return {"turned": self.turned[slot]}
 

@@ -60,6 +60,8 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
                           f"{shlex.quote(str(target.parent))}`")  # fmt: skip
     rows = upkeep.back_up(address, file)
     click.echo(f"{file} is written: {amount(rows, 'row')} of {words}.")
+    if words := upkeep.too_large_for_page(file.stat().st_size):
+        click.echo(words, err=True)
     if keep is not None:
         for old in _older(target, stem, keep):
             old.unlink()

@@ -78,7 +78,8 @@ class StopGroupType(click.ParamType[str]):
         try:
             return group_in(value)
         except ConfigError as error:
-            self.fail(str(error), param, ctx)
+            undelivered = "NOT delivered: " if ctx is not None and ctx.info_name in ("stop", "go") else ""
+            self.fail(f"{undelivered}{error}", param, ctx)
 
 
 stop_group_option = click.option(

@@ -207,13 +207,14 @@ class Master:
         self._agents.end.probe(client_key)
         self.agent.probe(client_key)
 
-    def why(self, part: str) -> list[str]:
+    def why(self, part: str, *, by_name: bool = False) -> list[str]:
         """The state of a part, the rules that led to it, and whom its topics cannot reach, in sentences."""
-        return [*self.inventory.why(part, self._clock()), *self.troubles(part)]
+        lines = self.inventory.why(part, self._clock(), by_name=by_name)
+        return [*lines, *self.troubles(part, by_name=by_name)]
 
-    def troubles(self, part: str) -> list[str]:
+    def troubles(self, part: str, *, by_name: bool = False) -> list[str]:
         """Endpoints that should match a part's topics now and cannot, one sentence each, naming the DDS policy."""
-        found = self.inventory.find(part, self._clock())
+        found = self.inventory.find(part, self._clock(), by_name=by_name)
         of_boards = [fault for info in found for fault in self._board_faults.get(info.slot or "", ())]
         worn = [words for info in found for words in self._wear(info)]
         told = [words for info in found for witness in self._witnesses for words in witness(info)]

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 from msbot.errors import ConfigError, NotThere
 from msbot.pnp import PartInfo, PartState
-from msbot.runtime.sentence import said
+from msbot.runtime.sentence import joined, said
 
 UID_DIGITS = 16
 
@@ -34,7 +34,7 @@ def one_part(
     if len(wanted) == 1:
         return wanted[0]
     if wanted:
-        names = "; ".join(describe(info) for info in wanted)
+        names = joined("; ", (describe(info) for info in wanted))
         raise ConfigError(
             said(
                 "{count} parts are known as {word!r}: name one by its UID or address: {names}",
@@ -53,7 +53,10 @@ def one_part(
                 reason=gone.reason,
             )
         )
-    names = ", ".join(dict.fromkeys(info.part for info in all_parts if not info.state.is_over))
+    here = [info for info in all_parts if not info.state.is_over]
+    known = {info.part: info.part != info.address for info in here}
+    shown = (name if is_name else said("{address}", address=name) for name, is_name in known.items())
+    names = joined(", ", shown)
     raise NotThere(said("no part is known as {word!r}; there are {names}", word=word, names=names or said("none yet")))
 
 

@@ -19,6 +19,7 @@ from msbot.operations.rights import Asker, Right
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import Freeze, Group, TakeOverByTeacher
 from msbot.registry import EditKind, Registry, RobotRecord
+from msbot.registry.reserved_names import check_name
 from msbot.runtime.sentence import counted, said
 
 MOST_GROUPS = 100
@@ -26,11 +27,15 @@ MOST_PUPILS = 1000
 """In all groups; as many as a class list has."""
 MOST_HANDS = 200
 MOST_TAKEN = 200
-LONGEST_NAME = 64
-_OF_A_SLOT = ("slot", "port", "part")
-"""Arguments that say at which slot something is done."""
-_WITHOUT_SLOT = frozenset({"undo", "pause_world", "step_world", "reset_world", "world_speed", "put_robot"})
+_OF_A_SLOT = ("slot", "port", "part", "at")
+"""Arguments that say at which slot something is done; an empty one: at the robot as a whole."""
+_WITHOUT_SLOT = frozenset({
+    "undo", "pause_world", "step_world", "reset_world", "world_speed", "put_robot", "repair", "answer_mission",
+    "mission_hint",
+})  # fmt: skip
 """What a pupil who is held cannot do either."""
+EndWhere = Callable[[Callable[[str, str], bool]], object]
+"""Lets go of what people hold by hand, of which `(slot, who holds it)` is true."""
 
 
 class ClassControl:
@@ -44,7 +49,8 @@ class ClassControl:
         self._hands: dict[str, float] = {}
         """Who asks for help -> since when, on the robot's clock."""
         self._drivers: set[str] = set()
-        """Pupils who have driven ports by hand since the last freeze."""
+        """Pupils who have driven ports, or simulated parts, by hand since the last freeze."""
+        self._ends: list[EndWhere] = [by_hand.end_where]
         self._people: Callable[[], Iterable[str]] = tuple
         if running.registry is not None and running.robot is not None:
             self._pupils.use_groups(running.registry.runs.store(running.robot).groups)
@@ -62,7 +68,16 @@ class ClassControl:
 
     def end_holds(self, person: str) -> None:
         """End what somebody drives by hand: they are removed, or may do less from now on."""
-        self._by_hand.end_those_of({person})
+        self._end_where(lambda _slot, who: who == person)
+
+    def use_holds(self, end_where: EndWhere) -> None:
+        """Say what else people hold by hand: it is let go of whenever a pupil's hold on a port is."""
+        self._ends.append(end_where)
+
+    def drives(self, pupil: str) -> None:
+        """A pupil drives something by hand."""
+        if len(self._drivers) < MOST_PUPILS:
+            self._drivers.add(pupil)
 
     def use_people(self, people: Callable[[], Iterable[str]]) -> None:
         """Say who can sign in besides those who are here."""
@@ -111,13 +126,15 @@ class ClassControl:
         """
         if asker.may(Right.ARRANGE) or row.right not in (Right.OPERATE, Right.SET):
             return
-        word = next((str(given[name]) for name in _OF_A_SLOT if given.get(name) is not None), None)
+        if given.get("part"):
+            self._running.check_named(str(given["part"]))
+        word = next((str(given[name]) for name in _OF_A_SLOT if given.get(name)), None)
         if word is not None:
             self.check_slot(asker.name, self._slot_meant(word, is_port="port" in given))
         elif row.name in _WITHOUT_SLOT and (held := self._pupils.held(asker.name)):
             raise ConfigError(held)
-        if row.name == "publish" and len(self._drivers) < MOST_PUPILS:
-            self._drivers.add(asker.name)
+        if row.name == "publish":
+            self.drives(asker.name)
 
     def check_slot(self, pupil: str, slot: str) -> None:
         """Check that a pupil may do something with a slot now.
@@ -134,7 +151,7 @@ class ClassControl:
         try:
             return slot_of(self._running, name)
         except NotThere:
-            parts = self._running.inventory.find(word, self._running.now())
+            parts = self._running.inventory.find(word, self._running.now(), by_name=True)
             return next((info.slot for info in parts if info.slot), name)
 
     # Freezing
@@ -143,7 +160,7 @@ class ClassControl:
         """Hold the programs of all pupils, those that come later too, until `thaw`."""
         self._pupils.freeze = Freeze(who, reason, self._running.now())
         self._follow()
-        self._by_hand.end_those_of(self._drivers)
+        self._end_where(lambda _slot, who: who in self._drivers)
         self._drivers.clear()
         here = sum(bool(slots) for slots in self._running.inventory.pupil_parts.here().values())
         words = counted(
@@ -188,7 +205,7 @@ class ClassControl:
         self._hands.pop(pupil, None)
         self._follow()
         if not run:
-            self._by_hand.end_those_of({pupil})
+            self.end_holds(pupil)
         words = (
             said("the program of {pupil} runs under the hands of {who}", pupil=pupil, who=who)
             if run
@@ -239,8 +256,13 @@ class ClassControl:
             ConfigError: a name will not do, it would have nothing, or there are too many.
             RegistryError: it cannot be stored; nothing has changed.
         """
-        for name in (group, *pupils):
-            _check_name(name)
+        groups_now = [one.name for one in self.groups]
+        if group not in groups_now:
+            check_name(group, groups_now)
+        people = {*self._people(), *(name for one in self.groups for name in one.pupils)}
+        for name in pupils:
+            if name not in people:
+                check_name(name)
         if not pupils and not slots:
             raise ConfigError(said("group {group} needs a pupil or a slot", group=group))
         mine = Group(
@@ -313,15 +335,11 @@ class ClassControl:
             await self._running.read(keep)
         self._pupils.use_groups(groups)
         self._running.inventory.pupil_parts.regroup(self._running.now())
-        self._by_hand.end_where(lambda slot, who: who in self._drivers and not self._pupils.may_use(who, slot))
+        self._end_where(lambda slot, who: who in self._drivers and not self._pupils.may_use(who, slot))
+
+    def _end_where(self, is_over: Callable[[str, str], bool]) -> None:
+        for end_where in self._ends:
+            end_where(is_over)
 
     def _note(self, words: str, who: str) -> None:
         self._running.note(EditKind.CLASS, words, who)
-
-
-def _check_name(name: str) -> None:
-    if not name or len(name) > LONGEST_NAME or name != name.strip() or not name.isprintable():
-        raise ConfigError(
-            said("{name!r} is no name: 1 to {most} printable characters, without blanks around it",
-                 name=name[:LONGEST_NAME], most=LONGEST_NAME)
-        )  # fmt: skip

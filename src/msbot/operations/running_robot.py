@@ -82,6 +82,15 @@ class RunningRobot:
             found = [info for info in everybody if info.uid == uid]
         return one_part(word, found, everybody, prefer)
 
+    def check_named(self, word: str) -> None:
+        """Check that somebody who sees neither UIDs nor addresses has named a part.
+
+        Raises:
+            NotThere: no part has that name; whether one has that UID or address, nobody learns.
+        """
+        if not self.inventory.find(word, self.now(), by_name=True):
+            one_part(word, [], self.inventory.view(self.now()), lambda _: True)
+
     def here(self, uid: bytes) -> PartInfo | None:
         """The part with that UID, if it is present."""
         everybody = self.inventory.view(self.now())

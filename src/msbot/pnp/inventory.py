@@ -97,9 +97,10 @@ class Inventory:
         """Set whom to ask about every part that would be turned away but that a person could let in; None = nobody."""
         self._admission.adopter = adopter
 
-    def find(self, word: str, now: float) -> list[PartInfo]:
-        """Parts that a person may mean by a word: name, slot, part number, UID, address or client key."""
-        return [record.info(now, self._index.slot_of(record)) for record in self._index.find(word)]
+    def find(self, word: str, now: float, *, by_name: bool = False) -> list[PartInfo]:
+        """Parts that a person may mean by a word: name, slot, number; unless `by_name`, UID, address, client key."""
+        found = self._index.find(word, by_name=by_name)
+        return [record.info(now, self._index.slot_of(record)) for record in found]
 
     def holder(self, slot: str, now: float) -> PartInfo | None:
         """The part that holds a slot."""
@@ -109,9 +110,9 @@ class Inventory:
         """All parts that are present or were recently, in order of appearance."""
         return [record.info(now, self._index.slot_of(record)) for record in self._index.records]
 
-    def why(self, part: str, now: float) -> list[str]:
-        """The state of a part and how it came about, in sentences; by name, slot, number, UID, address or key."""
-        lines = [line for record in self._index.find(part) for line in record.sentences(now)]
+    def why(self, part: str, now: float, *, by_name: bool = False) -> list[str]:
+        """The state of a part and how it came about, in sentences; `part` and `by_name` as for `find`."""
+        lines = [line for record in self._index.find(part, by_name=by_name) for line in record.sentences(now)]
         if lines:
             return lines
         known = ", ".join(dict.fromkeys(record.name for record in self._index.records if record.claim is not None))

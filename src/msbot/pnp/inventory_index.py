@@ -162,13 +162,19 @@ class InventoryIndex:
         if self._by_identity.get(record.identity) is record:
             del self._by_identity[record.identity]
 
-    def find(self, word: str) -> Iterator[InventoryRecord]:
-        """Parts that a person may mean by a word: name, slot, number, UID, address or client key."""
+    def find(self, word: str, *, by_name: bool = False) -> Iterator[InventoryRecord]:
+        """Parts that a person may mean by a word: name, slot, number, UID, address or client key.
+
+        With `by_name`, the last three do not count: who may not see them does not find a part by them.
+        """
         wanted = word.casefold()
         for record in self.records:
             claim = record.claim
-            names = [record.name, record.address, record.slot or "", f"{record.client_key:08x}"]
+            names = [record.slot or ""]
             if claim is not None:
-                names += [claim.part_number, claim.local_name, claim.uid.hex()]
+                names += [record.name, claim.part_number, claim.local_name]
+            if not by_name:
+                uid = "" if claim is None else claim.uid.hex()
+                names += [record.name, record.address, f"{record.client_key:08x}", uid]
             if wanted in (name.casefold() for name in names):
                 yield record

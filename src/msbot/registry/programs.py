@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from functools import partial
 
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import ColumnElement, Connection, LargeBinary, cast, delete, func, insert, select, update
 
 from msbot.errors import ConfigError, NotThere
 from msbot.registry.database.storage import Storage
@@ -17,6 +17,12 @@ MOST_PROGRAMS = 100
 """Most programs of one person."""
 MOST_VERSIONS = 50
 """How many versions of one program are kept: the newest ones."""
+MOST_OF_PROGRAM = 1024 * 1024
+"""Octets of the versions of one program: of more, the oldest give way."""
+MOST_OF_PERSON = 8 * 1024 * 1024
+"""Octets of all programs of one person, with their versions."""
+MOST_OF_ALL = 128 * 1024 * 1024
+"""Octets of all programs of a database: its backup has to fit into what a page takes back."""
 
 
 class Programs:
@@ -24,6 +30,8 @@ class Programs:
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
+        self._used: int | None = None
+        """Octets of all programs, or more, as versions have given way since it was added up; None: it was not."""
 
     def of(self, owner: str) -> list[ProgramRecord]:
         """The programs of a person, the most recently changed first.
@@ -55,11 +63,26 @@ class Programs:
         """Store a program; returns the number of its newest version. What is unchanged makes no new version.
 
         Raises:
-            ConfigError: the person has too many programs.
+            ConfigError: the person has too many programs, or these or all together have too many octets.
             RegistryError: the database cannot be written; nothing has changed.
         """
         now_ns = self._storage.epoch_ns()
-        return self._storage.change(partial(_keep, owner=owner, name=name, source=source, now_ns=now_ns))
+        return self._storage.change(partial(self._keep, owner=owner, name=name, source=source, now_ns=now_ns))
+
+    def _keep(self, connection: Connection, *, owner: str, name: str, source: ProgramSource, now_ns: int) -> int:
+        size = len(source.text.encode()) + len(source.blocks.encode())
+        number = _keep(connection, owner, name, source, now_ns)
+        _check_size_of(connection, owner)
+        used = None if self._used is None else self._used + size
+        if used is None or used > MOST_OF_ALL:
+            used = _octets(connection)
+            if used > MOST_OF_ALL:
+                raise ConfigError(
+                    said("all programs of this robot have {most} MB: whoever has some that nobody needs removes them",
+                         most=MOST_OF_ALL >> 20)
+                )  # fmt: skip
+        self._used = used
+        return number
 
     def remove(self, owner: str, name: str) -> None:
         """Delete a program with all its versions.
@@ -139,8 +162,47 @@ def _keep(connection: Connection, owner: str, name: str, source: ProgramSource, 
     kept = insert(program_texts).values(program_id=program, number=number, saved_ns=now_ns)
     connection.execute(kept.values(text=source.text, blocks=source.blocks))
     connection.execute(delete(program_texts).where(texts.program_id == program, texts.number <= number - MOST_VERSIONS))
+    _drop_old_versions(connection, program)
     connection.execute(update(programs).where(programs.c.id == program).values(changed_ns=now_ns))
     return number
+
+
+def _drop_old_versions(connection: Connection, program: int) -> None:
+    """Of more octets than one program may have, the oldest versions go; the newest stays."""
+    texts = program_texts.c
+    query = select(texts.number, _size(connection)).where(texts.program_id == program).order_by(texts.number.desc())
+    used = 0
+    for place, (number, size) in enumerate(connection.execute(query).all()):
+        used += size
+        if place and used > MOST_OF_PROGRAM:
+            connection.execute(delete(program_texts).where(texts.program_id == program, texts.number <= number))
+            return
+
+
+def _check_size_of(connection: Connection, owner: str) -> None:
+    if _octets(connection, owner) > MOST_OF_PERSON:
+        raise ConfigError(
+            said("the programs of {owner} have {most} MB with their versions: remove one that nobody needs first",
+                 owner=owner, most=MOST_OF_PERSON >> 20)
+        )  # fmt: skip
+
+
+def _octets(connection: Connection, owner: str | None = None) -> int:
+    """Octets of the programs of a person, or of all."""
+    query = select(func.coalesce(func.sum(_size(connection)), 0))
+    if owner is not None:
+        query = query.where(program_texts.c.program_id == programs.c.id, programs.c.owner == owner)
+    return int(connection.execute(query).scalar_one())
+
+
+def _size(connection: Connection) -> ColumnElement[int]:
+    """Octets of one version; SQLite counts those of a text only when it is cast, older ones have no `octet_length`."""
+    parts = program_texts.c.text, program_texts.c.blocks
+    if connection.dialect.name == "sqlite":
+        text, blocks = (func.length(cast(part, LargeBinary)) for part in parts)
+    else:
+        text, blocks = (func.octet_length(part) for part in parts)
+    return text + blocks
 
 
 def _make(connection: Connection, owner: str, name: str, now_ns: int) -> int:

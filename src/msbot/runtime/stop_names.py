@@ -109,6 +109,18 @@ def own_group() -> str:
         raise ConfigError(f"${GROUP_VARIABLE}: {error}") from None
 
 
+def group_to_stop() -> tuple[str, str]:
+    """The STOP group of a STOP that names none, and what is wrong with `$MSBOT_STOP_GROUP`; empty: nothing.
+
+    Without a group that can be used it is for all robots of the user: one that stands still for nothing does less harm
+    than one that goes on.
+    """
+    try:
+        return own_group(), ""
+    except ConfigError as error:
+        return "", str(error)
+
+
 def _plain(text: str) -> str:
     made = ""
     for sign in text:

@@ -17,6 +17,8 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.server import ServerState
 
+from msbot.web.access.guard import STOP_PATH
+
 HEAD_S = 10.0
 """How long a connection may take until its request has come with all its headers; TLS gets as long."""
 BODY_S = 20.0
@@ -121,6 +123,8 @@ class WatchedConnection(HttpToolsProtocol):
         """Octets that have come of a request whose headers are not complete."""
         self._refused: int | None = None
         """Octets that have come since the request was refused; None: it was not."""
+        self._is_broken = False
+        """Whether nothing that comes can be understood any more, and an answer is still to be given."""
 
     def is_idle(self) -> bool:
         """Whether no request on it is being processed."""
@@ -165,6 +169,8 @@ class WatchedConnection(HttpToolsProtocol):
             if self._refused > MOST_LINGER:
                 self.drop()
             return
+        if self._is_broken:
+            return
         self._all.active(self)
         if self._is_reading_body:
             self._arm(BODY_S)
@@ -179,6 +185,20 @@ class WatchedConnection(HttpToolsProtocol):
             return
         self._head += len(data)
         super().data_received(data)
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what cannot be understood; what uvicorn calls.
+
+        A STOP whose body breaks off is obeyed: whoever said it hears what came of it, as if the body had ended there.
+        """
+        cycle = self.cycle
+        if not self._is_reading_body or cycle is None or self.scope["path"] != STOP_PATH:
+            super().send_400_response(msg)
+            return
+        self._is_broken, self._is_reading_body = True, False
+        cycle.keep_alive = False
+        cycle.more_body = False
+        cycle.message_event.set()
 
     def _refuse(self, answer: bytes) -> None:
         """Answer, and close when the peer does, or soon: if it were closed while something of the request was unread,

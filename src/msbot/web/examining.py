@@ -78,4 +78,7 @@ def _back_up(patient_of: Callable[[], Patient]) -> str:
         ) from None
     file = folder / f"{Path(database).stem}-{datetime.now():%Y%m%d-%H%M%S}.db"
     upkeep.back_up(database, file)
-    return said("{file} is written", file=str(file))
+    written = said("{file} is written", file=str(file))
+    if words := upkeep.too_large_for_page(file.stat().st_size):
+        return said("{written}; {words}", written=written, words=words)
+    return written

@@ -161,7 +161,10 @@ def registry_records(
 
     async def backup() -> Backup:
         file = await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
-        return Backup(os.fstat(file.fileno()).st_size, Pieces(file, aside))
+        size = os.fstat(file.fileno()).st_size
+        if words := upkeep.too_large_for_page(size):
+            registry.edits.note(robot, EditKind.RESTORE, words, "msbot")
+        return Backup(size, Pieces(file, aside))
 
     async def restore(backup: AsyncIterator[bytes], who: str) -> str:
         known = registry.runs.store(robot).users

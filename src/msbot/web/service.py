@@ -46,6 +46,7 @@ from msbot.web.programs.program_deeds import ProgramDeeds
 from msbot.web.programs.program_shelf import NoShelf, ProgramShelf
 from msbot.web.pupils import PupilDesk
 from msbot.web.records import Backup, Records
+from msbot.web.simulated.held_controls import HeldControls
 from msbot.web.views import Views
 from msbot.web.whole_class import WholeClass
 
@@ -111,6 +112,9 @@ class Service:
         """The class."""
         self.programs = ProgramDeeds(shelf, accounts, self.pupils.check_writing)
         self._seen_robot: tuple[float, int, Robot] | None = None
+        self._held = HeldControls(lambda: views.bench)
+        operations.pupils.use_holds(self._held.end_where)
+        accounts.sessions.on_end(self._signed_out)
 
     @property
     def robot_name(self) -> str:
@@ -216,6 +220,8 @@ class Service:
         self._need(session, Right.OPERATE)
         self._check_simulated(session, slot)
         self.views.bench.operate(slot, control, value)
+        if self._held.operated("" if session.may(Right.ARRANGE) else session.name, slot, control, value):
+            self.operations.pupils.drives(session.name)
         return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
 
     def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
@@ -226,8 +232,15 @@ class Service:
         if is_new and self.views.is_held_by_another(slot) and not session.may(Right.ARRANGE):
             # It would look for another slot, and that may be another group's.
             raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
+        if not plugged:
+            self._held.end_where(lambda held, _who: held == slot)
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
+
+    def _signed_out(self, session: Session) -> None:
+        """No pupil holds anything by hand who has no session left."""
+        if not session.may(Right.ARRANGE) and not self.accounts.sessions.of(session.name):
+            self.operations.pupils.end_holds(session.name)
 
     def _check_simulated(self, session: Session, slot: str) -> None:
         """Check that somebody may play with the simulated part of a slot, wherever it is now.

@@ -175,9 +175,12 @@ class Views:
         blueprint = self._blueprint()
         return [name for name in self.bench.slots() if blueprint.slot(name) is None]
 
-    def why(self, part: str) -> list[str]:
-        """In sentences: the state of a part, which rules led there, and whom its topics cannot reach."""
-        return self._master.why(part)
+    def why(self, part: str, *, by_name: bool = False) -> list[str]:
+        """In sentences: the state of a part, which rules led there, and whom its topics cannot reach.
+
+        With `by_name`, no part is found by what only teachers see: UID, address, client key.
+        """
+        return self._master.why(part, by_name=by_name)
 
     def beat_intervals(self, slot: str) -> list[float]:
         """Seconds between the latest beats."""

@@ -191,6 +191,28 @@ def test_a_group_in_which_nobody_is_stops_nobody(tmp_path: Path) -> None:
 
 
 @needs_sockets
+@pytest.mark.promise("A STOP group that cannot be used keeps no robot running")
+@pytest.mark.parametrize("words", [("stop",), ("class", "stop")])
+def test_a_variable_that_names_no_group_stops_all_and_says_so(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(stage: Stage) -> None:
+        stage.master._stop_group = ""  # it has its own environment in life
+        monkeypatch.setenv("MSBOT_STOP_GROUP", "bench 1")
+        said = await typed(*words)
+        assert "$MSBOT_STOP_GROUP: 'bench 1' is no name for a STOP group" in said
+        assert "STOP goes to every robot of yours" in said
+        assert stage.master.stop.stopped
+        assert "NOT delivered: $MSBOT_STOP_GROUP: 'bench 1' is no name" in await typed("go")
+        assert stage.master.stop.stopped
+        for command_of_stop in ("stop", "go"):
+            assert "NOT delivered: 'bench 1' is no name" in await typed(command_of_stop, "--stop-group", "bench 1")
+        assert "STOP is over" in await typed("go", "--stop-group", "")
+
+    with_socket(tmp_path, act)
+
+
+@needs_sockets
 def test_go_tells_two_masters_of_one_name_apart(tmp_path: Path) -> None:
     async def act(stage: Stage) -> None:
         own, db = stage.master.profile, str(tmp_path / "robot.db")

@@ -48,6 +48,8 @@ def command(
     if only_status:
         _show_status(stop_status(meant), meant, as_json=as_json)
         return
+    if meant.odd_group:
+        click.echo(f"{meant.odd_group}: STOP goes to every robot of yours that is meant", err=True)
     said = say_stop(meant, reason)
     reached = said
     until = time.monotonic() + PATIENCE_S

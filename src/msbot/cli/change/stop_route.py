@@ -13,7 +13,7 @@ from msbot.errors import ConfigError
 from msbot.registry.database_identity import database_identity
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.stop_asking import SilentMaster, ask_masters, user_words
-from msbot.runtime.stop_names import own_group
+from msbot.runtime.stop_names import group_to_stop
 from msbot.runtime.stop_places import IS_THERE, own_user
 
 Answer = dict[str, object]
@@ -40,8 +40,13 @@ class Meant:
 
     @property
     def in_group(self) -> str:
-        """Only masters of this STOP group; empty: all."""
-        return own_group() if self.group is None else self.group
+        """Only masters of this STOP group; empty: all, also when the variable names none that can be used."""
+        return group_to_stop()[0] if self.group is None else self.group
+
+    @property
+    def odd_group(self) -> str:
+        """What is wrong with the group in the variable, if that counts; empty: nothing."""
+        return group_to_stop()[1] if self.group is None else ""
 
     @property
     def is_all(self) -> bool:
@@ -82,6 +87,8 @@ def say_go(meant: Meant, number: int | None = None) -> Answer:
     Raises:
         ConfigError: several could be meant, nobody said STOP, another one was said since, or no master accepts it.
     """
+    if meant.odd_group:
+        raise ConfigError(f"NOT delivered: {meant.odd_group}; or name the group with --stop-group")
     found = _ask("status", meant).answers
     if len(found) > 1:
         ways = "; ".join(f"{robot_label(one)}: {go_command(one, found, meant)}" for one in found)

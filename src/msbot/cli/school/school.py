@@ -27,7 +27,7 @@ from msbot.errors import ConfigError
 from msbot.runtime.amount import amount
 from msbot.runtime.own_version import own_version
 from msbot.runtime.stop_asking import SilentMaster, ask_masters
-from msbot.runtime.stop_names import own_group
+from msbot.runtime.stop_names import group_to_stop
 from msbot.runtime.stop_places import IS_THERE
 from msbot.school.access import AccessBook, FarAccess
 from msbot.school.class_robots import ClassRobot, class_robots
@@ -130,7 +130,9 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
     variable counts for this computer alone). HOME and XDG folders do not keep robots apart. A robot that does not
     answer is named.
     """
-    group = own_group() if stop_group is None else stop_group
+    group, odd = group_to_stop() if stop_group is None else (stop_group, "")
+    if odd:
+        click.echo(f"{odd}: STOP goes to every robot of yours on this computer", err=True)
     trouble = ""
     try:
         accesses = AccessBook().all()

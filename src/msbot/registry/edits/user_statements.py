@@ -11,7 +11,7 @@ from msbot.registry.database.tables import keys, users
 from msbot.registry.lesson_ticks import remove_ticks_of
 from msbot.registry.programs import remove_programs_of
 from msbot.registry.records import KeyRecord, UserRecord, uid_text
-from msbot.registry.reserved_names import check_reserved
+from msbot.registry.reserved_names import check_name, check_reserved
 from msbot.runtime.sentence import said
 
 ROLES = ("viewer", "student", "teacher", "administrator")
@@ -45,11 +45,10 @@ def keep_user(
     """
     if role not in ROLES:
         raise ConfigError(said("there is no role {role!r}; there are {roles}", role=role, roles=", ".join(ROLES)))
-    if not name.strip() or not name.isprintable():
-        raise ConfigError(said("{name!r} is not a name for a user: use letters", name=name))
     before = find_user(connection, name)
     if before is None:
         check_reserved(name)
+        check_name(name, connection.execute(select(users.c.name)).scalars())
     if before is not None and before.role == ROLES[-1] != role:
         _keep_an_administrator(connection, name)
     values = {

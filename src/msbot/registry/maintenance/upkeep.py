@@ -28,6 +28,18 @@ from msbot.runtime.sentence import said, without
 
 _ROWS = 1000
 """How many rows are copied at a time."""
+MOST_OF_PAGE = 256 * 1024 * 1024
+"""Octets of the largest backup that a page takes back."""
+
+
+def too_large_for_page(size: int) -> str:
+    """What to know about a backup of so many octets; empty: nothing, a page takes it back."""
+    if size <= MOST_OF_PAGE:
+        return ""
+    return said(
+        "the backup has {size} MB, and a page takes back {most} MB: `msbot db restore` takes it, while no master runs",
+        size=(size >> 20) + 1, most=MOST_OF_PAGE >> 20,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 from msbot.errors import ConfigError, MsbotError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
-from msbot.registry.reserved_names import check_reserved
+from msbot.registry.reserved_names import check_name, check_reserved
 from msbot.runtime.sentence import said
 from msbot.web.access.attempts import Attempts, SignInRefused
 from msbot.web.access.class_list import Newcomer
@@ -26,8 +26,8 @@ from msbot.web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHas
 from msbot.web.access.sessions import Ending, Session, Sessions, digest_of, told_octets
 from msbot.web.access.users import OF_PARTS, User, UserStore
 
-MAX_NAME = 64
-"""Characters of a user's name."""
+MOST_TOKENS = 50
+"""API tokens and tickets of one person."""
 LINK_OCTETS = 16
 """Random octets of the word of a link: nobody guesses it, and the line with the link fits a terminal of 80 columns."""
 
@@ -413,8 +413,6 @@ class Accounts:
         Raises:
             ConfigError: there is no such user, or the purpose is taken or makes no sense.
         """
-        if not purpose or len(purpose) > MAX_NAME or not purpose.isprintable():
-            raise ConfigError(said("say what the token is for, in 1 to {max_name} characters", max_name=MAX_NAME))
         token = f"msbot_{secrets.token_urlsafe(32)}"
         async with self._changing:
             user = self._find(name)
@@ -422,6 +420,12 @@ class Accounts:
                 raise ConfigError(
                     said("{name} has a token for {purpose!r} already: remove it first", name=name, purpose=purpose)
                 )
+            check_name(purpose, (known for known, _ in user.tokens))
+            if len(user.tokens) >= MOST_TOKENS:
+                raise ConfigError(
+                    said("{name} has {most} tokens and tickets already: remove one that nobody uses", name=name,
+                         most=MOST_TOKENS)
+                )  # fmt: skip
             await self._keep(who, replace(user, tokens=(*user.tokens, (purpose, kind + digest_of(token)))))
         return token
 
@@ -451,12 +455,10 @@ class Accounts:
         self._token_users = {digest: one.name for one in self._users.values() for _, digest in one.tokens}
 
     def _check_name(self, name: str) -> None:
-        if not name or len(name) > MAX_NAME or name != name.strip() or not name.isprintable():
-            raise ConfigError(said("a user's name has 1 to {max_name} printable characters, without blanks around it",
-                                   max_name=MAX_NAME))  # fmt: skip
         check_reserved(name)
         if name in self._users:
             raise ConfigError(said("there is a user {name!r} already: choose another name", name=name))
+        check_name(name, self._users)
 
     def _find(self, name: str) -> User:
         user = self._users.get(name)

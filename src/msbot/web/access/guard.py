@@ -24,6 +24,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot.link.net import PART_PATH
 from msbot.operations.rights import Right
+from msbot.registry.maintenance.upkeep import MOST_OF_PAGE
 from msbot.runtime.sentence import said
 from msbot.runtime.tally import Tally
 from msbot.web.access.accounts import Accounts
@@ -37,7 +38,7 @@ from msbot.web.refusals import HTML, PASSING, refusal_page, wants_page
 CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
 """Octets of a request's body; `restore` may have more."""
-MAX_RESTORE = 256 * 1024 * 1024
+MAX_RESTORE = MOST_OF_PAGE
 LONGEST_NUMBER = 18
 """Digits of a length in a header."""
 OPEN_PATHS = (

@@ -13,6 +13,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from msbot.lab.missions.played import grade_json, played_from_json
+from msbot.operations.rights import Right
 from msbot.web.api.answers import PROBLEMS, Health
 from msbot.web.api.bus_lines import BusFigures, FrameLine
 from msbot.web.api.class_models import RobotStatus, RobotTile
@@ -99,7 +100,7 @@ def _add_reads(router: APIRouter, service: Service) -> None:
     @router.get("/why/{part}")
     async def why(session: SignedIn, part: Name) -> list[str]:
         """In sentences: how a part stands and which rules led there."""
-        return [words_for(session, line) for line in views.why(part)]
+        return [words_for(session, line) for line in views.why(part, by_name=not session.may(Right.ARRANGE))]
 
     @router.get("/topics")
     async def topics(session: SignedIn) -> list[TopicLine]:  # noqa: ARG001

@@ -229,4 +229,4 @@ class _ArenaPage:
         try:
             self._power(self._page.session, [0.0] * len(POWERS))
         except MsbotError:
-            return  # signed out, or pulled out: then nothing drives
+            return  # signed out, held by a teacher, or pulled out: then it was let go of

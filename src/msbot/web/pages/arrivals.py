@@ -166,7 +166,7 @@ def _deeds(page: Page, part: PartLine) -> None:
         ui.button(
             page.say("Identify"),
             icon="lightbulb",
-            on_click=lambda: page.act("identify", part=name),
+            on_click=lambda: page.act("identify", part=name if page.may(Right.ARRANGE) else part.part),
         ).props("flat")
     ui.button(page.say("Why?"), on_click=partial(_why, page, part)).props("flat")
 

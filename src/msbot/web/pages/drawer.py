@@ -227,7 +227,8 @@ class _Deeds:
         if part is not None and part.uid:
             uid = ("part", part.uid)
             if page.may(Right.OPERATE):
-                yield _Deed(page.say("Identify"), "lightbulb", "identify", (uid,))
+                named = uid if page.may(Right.ARRANGE) else ("part", card.name)
+                yield _Deed(page.say("Identify"), "lightbulb", "identify", (named,))
             if page.may(Right.ARRANGE):
                 yield _Deed(page.say("Release slot"), "eject", "release", (slot,))
                 yield _Deed(page.say("Block part"), "block", "block", (uid,), "outline color=negative")

@@ -36,6 +36,9 @@ class Bench(Protocol):
             ConfigError: there is no such control, or it does not take that value.
         """
 
+    def rest(self, slot: str, control: str) -> Scalar | None:
+        """The value that a control goes back to when it is released; None: it stays, or is not there."""
+
     def readings(self, slot: str) -> Mapping[str, Scalar]:
         """What one would see of the part."""
 
@@ -67,6 +70,10 @@ class NoBench:
 
     def operate(self, slot: str, control: str, value: Scalar) -> None:
         """There is nothing to operate."""
+
+    def rest(self, slot: str, control: str) -> Scalar | None:  # noqa: ARG002
+        """None."""
+        return None
 
     def readings(self, slot: str) -> Mapping[str, Scalar]:  # noqa: ARG002
         """None."""
