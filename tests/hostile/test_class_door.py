@@ -191,6 +191,18 @@ def test_a_name_fits_into_an_address_and_is_told_apart_wherever_names_are_given(
     show(tmp_path, scene)
 
 
+def test_a_list_with_a_group_that_cannot_be_lets_nobody_in(tmp_path: Path) -> None:
+    async def scene(rig: Rig) -> None:
+        teacher = rig.session(Role.TEACHER)
+        asker, before = rig.service.asker(teacher), rig.service.pupils.pupils()
+        assert "looks like 'ann'" in str(await refusal(lambda: rig.service.pupils.add(teacher, "ann\nANN", 1, asker)))
+        words = await refusal(lambda: rig.service.pupils.add(teacher, "ann; Red\nben; 7/b", 1, asker))
+        assert "cannot stand in an address" in str(words)
+        assert rig.service.pupils.pupils() == before
+
+    show(tmp_path, scene)
+
+
 def test_names_that_look_alike_are_refused_and_old_ones_stay_usable(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         accounts, teacher = rig.accounts, rig.session(Role.TEACHER)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Iterable
+from functools import lru_cache
 
 from msbot.errors import ConfigError
 from msbot.runtime.sentence import said
@@ -87,6 +88,7 @@ def _plain(name: str) -> str:
     return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
+@lru_cache(4096)  # a class list of 1,000 is compared with 1,000 people
 def _as_seen(name: str) -> str:
     """The same for names that look alike."""
     return _plain(name).translate(_LOOKS_LIKE)

@@ -11,6 +11,7 @@ from msbot.lessons.progress import PersonInLesson
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Asker, Right, Role
 from msbot.registry import ProgramSource
+from msbot.registry.reserved_names import check_name
 from msbot.runtime.lazy_dataclass import dataclass
 from msbot.runtime.sentence import counted, said
 from msbot.web.access.accounts import Accounts
@@ -156,11 +157,14 @@ class PupilDesk:
         """
         self._accounts.require(session, Right.ARRANGE)
         listed = read_list(text)
+        known = {one.name: one for one in self._control.groups}
+        spelt = {one.casefold(): one for one in known}
+        for _, group, _ in listed:  # before anybody is let in
+            if group and group.casefold() not in spelt:
+                check_name(group, known)
         people = [Newcomer(name, Role.STUDENT, new_password(), line) for name, _, line in listed]
         await self._accounts.add_people(people, who=session.name)
         groups: dict[str, list[str]] = {}
-        known = {one.name: one for one in self._control.groups}
-        spelt = {one.casefold(): one for one in known}
         for name, group, _ in listed:
             if group:
                 groups.setdefault(spelt.setdefault(group.casefold(), group), []).append(name)

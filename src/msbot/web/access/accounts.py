@@ -332,9 +332,12 @@ class Accounts:
             ConfigError: a name is taken or makes no sense.
         """
         newcomers = list(people)
+        earlier: list[str] = []
         for one in newcomers:
             try:
                 self._check_name(one.name)
+                check_name(one.name, earlier)
+                earlier.append(one.name)
             except ConfigError as error:
                 raise ConfigError(said("line {line}: {error}", line=one.line, error=str(error))) from None
         users = [
