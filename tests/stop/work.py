@@ -35,6 +35,29 @@ async def _apply(stage: FaultStage, folder: Path) -> None:
     await stage.operations.do("apply", who="Ada", path=str(path))
 
 
+async def _roll_out_and_undo(stage: FaultStage, folder: Path) -> None:
+    """The two requests that a roll-out and its undo send to a master."""
+
+    async def ask(what: str, **args: object) -> Mapping[str, object]:
+        answer = await perform(stage.operations, {"do": what, "args": args, "who": "Ada"})
+        assert "error" not in answer, answer
+        return answer
+
+    path = folder / "rollout.toml"
+    path.write_text((folder / "robot.toml").read_text().replace("explain = true ", "explain = false "))
+    done = await ask("apply", path=str(path), folders=[])
+    assert isinstance(done["edit"], int)
+    await asyncio.sleep(SOME_S)
+    await ask("undo", edit=done["edit"])
+
+
+async def _reset(stage: FaultStage, folder: Path) -> None:
+    """A parameter set by hand goes back to what the blueprint says."""
+    await _set(stage, folder)
+    await asyncio.sleep(SOME_S)
+    await stage.operations.do("reset", who="Ada", slot="fan", name="start_at")
+
+
 async def _set(stage: FaultStage, _folder: Path) -> None:
     await stage.operations.do("set", who="Ada", slot="fan", name="start_at", value="10")
 
@@ -54,6 +77,13 @@ async def _by_hand(stage: FaultStage, _folder: Path) -> None:
 
 async def _fault(stage: FaultStage, _folder: Path) -> None:
     await stage.plant("unplug", "knob", **{"after": SOME_S + 0.5, "for": 2.0})
+
+
+async def _power_cycle(stage: FaultStage, _folder: Path) -> None:
+    """The listener itself is pulled out and comes back with nothing remembered."""
+    assert stage.robot.unplug("fan")
+    await asyncio.sleep(SOME_S)
+    assert stage.robot.plug("fan")
 
 
 async def _noise(stage: FaultStage, _folder: Path) -> None:
@@ -113,10 +143,13 @@ SAYERS: Mapping[str, Callable[[FaultStage], Awaitable[None]]] = {
 
 DEEDS: Mapping[str, tuple[Deed, Deed]] = {
     "a changed blueprint is applied, as in a roll-out": (_no_deed, _apply),
+    "a blueprint is applied and taken back, by the requests of a roll-out and its undo": (_no_deed, _roll_out_and_undo),
     "a setting is changed": (_no_deed, _set),
+    "a setting is changed and reset": (_no_deed, _reset),
     "a slot is added and taken away": (_no_deed, _rewire),
     "somebody drives the fan by hand": (_by_hand, _by_hand),
     "a part falls out and comes back": (_fault, _no_deed),
+    "the listening part is reset": (_no_deed, _power_cycle),
     "a fault was planted before": (_noise, _no_deed),
     "a mission runs": (_mission, _no_deed),
     "a mission is begun": (_no_deed, _mission_refused),
