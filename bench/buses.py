@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from msbot.link.can import Codec
-from msbot.link.can.protocol import Frame, FrameBits, frame_bits
-from msbot.link.can.protocol.frames import split
-from msbot.link.can.sim import SimBus
-from msbot.xrce import compress, decompress
+from msbot_agent.link.can import Codec
+from msbot_agent.link.can.protocol import Frame, FrameBits, frame_bits
+from msbot_agent.link.can.protocol.frames import split
+from msbot_agent.link.can.sim import SimBus
+from msbot_xrce import compress, decompress
 
 CODEC = Codec(compress, decompress)
 

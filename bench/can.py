@@ -20,7 +20,7 @@ from bench.can_setup import set_up_table
 from bench.can_thesis import AT, one_message, thesis_table
 from bench.crowd import Outcome, start_anew, switch_on
 from bench.result import write_result
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 
 REST_S = 20.0
 """How long the load at rest is measured."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from random import Random
 
 from bench.buses import bits, classic, fast, table, thesis
-from msbot.link.can.protocol import Frame
-from msbot.xrce import compress
-from msbot.xrce.messages import (
+from msbot_agent.link.can.protocol import Frame
+from msbot_xrce import compress
+from msbot_xrce.messages import (
     FIRST_REQUEST,
     STREAM_BEST_EFFORT,
     STREAM_NONE,

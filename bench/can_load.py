@@ -9,9 +9,9 @@ from bench.buses import BUSES, SIZES, Rates, table
 from bench.can_costs import MESSAGES, frames_of
 from bench.crowd import Outcome, ring
 from msbot.config import load_library
-from msbot.link.can.protocol import Framing
 from msbot.pnp import Forecast, forecast
-from msbot.xrce import compress
+from msbot_agent.link.can.protocol import Framing
+from msbot_xrce import compress
 
 FULL = 0.5
 """The load that a bus is filled to."""

@@ -26,21 +26,21 @@ from random import Random
 from bench.machine import describe_machine
 from bench.path import Client
 from bench.path_wires import Wire
-from msbot.agent import Agent
-from msbot.link import LinkCounters, Peer
-from msbot.link.can import CanBusInfo, CanMasterLink, Codec
-from msbot.link.can.adapters import CanDriver
-from msbot.link.can.adapters.interface import CanInterface
-from msbot.link.can.adapters.remedies import Wanted
-from msbot.link.can.adapters.socketcan import SocketCanAdapter
-from msbot.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
-from msbot.link.can.filters import IdFilter
-from msbot.link.can.peer_framing import CanWire
-from msbot.link.can.protocol import CanIds, Frame
-from msbot.link.can.protocol.ids import COMPRESSION, join_frame, read_assign
-from msbot.space import MemorySpace
-from msbot.xrce import ClientSession, ClientSessionSettings, ClientState, compress, decompress
-from msbot.xrce.messages import (
+from msbot_agent.agent import Agent
+from msbot_agent.link import LinkCounters, Peer
+from msbot_agent.link.can import CanBusInfo, CanMasterLink, Codec
+from msbot_agent.link.can.adapters import CanDriver
+from msbot_agent.link.can.adapters.interface import CanInterface
+from msbot_agent.link.can.adapters.remedies import Wanted
+from msbot_agent.link.can.adapters.socketcan import SocketCanAdapter
+from msbot_agent.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
+from msbot_agent.link.can.filters import IdFilter
+from msbot_agent.link.can.peer_framing import CanWire
+from msbot_agent.link.can.protocol import CanIds, Frame
+from msbot_agent.link.can.protocol.ids import COMPRESSION, join_frame, read_assign
+from msbot_agent.space import MemorySpace
+from msbot_xrce import ClientSession, ClientSessionSettings, ClientState, compress, decompress
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
     DeliveryControl,
@@ -48,7 +48,7 @@ from msbot.xrce.messages import (
     ObjectVariant,
     make_object_id,
 )
-from msbot.xrce.objects import (
+from msbot_xrce.objects import (
     RELIABLE_QOS,
     participant_variant,
     publisher_variant,
@@ -57,7 +57,7 @@ from msbot.xrce.objects import (
     topic_variant,
     writer_variant,
 )
-from msbot.xrce.sessions import DataReceived
+from msbot_xrce.sessions import DataReceived
 
 IDS = CanIds()
 CODEC = Codec(compress, decompress)

@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from random import Random
 
 from bench.buses import BUSES, CODEC, Rates, bits, table
-from msbot.agent import Agent
-from msbot.link import Link
-from msbot.link.can import CanLegacyLink, CanMasterLink, CanPartLink
-from msbot.link.can.protocol import Frame
-from msbot.link.can.sim import SimBusDriver
-from msbot.link.can.sim.driver import SimCanBus
 from msbot.part import Client, ClientSettings
 from msbot.part.client.entities import Entity
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import is_whole
-from msbot.xrce.messages import CreateClient, Format, ObjectKind, ObjectVariant, decode_header, iter_submessages
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.link import Link
+from msbot_agent.link.can import CanLegacyLink, CanMasterLink, CanPartLink
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.sim import SimBusDriver
+from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_agent.space import MemorySpace
+from msbot_xrce import is_whole
+from msbot_xrce.messages import CreateClient, Format, ObjectKind, ObjectVariant, decode_header, iter_submessages
 
 KEY = 0xBA5EBA11
 """Client key of the thesis' firmware."""

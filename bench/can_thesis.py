@@ -20,13 +20,13 @@ from bench.can_costs import (
 )
 from bench.can_setup import CLASSIC, COMPRESSED, THESIS, XML, component, set_up
 from bench.crowd import Outcome
-from msbot.link import Peer
-from msbot.link.can import CanMasterLink, CanPartLink
-from msbot.link.can.adapters.driver import RING_FRAMES
-from msbot.link.can.protocol import Frame
-from msbot.link.can.sim import SimBusDriver
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import Heartbeat, ObjectKind, decode_header, iter_submessages
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Peer
+from msbot_agent.link.can import CanMasterLink, CanPartLink
+from msbot_agent.link.can.adapters.driver import RING_FRAMES
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.sim import SimBusDriver
+from msbot_xrce.messages import Heartbeat, ObjectKind, decode_header, iter_submessages
 
 AT = BUSES[2]
 """500 kbit/s, the thesis' bit rate."""

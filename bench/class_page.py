@@ -24,10 +24,10 @@ from pathlib import Path
 from click.testing import CliRunner
 from playwright.sync_api import Page, sync_playwright
 
-from msbot.cli.user.user import command as user
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot.school.access import AccessBook, FarAccess
+from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_web.cli.user.user import command as user
 from tests.e2e.processes import Process
 from tests.web.browser.conftest import ARGUMENTS, chromium, free_port, go
 

@@ -32,7 +32,7 @@ from bench.machine import describe_machine
 from bench.result import write_result
 from msbot import Distance, Level, Part
 from msbot.config import GROUP_ROBOT_TOML, blueprint_toml, for_groups, load_library, parse_blueprint
-from msbot.link.net import WebSocketClientLink
+from msbot_agent.link.net import WebSocketClientLink
 
 PASSWORD = "thirty at once"
 LONGEST_S = 180.0

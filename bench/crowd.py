@@ -18,14 +18,14 @@ from random import Random
 
 from bench.buses import CODEC, Rates
 from msbot.config import Blueprint, load_blueprint, load_library
-from msbot.link.can import CanMasterLink, CanPartLink, Codec
-from msbot.link.can.protocol import CanIds, Frame
-from msbot.link.can.protocol.ids import read_join
-from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import Registry, open_registry
+from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
+from msbot_agent.link.can.protocol import CanIds, Frame
+from msbot_agent.link.can.protocol.ids import read_join
+from msbot_agent.link.can.sim import SimBusDriver
 
 PART_NUMBER = "ABCD"
 """Of all parts: the thesis' light sensor."""

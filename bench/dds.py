@@ -25,9 +25,9 @@ from typing import Any
 from bench.agent import LOADS, build_generator, run
 from bench.machine import describe_machine
 from bench.result import write_result
-from msbot.space import MemorySpace, Qos, Sample, Space, Topic, open_space, parse_space
-from msbot.space.dds import DdsSpace
-from msbot.space.dds.writer import DdsWriter
+from msbot_agent.space import MemorySpace, Qos, Sample, Space, Topic, open_space, parse_space
+from msbot_agent.space.dds import DdsSpace
+from msbot_agent.space.dds.writer import DdsWriter
 
 INSIDE = "MSBOT_BENCH_DDS_INSIDE"
 TOPIC, BACK = Topic("bench", "Bench"), Topic("bench_back", "Bench")

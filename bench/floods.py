@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from msbot.xrce.messages import SESSION_NONE, CreateClient, GetInfo, Header, encode_message
+from msbot_xrce.messages import SESSION_NONE, CreateClient, GetInfo, Header, encode_message
 
 LONGEST_S = 300.0
 """No flood goes on for longer."""

@@ -36,9 +36,9 @@ from bench.result import write_result
 from bench.scale import memory_mb, running
 from bench.scale import wait_for as wait_for_words
 from msbot import HelloWorld
-from msbot.link import open_link
 from msbot.part import JoinState, Part
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import open_link
 
 PICTURE = Path(__file__).parent.parent / "docs/explain/growth.svg"
 SESSIONS = (10, 30, 100, 300, 1000, 3000, 5000)

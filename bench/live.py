@@ -16,13 +16,13 @@ from random import Random
 
 from bench.buses import BUSES, CODEC, Rates, table
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
-from msbot.link.can import CanMasterLink, CanPartLink
-from msbot.link.can.sim import SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.messages.standard import Level
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can import CanMasterLink, CanPartLink
+from msbot_agent.link.can.sim import SimBusDriver
 
 KEY = bytes(range(16))
 ROUNDS = 20

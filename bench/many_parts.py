@@ -34,8 +34,8 @@ from pathlib import Path
 from random import randbytes
 
 from bench.machine import describe_machine
-from msbot.link import open_link
 from msbot.part import JoinState, Part
+from msbot_agent.link import open_link
 
 PART_NUMBER = "ABCD"
 LONGEST_S = 120.0

@@ -25,11 +25,11 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from bench.machine import describe_machine
 from msbot.config import load_blueprint, load_library
-from msbot.link import open_link
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
+from msbot_agent.link import open_link
 
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 BROWSERS = (0, 1, 3)
@@ -79,9 +79,9 @@ async def serve(parts: int, *, with_page: bool) -> None:
             master.add_link(link)
             async with asyncio.TaskGroup() as tasks:
                 if with_page:
-                    from msbot.web.assembly import Database, Seen, WebRoom
-                    from msbot.web.frames import FrameRing
-                    from msbot.web.server import WebSettings
+                    from msbot_web.assembly import Database, Seen, WebRoom
+                    from msbot_web.frames import FrameRing
+                    from msbot_web.server import WebSettings
 
                     room = WebRoom(
                         master, RunningOperations(master, registry, record, library=library), library,

@@ -39,7 +39,7 @@ from bench.machine import describe_machine
 from bench.stop import PARTS, by_page, by_socket, last_confirmation_ms, words
 from msbot.registry import open_registry
 from msbot.registry.edits import users
-from msbot.web.access.passwords import Argon2Hasher
+from msbot_web.access.passwords import Argon2Hasher
 from tests.e2e.processes import Process
 from tests.hostile.robot import PATIENCE_S, Robot
 

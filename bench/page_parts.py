@@ -20,9 +20,9 @@ from random import Random
 from bench.machine import describe_machine
 from msbot import Text
 from msbot.config import PartType, Slot
-from msbot.link.net import WebSocketClientLink
 from msbot.part import Part
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
+from msbot_agent.link.net import WebSocketClientLink
 from tests.web.part_site import part_site
 
 PERIOD_S = 0.1

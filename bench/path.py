@@ -26,11 +26,11 @@ from dataclasses import dataclass, replace
 
 from bench.machine import describe_machine
 from bench.path_wires import SocketWire, Wire
-from msbot.agent import Agent
-from msbot.lab.recorder.recorder import Recorder
-from msbot.space import MemorySpace
-from msbot.xrce import ClientSession, ClientState
-from msbot.xrce.messages import (
+from msbot.recording.recorder.recorder import Recorder
+from msbot_agent.agent import Agent
+from msbot_agent.space import MemorySpace
+from msbot_xrce import ClientSession, ClientState
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
     DeliveryControl,
@@ -38,7 +38,7 @@ from msbot.xrce.messages import (
     ObjectVariant,
     make_object_id,
 )
-from msbot.xrce.objects import (
+from msbot_xrce.objects import (
     RELIABLE_QOS,
     participant_variant,
     publisher_variant,

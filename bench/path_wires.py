@@ -9,8 +9,8 @@ import asyncio
 import select
 import socket
 
-from msbot.link import BaseLink, LinkInfo, Peer
-from msbot.link.net import UdpServerLink
+from msbot_agent.link import BaseLink, LinkInfo, Peer
+from msbot_agent.link.net import UdpServerLink
 
 LARGEST = 2048
 

@@ -31,7 +31,7 @@ from bench.machine import describe_machine
 from bench.result import write_result
 from msbot.registry import open_registry
 from msbot.registry.edits import users
-from msbot.web.access.passwords import Argon2Hasher
+from msbot_web.access.passwords import Argon2Hasher
 from tests.e2e.processes import Process, running
 from tests.hostile.robot import Robot
 from tests.web.browser.conftest import ARGUMENTS, chromium, free_port

@@ -21,9 +21,9 @@ from struct import pack
 
 from bench.machine import describe_machine
 from bench.result import write_result
-from msbot.runtime.event_loop import run_to_end
-from msbot.space import Qos, Sample, Topic
-from msbot.space.dds import DdsSpace
+from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.space import Qos, Sample, Topic
+from msbot_agent.space.dds import DdsSpace
 from tests.ros.genuine.environment import MIDDLEWARES, environment
 from tests.ros.genuine.node import Node, genuine_node
 from tests.ros.genuine.robots import robot

@@ -41,9 +41,9 @@ from bench.result import write_result
 from msbot.config import load_library, parse_blueprint
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
-from msbot.space import Qos, Topic
-from msbot.space.dds import DdsSpace
-from msbot.space.zenoh import ZenohSpace
+from msbot_agent.space import Qos, Topic
+from msbot_agent.space.dds import DdsSpace
+from msbot_agent.space.zenoh import ZenohSpace
 from tests.registry.postgres import find_server, running_server
 
 INSIDE = "MSBOT_BENCH_DDS_INSIDE"
@@ -312,7 +312,7 @@ async def be_site(first: int, count: int) -> None:
 
 def router(number: int) -> list[str]:
     """One router and the topics of so many robots."""
-    from msbot.space.zenoh.library import load, session_config
+    from msbot_agent.space.zenoh.library import load, session_config
 
     with contextlib.ExitStack() as stack:
         process = stack.enter_context(running("-m", "msbot", "router"))

@@ -19,13 +19,13 @@ from random import Random
 
 from bench.machine import describe_machine
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.door import OwnDoor
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.sim.arena.world_reader import open_world
+from msbot_school.demo import DemoRobot
 
 ROBOTS = (("thesis", ""), ("rover", ""), ("rover", "line"), ("buggy", "line"))
 """Samples, each with its world."""

@@ -14,10 +14,10 @@ from statistics import mean
 from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, Wire
 from msbot.operations.dispatch import RunningOperations
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
+from msbot_school.demo import DemoRobot, Wire
 
 BUSES = ((Wire.CAN, 125_000), (Wire.CAN, 500_000), (Wire.FD, 500_000))
 PRESETS = ("thesis", "fast")

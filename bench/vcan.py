@@ -23,13 +23,13 @@ from bench.crowd import PART_NUMBER, ROBOT, ring
 from bench.machine import describe_machine
 from msbot import HelloWorld
 from msbot.config import load_library
-from msbot.link import open_link
-from msbot.link.can import CanSettings, Codec
 from msbot.master import Master
 from msbot.part import Part
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
-from msbot.xrce import compress, decompress
+from msbot_agent.link import open_link
+from msbot_agent.link.can import CanSettings, Codec
+from msbot_xrce import compress, decompress
 
 CAN = CanSettings(codec=Codec(compress, decompress))
 SETTLE_S = 1.0

@@ -29,8 +29,8 @@ from bench.many_parts import PART_NUMBER, blueprint, cpu_s
 from bench.result import write_result
 from bench.scale import running, wait_for
 from msbot import HelloWorld
-from msbot.link import open_link
 from msbot.part import Part
+from msbot_agent.link import open_link
 
 MASTER, BETWEEN = "udp:127.0.0.1:9100", "udp:127.0.0.1:9101"
 WAYS = {

@@ -9,13 +9,13 @@ from random import Random
 from fuzz.bounds import check_agent
 from fuzz.case import Step, Violation
 from fuzz.virtual import the_loop
-from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
-from msbot.link import Peer, Signal
-from msbot.space import MemorySpace
-from msbot.xrce import ClientState, References
-from msbot.xrce.messages import STREAM_RELIABLE, Acknack, Header, SubmessageId, encode_message
-from msbot.xrce.objects import EndpointQos
-from msbot.xrce.sessions import Pong
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo, OpenGate
+from msbot_agent.link import Peer, Signal
+from msbot_agent.space import MemorySpace
+from msbot_xrce import ClientState, References
+from msbot_xrce.messages import STREAM_RELIABLE, Acknack, Header, SubmessageId, encode_message
+from msbot_xrce.objects import EndpointQos
+from msbot_xrce.sessions import Pong
 from tests.agent.wiring import FakeLink, WiredClient, serving
 
 PEERS = 6

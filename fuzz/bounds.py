@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from fuzz.case import Violation
-from msbot.agent import Agent, AgentSettings
-from msbot.agent.proxy import Proxy
-from msbot.agent.timers import MOST_STALE
-from msbot.xrce import AgentSession, ClientSession
-from msbot.xrce.streams.sending_and_resending import ReliableOutput
+from msbot_agent.agent import Agent, AgentSettings
+from msbot_agent.agent.proxy import Proxy
+from msbot_agent.agent.timers import MOST_STALE
+from msbot_xrce import AgentSession, ClientSession
+from msbot_xrce.streams.sending_and_resending import ReliableOutput
 
 REASONS = 80
 """Different reasons that a table of drops may have; more means that a reason has something of the input in it."""

@@ -7,7 +7,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from msbot.link.byte_frames import SerialReceiver, TcpReceiver
+from msbot_agent.link.byte_frames import SerialReceiver, TcpReceiver
 
 VECTORS = Path(__file__).parent.parent / "tests/vectors"
 LONGEST = 2_000

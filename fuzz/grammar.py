@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 
 from fuzz.mutate import INTERESTING, WIDE
-from msbot.xrce.messages import (
+from msbot_xrce.messages import (
     COOKIE,
     OBJECT_AGENT,
     VERSION,
@@ -34,8 +34,8 @@ from msbot.xrce.messages import (
     WriteData,
     make_object_id,
 )
-from msbot.xrce.messages.ids import OBJECT_CLIENT
-from msbot.xrce.objects import (
+from msbot_xrce.messages.ids import OBJECT_CLIENT
+from msbot_xrce.objects import (
     EndpointQos,
     participant_variant,
     publisher_variant,

@@ -9,7 +9,7 @@ from collections.abc import Coroutine
 from typing import TypeVar
 
 from fuzz.case import Violation
-from msbot.runtime.virtual_time import VirtualTimeLoop
+from msbot.process.virtual_time import VirtualTimeLoop
 
 _T = TypeVar("_T")
 

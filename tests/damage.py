@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
+from msbot_xrce.errors import RemoteProtocolError
 
 _T = TypeVar("_T")
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from msbot.link import Link, SignalHandler
 from msbot.part import Client, ConnectionState
+from msbot_agent.link import Link, SignalHandler
 
 
 def _ignore(*_: object) -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-import msbot.errors
+import msbot_xrce.errors
 from msbot.config import load_library
-from msbot.link.link_schemes import SCHEMES
 from msbot.part.join.plug import ClaimMessage
-from msbot.runtime.extensions import GROUPS, PREFIX
+from msbot_agent.link.link_schemes import SCHEMES
+from msbot_agent.startup.extensions import GROUPS, PREFIX
 from tools import room_table
 
 ROOT = Path(__file__).parent.parent
@@ -85,8 +85,10 @@ def test_every_kind_of_link_is_in_the_table_of_addresses() -> None:
 
 
 def test_the_table_of_errors_has_all_of_its_file() -> None:
-    listed = re.findall(r"[├└]── (\w+)", msbot.errors.__doc__ or "")
-    classes = [name for name, value in vars(msbot.errors).items() if isinstance(value, type) and name != "MsbotError"]
+    listed = re.findall(r"[├└]── (\w+)", msbot_xrce.errors.__doc__ or "")
+    classes = [
+        name for name, value in vars(msbot_xrce.errors).items() if isinstance(value, type) and name != "MsbotError"
+    ]
     assert sorted(listed) == sorted(classes)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.cli import COMMANDS, msbot
+from msbot_agent.cli import COMMANDS, msbot
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.cli import msbot
+from msbot_agent.cli import msbot
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs" / "howto").glob("*.md")), *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot import errors
+from msbot_xrce import errors
 
 BUILT_IN = {
     errors.ConfigError: ValueError,

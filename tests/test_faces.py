@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "src"
-ROOMS = ("msbot.agent", "msbot.link", "msbot.space", "msbot.xrce")
+ROOMS = ("msbot_agent.agent", "msbot_agent.link", "msbot_agent.space", "msbot_xrce")
 LARGEST = 48
 """Names in one face: the submessages of DDS-XRCE with their numbers are that many."""
 

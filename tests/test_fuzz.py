@@ -23,7 +23,6 @@ from fuzz.targets.parser import file_of
 from fuzz.targets.parsers import PARSERS, samples_of
 from fuzz.targets.part import ANSWERS, honest_answer
 from fuzz.virtual import play
-from msbot.errors import RemoteProtocolError
 from msbot.part import Message
 from msbot.part.join.plug import (
     LEAST_DESCRIPTION,
@@ -37,6 +36,7 @@ from msbot.part.join.plug import (
     decode_reply,
     decode_request,
 )
+from msbot_xrce.errors import RemoteProtocolError
 
 EXECUTIONS = {
     "agent": 20,

@@ -55,7 +55,7 @@ IMPORT_ALL = """
 import importlib, pkgutil, msbot
 failed = []
 for module in pkgutil.walk_packages(msbot.__path__, "msbot."):
-    if ".migrations" in module.name or module.name == "msbot.__main__":
+    if ".migrations" in module.name or module.name == "msbot_agent.__main__":
         continue
     try:
         importlib.import_module(module.name)
@@ -65,8 +65,8 @@ print("\\n".join(failed))
 """
 OPEN_CAN = """
 print()
-from msbot.errors import LinkDown
-from msbot.link import open_link
+from msbot_xrce.errors import LinkDown
+from msbot_agent.link import open_link
 
 async def main():
     try:
@@ -77,8 +77,8 @@ async def main():
 loop.run_until_complete(main())
 """
 ECHO = """
-from msbot.link.net import UdpClientLink, UdpServerLink
-from msbot.runtime.event_loop import run_to_end
+from msbot_agent.link.net import UdpClientLink, UdpServerLink
+from msbot_agent.process.event_loop import run_to_end
 
 async def echo():
     server, heard = UdpServerLink("127.0.0.1", 0), asyncio.get_running_loop().create_future()

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot import HelloWorld, Message, ros2
-from msbot.errors import ConfigError, RemoteProtocolError
 from msbot.part.messages import standard
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.part.messages.wire_types import float32, uint8
 from msbot.ros_forms import ROS_TYPES, USUAL, RosForm, form_of, ros_class, topic_name
+from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 
 

@@ -27,10 +27,10 @@ def test_import_msbot_needs_only_the_standard_library() -> None:
 
 def test_help_imports_no_command_and_not_even_click() -> None:
     loaded = modules_after(
-        "import msbot.cli, contextlib, io\n"
+        "import msbot_agent.cli, contextlib, io\n"
         "sys.argv = ['msbot', '--help']\n"
         "with contextlib.redirect_stdout(io.StringIO()):\n"
-        "    msbot.cli.main()"
+        "    msbot_agent.cli.main()"
     )
     assert not loaded & (HEAVY | {"click"})
 
@@ -41,7 +41,7 @@ def test_the_core_rooms_need_only_the_standard_library(room: str) -> None:
 
 
 def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_need() -> None:
-    loaded = all_modules_after("import msbot.cli.demo.demo, msbot.web.assembly, msbot.web.simulated.demo_bench")
+    loaded = all_modules_after("import msbot_web.cli.demo.demo, msbot_web.assembly, msbot_web.simulated.demo_bench")
     # Names of parts of libraries: socket.io and uvicorn import the libraries themselves, which does no harm.
     foreign = {
         "aiohttp.client", "requests.api", "urllib3", "matplotlib", "plotly", "pandas", "polars", "numpy", "altair",
@@ -49,7 +49,7 @@ def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_ne
         "pydantic.v1.main", "rich.console", "segno", "websockets.server", "sqlalchemy.connectors.asyncio",
     }  # fmt: skip
     own = {
-        "msbot.web.api.routes", "msbot.web.api.admin", "msbot.doctor.examination", "msbot.space.dds.space",
+        "msbot_web.api.routes", "msbot_web.api.admin", "msbot.doctor.examination", "msbot_agent.space.dds.space",
         "msbot.ros2",
     }  # fmt: skip
     assert not loaded & (foreign | own)
@@ -58,7 +58,7 @@ def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_ne
 
 def test_the_models_of_an_api_description_are_built_when_somebody_asks_for_one() -> None:
     script = (
-        "import msbot.web.assembly, fastapi\n"
+        "import msbot_web.assembly, fastapi\n"
         "from fastapi.openapi.models import OpenAPI\n"
         "was = OpenAPI.__pydantic_complete__\n"
         "text = fastapi.FastAPI().openapi()['openapi']\n"
@@ -71,8 +71,8 @@ def test_the_models_of_an_api_description_are_built_when_somebody_asks_for_one()
 
 def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
     loaded = all_modules_after(
-        "import uvicorn, msbot.web.late_websocket\n"
-        "uvicorn.Config(lambda: None, ws=msbot.web.late_websocket.LateWebSocket).load()"
+        "import uvicorn, msbot_web.late_websocket\n"
+        "uvicorn.Config(lambda: None, ws=msbot_web.late_websocket.LateWebSocket).load()"
     )
     assert "uvicorn.protocols.http.httptools_impl" in loaded
     assert not {name for name in loaded if name.startswith("websockets")}

@@ -20,9 +20,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = {
-    "micropython": ROOT / "src/msbot/web/static/micropython",
-    "uplot": ROOT / "src/msbot/web/static/uplot",
-    "blockly": ROOT / "src/msbot/web/static/blockly",
+    "micropython": ROOT / "packages/msbot-web/src/msbot_web/static/micropython",
+    "uplot": ROOT / "packages/msbot-web/src/msbot_web/static/uplot",
+    "blockly": ROOT / "packages/msbot-web/src/msbot_web/static/blockly",
     "axe-core": ROOT / "tests/web/browser/axe-core",
 }
 """Each with a manifest: package, version, and the SHA-256 of every file by its path in the package."""

@@ -2,7 +2,8 @@
 
     python tools/can_picture.py docs/explain/can_frame.svg
 
-The frame is a real one, a part's heartbeat; `msbot.lab.frame_picture`, which `msbot plot --frame` uses too, draws it.
+The frame is a real one, a part's heartbeat; `msbot_agent.explain.frame_picture`, which `msbot plot --frame` uses too,
+draws it.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from msbot.lab.frame_picture import BitSpan, cut_data, frame_svg
-from msbot.link.can.protocol import CanIds, Frame, WireBit, wire_bits
-from msbot.link.can.protocol.frames import split
-from msbot.xrce import compress
-from msbot.xrce.messages import STREAM_BEST_EFFORT, Header, WriteData, encode_message, write_request_id
+from msbot_agent.explain.frame_picture import BitSpan, cut_data, frame_svg
+from msbot_agent.link.can.protocol import CanIds, Frame, WireBit, wire_bits
+from msbot_agent.link.can.protocol.frames import split
+from msbot_xrce import compress
+from msbot_xrce.messages import STREAM_BEST_EFFORT, Header, WriteData, encode_message, write_request_id
 
 BITRATE = 500_000
 LEASE = bytes.fromhex("a3d81173")

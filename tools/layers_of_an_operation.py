@@ -23,7 +23,7 @@ import msbot
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
 from msbot.registry.database.pending_change import PendingChange
-from msbot.web.api.operation_routes import _call_of
+from msbot_web.api.operation_routes import _call_of
 from tests.web.rig import Rig, show
 
 ROOT = Path(msbot.__file__).parent

@@ -1,4 +1,5 @@
-"""Writes `src/msbot/space/dds/ros_type_hashes.py` from the `share` folder of a ROS 2 installation.
+"""Writes `packages/msbot-agent/src/msbot_agent/space/dds/ros_type_hashes.py` from the `share` folder of a ROS 2
+installation.
 
 python tools/ros_type_hashes.py build/kept/ros-jazzy/*/ros/share
 """
@@ -12,7 +13,7 @@ from pathlib import Path
 
 from msbot.ros_forms import ROS_TYPES
 
-TARGET = Path(__file__).parent.parent / "src/msbot/space/dds/ros_type_hashes.py"
+TARGET = Path(__file__).parent.parent / "packages/msbot-agent/src/msbot_agent/space/dds/ros_type_hashes.py"
 BESIDE = ("rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",)
 """Types that have no class of ours."""
 HEAD = '''"""What tells one version of a type of ROS 2 from another (REP 2016), for the types that a robot uses itself.

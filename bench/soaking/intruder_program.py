@@ -19,11 +19,11 @@ from dataclasses import replace
 from random import Random
 
 from msbot import HelloWorld, Part
-from msbot.errors import LinkError, MsbotError
-from msbot.link import open_link
-from msbot.link.can import CanSettings
 from msbot.part import Client
 from msbot.part.run import CAN
+from msbot_agent.link import open_link
+from msbot_agent.link.can import CanSettings
+from msbot_xrce.errors import LinkError, MsbotError
 
 IP = ("udp:", "tcp:")
 TRY_S = 1.0

@@ -26,7 +26,7 @@ import httpx
 from bench.soaking.proxies import Way, open_way
 from msbot.registry import open_registry
 from msbot.registry.edits import users
-from msbot.web.access.sessions import digest_of
+from msbot_web.access.sessions import digest_of
 from tests.e2e.prepared import Copy, start
 
 ROOT = Path(__file__).parent.parent.parent

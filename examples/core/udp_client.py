@@ -4,9 +4,9 @@ import socket
 import sys
 import time
 
-from msbot.xrce import ClientSession
-from msbot.xrce.messages import STREAM_RELIABLE, CdrReader, CdrWriter, DeliveryControl
-from msbot.xrce.objects import (
+from msbot_xrce import ClientSession
+from msbot_xrce.messages import STREAM_RELIABLE, CdrReader, CdrWriter, DeliveryControl
+from msbot_xrce.objects import (
     participant_variant,
     publisher_variant,
     reader_variant,
@@ -14,7 +14,7 @@ from msbot.xrce.objects import (
     topic_variant,
     writer_variant,
 )  # fmt: skip
-from msbot.xrce.sessions import Connected, DataReceived, StatusReceived
+from msbot_xrce.sessions import Connected, DataReceived, StatusReceived
 
 PARTICIPANT, TOPIC, PUBLISHER, SUBSCRIBER, WRITER, READER = 0x11, 0x12, 0x13, 0x14, 0x15, 0x16
 agent = (sys.argv[1], int(sys.argv[2]))

@@ -11,7 +11,7 @@ from fuzz.case import Case, Step
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs
-from msbot.xrce.messages import (
+from msbot_xrce.messages import (
     Create,
     DeliveryControl,
     Fragment,
@@ -22,7 +22,7 @@ from msbot.xrce.messages import (
     WriteData,
     make_object_id,
 )
-from msbot.xrce.objects import replier_variant, requester_variant
+from msbot_xrce.objects import replier_variant, requester_variant
 
 
 class AgentTarget:

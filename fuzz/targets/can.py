@@ -12,15 +12,14 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
-from msbot.errors import LinkDown, LinkFull, LocalProtocolError
-from msbot.link import Link, Peer
-from msbot.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
-from msbot.link.can.eprosima_fd import MAX_PEERS, CanFdEprosimaLink
-from msbot.link.can.native_link import MASTER, CanMasterLink, CanPartLink
-from msbot.link.can.native_link_base import NativeEnd
-from msbot.link.can.peer_framing import Codec
-from msbot.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, FrameJoiner, check_frame, split
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link import Link, Peer
+from msbot_agent.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
+from msbot_agent.link.can.eprosima_fd import MAX_PEERS, CanFdEprosimaLink
+from msbot_agent.link.can.native_link import MASTER, CanMasterLink, CanPartLink
+from msbot_agent.link.can.native_link_base import NativeEnd
+from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, FrameJoiner, check_frame, split
+from msbot_agent.link.can.protocol.ids import (
     Assign,
     Beacon,
     CanIds,
@@ -31,8 +30,9 @@ from msbot.link.can.protocol.ids import (
     read_join,
     stop_frame,
 )
-from msbot.link.can.protocol.join_master import LISTEN_S
-from msbot.xrce.compression.header_compression import compress, decompress
+from msbot_agent.link.can.protocol.join_master import LISTEN_S
+from msbot_xrce.compression.header_compression import compress, decompress
+from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError
 
 MTU = 300
 """Small, so that it is met."""

@@ -12,12 +12,12 @@ from fuzz.case import Case, Step, Violation
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
-from msbot.agent import Agent
-from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.link import Signal
 from msbot.part import Client, ClientSettings, ConnectionState, Entity, ServiceNames
-from msbot.space import MemorySpace
-from msbot.xrce.messages import Acknack, Data, Header, StatusAgent, StatusReply, SubmessageId
+from msbot_agent.agent import Agent
+from msbot_agent.link import Signal
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import LinkFull, LocalProtocolError, RequestError
+from msbot_xrce.messages import Acknack, Data, Header, StatusAgent, StatusReply, SubmessageId
 from tests.agent.wiring import FakeLink, serving
 
 AGENT = "agent"

@@ -9,13 +9,13 @@ from fuzz import grammar
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
-from msbot.agent.discovery import discovery_answer
-from msbot.agent.pending_requests import decode_identity, encode_identity
-from msbot.errors import ConfigError, RemoteProtocolError
-from msbot.xrce import References, explain
-from msbot.xrce.messages import CdrReader, Create, CreateClient, Header, Submessage, decode_header, iter_submessages
-from msbot.xrce.objects import parse_variant
-from msbot.xrce.objects.xml import MAX_DEPTH, Element, parse_xml
+from msbot_agent.agent.discovery import discovery_answer
+from msbot_agent.agent.pending_requests import decode_identity, encode_identity
+from msbot_xrce import References, explain
+from msbot_xrce.errors import ConfigError, RemoteProtocolError
+from msbot_xrce.messages import CdrReader, Create, CreateClient, Header, Submessage, decode_header, iter_submessages
+from msbot_xrce.objects import parse_variant
+from msbot_xrce.objects.xml import MAX_DEPTH, Element, parse_xml
 
 
 class CodecTarget:

@@ -10,7 +10,6 @@ from typing import Annotated
 
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
-from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part import HelloWorld, Message
 from msbot.part.join import plug, trouble
 from msbot.part.join.plug import (
@@ -27,6 +26,7 @@ from msbot.part.messages import hello, standard
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.wire_types import AtMost, Octets, float32, float64, int8, int16, int64, uint8, uint16, uint64
 from msbot.pnp.fed_agents import messages
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 
 
 class Numbers(Message):

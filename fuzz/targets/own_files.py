@@ -15,15 +15,9 @@ from typing import Any
 from fuzz.case import Violation
 from fuzz.targets.parser import Parser, file_of, lines
 from fuzz.virtual import play
-from msbot.agent.status_files import FORMAT, PREFIX, find_files
-from msbot.agent.status_reader import status_in
 from msbot.cli.board.connection import Board, Facts
 from msbot.cli.board.installing import SETTINGS, settings_file
 from msbot.config import SAMPLE_ROBOT_TOML, load_blueprint, load_library
-from msbot.errors import LinkDown
-from msbot.link.can.sim import names as bus_names
-from msbot.link.net import SocketPeer, WebSocketServerLink
-from msbot.link.visitor import Visitor
 from msbot.master import stop_socket
 from msbot.master.stop_on_disk import BrokenRecord, StopFile
 from msbot.master.stop_socket import StopSocket
@@ -34,13 +28,19 @@ from msbot.pnp.emergency_stop import StopStatus
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance.backup_check import fault_of
-from msbot.runtime.json_reading import read_json
-from msbot.school.rollout_book import RollOutBook
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.attempts import SignInRefused
-from msbot.web.access.kept_sessions import SessionFile
-from msbot.web.access.passes import Passes
-from msbot.web.access.users import MemoryUsers
+from msbot_agent.agent.status_files import FORMAT, PREFIX, find_files
+from msbot_agent.agent.status_reader import status_in
+from msbot_agent.link.can.sim import names as bus_names
+from msbot_agent.link.net import SocketPeer, WebSocketServerLink
+from msbot_agent.link.visitor import Visitor
+from msbot_agent.text.json_reading import read_json
+from msbot_school.classroom.rollout_book import RollOutBook
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.attempts import SignInRefused
+from msbot_web.access.kept_sessions import SessionFile
+from msbot_web.access.passes import Passes
+from msbot_web.access.users import MemoryUsers
+from msbot_xrce.errors import LinkDown
 from tests.registry.hand import Hand
 from tests.web.access.test_accounts import PlainHasher, user
 

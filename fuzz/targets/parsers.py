@@ -21,44 +21,44 @@ from msbot.cli.bus.frame_log import FrameReader
 from msbot.config import Library, load_library
 from msbot.config.library.description_reader import read_description
 from msbot.config.library.picture import picture_fault
-from msbot.errors import ConfigError, LocalProtocolError, MsbotError
-from msbot.idl.model import Definitions
-from msbot.idl.omg_reader import read_idl
-from msbot.idl.reader import common_ros_definitions
-from msbot.idl.ros_reader import read_ros
-from msbot.lab.explain.datagrams import read_capture
-from msbot.lab.faults.conditions import read_condition
-from msbot.lab.missions.mission_file import parse_mission
-from msbot.lab.missions.recorded_missions import played_in
-from msbot.lab.recorder.wish import read_wish
-from msbot.lab.recordings.reading import Decoder, RecordingReader
-from msbot.lab.replay.acts import read_acts
-from msbot.lessons.conditions import read_lesson_condition
-from msbot.lessons.reading import read_lesson
-from msbot.link.can.can_address import parse_target
-from msbot.link.can.protocol import format_log_line, parse_log_line
-from msbot.link.can.protocol.notation import format_frame, parse_frame
-from msbot.link.link_schemes import parse_host_and_port, parse_options
-from msbot.link.relay import messages as relay
 from msbot.operations.part_names import uid_of
 from msbot.operations.rights import Role
 from msbot.part.join.keys import parse_key
 from msbot.part.join.seal import Seal
 from msbot.part.messages.standard import STANDARD_MESSAGES
+from msbot.recording.recorder.wish import read_wish
+from msbot.recording.recordings.reading import Decoder, RecordingReader
+from msbot.recording.replay.acts import read_acts
 from msbot.registry import ProgramSource
-from msbot.ros import discovery_info
 from msbot.ros_forms import RosForm, form_of
-from msbot.runtime.stop_asking import answer_in
-from msbot.school.mdns import heard
 from msbot.sim.arena import wire
 from msbot.sim.arena.world_reader import parse_world
-from msbot.space.space_address import check_endpoint, parse_space
-from msbot.space.zenoh.keys import endpoint_of, token_key
-from msbot.web.access.class_list import newcomers
-from msbot.web.access.guest_tickets import GuestTickets
-from msbot.web.programs.block_view import view_of, with_view
-from msbot.web.programs.program_shelf import check_program
-from msbot.wide.router_file import read_router_file
+from msbot.stop.asking import answer_in
+from msbot_agent.explain.datagrams import read_capture
+from msbot_agent.idl.model import Definitions
+from msbot_agent.idl.omg_reader import read_idl
+from msbot_agent.idl.reader import common_ros_definitions
+from msbot_agent.idl.ros_reader import read_ros
+from msbot_agent.link.can.can_address import parse_target
+from msbot_agent.link.can.protocol import format_log_line, parse_log_line
+from msbot_agent.link.can.protocol.notation import format_frame, parse_frame
+from msbot_agent.link.link_schemes import parse_host_and_port, parse_options
+from msbot_agent.link.relay import messages as relay
+from msbot_agent.ros import discovery_info
+from msbot_agent.space.space_address import check_endpoint, parse_space
+from msbot_agent.space.zenoh.keys import endpoint_of, token_key
+from msbot_agent.wide.router_file import read_router_file
+from msbot_school.classroom.mdns import heard
+from msbot_school.faults.conditions import read_condition
+from msbot_school.lessons.conditions import read_lesson_condition
+from msbot_school.lessons.reading import read_lesson
+from msbot_school.missions.mission_file import parse_mission
+from msbot_school.missions.recorded_missions import played_in
+from msbot_web.access.class_list import newcomers
+from msbot_web.access.guest_tickets import GuestTickets
+from msbot_web.programs.block_view import view_of, with_view
+from msbot_web.programs.program_shelf import check_program
+from msbot_xrce.errors import ConfigError, LocalProtocolError, MsbotError
 
 ROOT = Path(__file__).parent.parent.parent
 _T = TypeVar("_T")
@@ -275,7 +275,7 @@ def _recordings() -> Iterable[bytes]:
 
 
 def _mission() -> str:
-    return (ROOT / "src/msbot/lab/missions/ready/echo.toml").read_text("utf-8")
+    return (ROOT / "packages/msbot-school/src/msbot_school/missions/ready/echo.toml").read_text("utf-8")
 
 
 def _idl(octets: bytes) -> Iterable[str]:
@@ -354,7 +354,7 @@ def _nodes(octets: bytes) -> Iterable[str]:
 
 
 def _node_samples() -> Iterable[bytes]:
-    from msbot.ros.node_names import NodeName
+    from msbot_agent.ros.node_names import NodeName
 
     nodes = [discovery_info.NodeInfo(NodeName("/rover", "eyes"), (bytes(16),), (bytes(16), bytes(range(16))))]
     return [discovery_info.encode(bytes(16), nodes, size) for size in (16, 24)]
@@ -477,9 +477,12 @@ def _address(octets: bytes) -> Iterable[str]:
 
 
 PARSERS: dict[str, Parser] = OWN | {
-    "world": Parser(_words(lambda text: parse_world(text, "fuzz.toml")), _files("src/msbot/sim/arena/worlds/*.toml")),
+    "world": Parser(
+        _words(lambda text: parse_world(text, "fuzz.toml")), _files("packages/msbot/src/msbot/sim/arena/worlds/*.toml")
+    ),
     "mission": Parser(
-        _words(lambda text: parse_mission(text, "fuzz.toml")), _files("src/msbot/lab/missions/ready/*.toml")
+        _words(lambda text: parse_mission(text, "fuzz.toml")),
+        _files("packages/msbot-school/src/msbot_school/missions/ready/*.toml"),
     ),
     "lesson": Parser(
         lambda octets: (f"{len(read_lesson(file_of(octets, '.md')).steps)} steps",), _files("lessons/*.md")

@@ -11,9 +11,6 @@ from fuzz.bounds import hold
 from fuzz.case import Case, Step, Violation
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
-from msbot.agent import Agent
-from msbot.errors import ConfigError, LinkFull, LocalProtocolError
-from msbot.link import InprocHub
 from msbot.part import Client, Entity, HelloWorld, JoinState, Message, Part, ServiceNames
 from msbot.part.join.plug import (
     INVENTORY_REPLY_TYPE,
@@ -45,9 +42,12 @@ from msbot.part.join.plug import (
 )
 from msbot.part.join.trouble import TroublePiece
 from msbot.part.messages.wire_types import uint32
-from msbot.space import MemorySpace
-from msbot.xrce.messages import STREAM_BEST_EFFORT
-from msbot.xrce.objects import EndpointQos
+from msbot_agent.agent import Agent
+from msbot_agent.link import InprocHub
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import ConfigError, LinkFull, LocalProtocolError
+from msbot_xrce.messages import STREAM_BEST_EFFORT
+from msbot_xrce.objects import EndpointQos
 
 TURNS = 2_000_000
 """A master may ask for a beat every few milliseconds."""

@@ -9,7 +9,7 @@ from fuzz.bounds import hold
 from fuzz.case import Case, Step, Violation
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
-from msbot.link.byte_frames import MAX_PACKET, SerialReceiver, TcpReceiver, encode_serial, encode_tcp
+from msbot_agent.link.byte_frames import MAX_PACKET, SerialReceiver, TcpReceiver, encode_serial, encode_tcp
 
 MOST_PACKET = 1500
 SPECIAL = bytes.fromhex("7e7d5e5d7e7e7d7d7e0000")

@@ -10,12 +10,11 @@ from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
-from msbot.errors import RemoteProtocolError
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.frames import FD_LENGTHS, Frame
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot.link.can.sim.model.messages import (
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.frames import FD_LENGTHS, Frame
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.messages import (
     MAX_MESSAGE,
     BusFrame,
     FrameSent,
@@ -27,7 +26,8 @@ from msbot.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot.link.can.sim.server import MAX_PROGRAMS, SimBusConnection, SimBusServer
+from msbot_agent.link.can.sim.server import MAX_PROGRAMS, SimBusConnection, SimBusServer
+from msbot_xrce.errors import RemoteProtocolError
 
 PROGRAMS = 4
 KEY = bytes(16)

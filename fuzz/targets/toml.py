@@ -11,9 +11,9 @@ from random import Random
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.config import SAMPLE_ROBOT_TOML, Library, load_blueprint, load_library
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
-LIBRARY = Path(__file__).parent.parent.parent / "src/msbot/config/library/types"
+LIBRARY = Path(__file__).parent.parent.parent / "packages/msbot/src/msbot/config/library/types"
 
 PIECES = (
     b"[[slot]]", b"[slot]", b"[", b"]", b"=", b'"""', b"'''", b"\\u0000", b"\\ud800", b"1e999", b"nan", b"inf", b"-1",

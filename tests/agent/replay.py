@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from msbot.agent import Agent, AgentSettings
-from msbot.link.byte_frames import SerialReceiver, TcpReceiver
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import References
-from msbot.xrce.messages import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings
+from msbot_agent.link.byte_frames import SerialReceiver, TcpReceiver
+from msbot_agent.space import MemorySpace
+from msbot_xrce import References
+from msbot_xrce.messages import (
     Data,
     Heartbeat,
     ObjectKind,

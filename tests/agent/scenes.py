@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
-from msbot.agent import Agent, AgentSettings, AgentSignalHandler, ClientInfo, OpenGate
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce.objects import EndpointQos
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings, AgentSignalHandler, ClientInfo, OpenGate
+from msbot_agent.space import MemorySpace
+from msbot_xrce.objects import EndpointQos
 from tests.agent.wiring import FakeLink, WiredClient, serving
 
 LATCHED = EndpointQos(transient_local=True, depth=1)

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from msbot.agent.agent_settings import AgentSettings
-from msbot.errors import ConfigError
+from msbot_agent.agent.agent_settings import AgentSettings
+from msbot_xrce.errors import ConfigError
 
 
 def test_defaults_are_those_of_the_genuine_agent() -> None:

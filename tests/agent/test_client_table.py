@@ -6,16 +6,16 @@ from functools import partial
 
 import pytest
 
-from msbot.agent.agent_settings import AgentSettings
-from msbot.agent.client_table import ClientTable, ServedLink
-from msbot.agent.gate import ClientInfo, OpenGate
-from msbot.agent.latency import Transit
-from msbot.agent.proxy import Proxy
-from msbot.agent.reply_routing import ReplyExchange
-from msbot.agent.surroundings import Surroundings
-from msbot.link import Peer
-from msbot.space import MemorySpace
-from msbot.xrce import AgentSession
+from msbot_agent.agent.agent_settings import AgentSettings
+from msbot_agent.agent.client_table import ClientTable, ServedLink
+from msbot_agent.agent.gate import ClientInfo, OpenGate
+from msbot_agent.agent.latency import Transit
+from msbot_agent.agent.proxy import Proxy
+from msbot_agent.agent.reply_routing import ReplyExchange
+from msbot_agent.agent.surroundings import Surroundings
+from msbot_agent.link import Peer
+from msbot_agent.space import MemorySpace
+from msbot_xrce import AgentSession
 from tests.agent.wiring import FakeLink
 
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.agent.delivery_control import NEVER, ReadTask
-from msbot.xrce.messages import DeliveryControl
+from msbot_agent.agent.delivery_control import NEVER, ReadTask
+from msbot_xrce.messages import DeliveryControl
 from tests.effort import tries
 
 

@@ -10,15 +10,15 @@ from typing import cast
 
 import pytest
 
-from msbot.agent.discovery import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent.discovery import (
     DISCOVERY_GROUP,
     LOOK_AGAIN_S,
     DiscoveryResponder,
     discovery_answer,
     host_addresses,
 )
-from msbot.errors import LinkDown
-from msbot.runtime.virtual_time import run_virtual
+from msbot_xrce.errors import LinkDown
 
 QUESTION = bytes.fromhex("80000000 02010800 0009fffd 03000000")
 
@@ -89,7 +89,7 @@ async def test_without_an_interface_all_addresses_are_announced() -> None:
 
 def test_an_interface_that_comes_up_later_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
     there: list[str] = []
-    monkeypatch.setattr("msbot.agent.discovery.host_addresses", lambda: there)
+    monkeypatch.setattr("msbot_agent.agent.discovery.host_addresses", lambda: there)
 
     async def main() -> None:
         async with running(DiscoveryResponder(3018, port=0)) as port:
@@ -143,7 +143,7 @@ def telling(*addresses: str) -> list[bytes]:
 def test_an_agent_answers_every_address_of_its_computer_and_others_only_where_it_serves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("msbot.agent.discovery.host_addresses", lambda: HERE)
+    monkeypatch.setattr("msbot_agent.agent.discovery.host_addresses", lambda: HERE)
     for served, told in (("127.0.0.1", HERE[:1]), (HERE[2], HERE[2:]), (None, HERE)):
         responder = DiscoveryResponder(3018, interface=served)
         for sender, at in OWN:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.agent.endpoints import DataReader, DataWriter, Replier, Requester
-from msbot.agent.pending_requests import client_key_of, decode_identity, encode_identity
-from msbot.agent.reply_routing import ReplyExchange
-from msbot.agent.sample_filters import NoEchoShape
-from msbot.space import MemorySpace, Owner, Qos, Sample, Topic
-from msbot.xrce.messages import DeliveryControl
+from msbot_agent.agent.endpoints import DataReader, DataWriter, Replier, Requester
+from msbot_agent.agent.pending_requests import client_key_of, decode_identity, encode_identity
+from msbot_agent.agent.reply_routing import ReplyExchange
+from msbot_agent.agent.sample_filters import NoEchoShape
+from msbot_agent.space import MemorySpace, Owner, Qos, Sample, Topic
+from msbot_xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost
 
 TOPIC = Topic("light", "Light")

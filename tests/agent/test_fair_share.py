@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from msbot.agent.fair_share import BEYOND, WINDOW_S, FairShare, Limit
-from msbot.runtime.tally import Tally
+from msbot_agent.agent.fair_share import BEYOND, WINDOW_S, FairShare, Limit
+from msbot_xrce.common.tally import Tally
 
 PER_CLIENT, IN_ALL = 1000.0, 3000.0
 

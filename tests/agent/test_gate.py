@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.agent import ClientInfo, Gate, OpenGate
+from msbot_agent.agent import ClientInfo, Gate, OpenGate
 
 
 def test_the_open_gate_lets_everybody_do_everything() -> None:

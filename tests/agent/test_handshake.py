@@ -7,12 +7,12 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.agent import Agent, AgentSettings, ClientInfo, Gate, OpenGate
-from msbot.agent.handshake import LATE_LOGIN, LONGEST_NUMBER, RECENT_LOGINS, dead_after_s, wants_echo
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import Status
-from msbot.xrce.messages import CreateClient, Header, LoginProperty, encode_message
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo, Gate, OpenGate
+from msbot_agent.agent.handshake import LATE_LOGIN, LONGEST_NUMBER, RECENT_LOGINS, dead_after_s, wants_echo
+from msbot_agent.space import MemorySpace
+from msbot_xrce import Status
+from msbot_xrce.messages import CreateClient, Header, LoginProperty, encode_message
 from tests.agent.wiring import FakeLink, serving
 
 PING = "80 00 00 00 02 01 08 00 00 0a ff fd 02 00 00 00"

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.agent import ClientInfo, OpenGate
-from msbot.agent.join_queue import (
+from msbot_agent.agent import ClientInfo, OpenGate
+from msbot_agent.agent.join_queue import (
     FORGET_S,
     LONGEST_S,
     LONGEST_WAIT_S,

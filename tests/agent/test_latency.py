@@ -6,12 +6,12 @@ import asyncio
 
 import pytest
 
-from msbot.agent import Acknowledgements, Agent, Worst
-from msbot.agent.latency import EVERY_S, MOST_READERS, TimedOctets
-from msbot.agent.topic_attachment import ReadSide, WriteSide
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import THIS_PROGRAM, Qos, Sample, Topic
-from msbot.xrce.objects import EndpointQos
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Acknowledgements, Agent, Worst
+from msbot_agent.agent.latency import EVERY_S, MOST_READERS, TimedOctets
+from msbot_agent.agent.topic_attachment import ReadSide, WriteSide
+from msbot_agent.space import THIS_PROGRAM, Qos, Sample, Topic
+from msbot_xrce.objects import EndpointQos
 from tests.agent.hosts import FakeHost
 from tests.agent.scenes import LATCHED, connected, play
 from tests.agent.wiring import FakeLink

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.agent.agent_settings import AgentSettings
-from msbot.agent.object_creation import ClientObject, Creator, NoSuchTopic, Participant
-from msbot.space import THIS_PROGRAM, Deliver, Guid, MemorySpace, Owner, Qos, Reader, Space, Topic, Writer
-from msbot.xrce.objects import (
+from msbot_agent.agent.agent_settings import AgentSettings
+from msbot_agent.agent.object_creation import ClientObject, Creator, NoSuchTopic, Participant
+from msbot_agent.space import THIS_PROGRAM, Deliver, Guid, MemorySpace, Owner, Qos, Reader, Space, Topic, Writer
+from msbot_xrce.objects import (
     ParticipantDef,
     PublisherDef,
     ReaderDef,

@@ -6,11 +6,11 @@ import logging
 
 import pytest
 
-from msbot.agent.agent_settings import AgentSettings
-from msbot.agent.object_tree import ObjectBudget, ObjectTree
-from msbot.xrce import Status
-from msbot.xrce.messages import Format, ObjectKind, ObjectVariant, make_object_id
-from msbot.xrce.objects import (
+from msbot_agent.agent.agent_settings import AgentSettings
+from msbot_agent.agent.object_tree import ObjectBudget, ObjectTree
+from msbot_xrce import Status
+from msbot_xrce.messages import Format, ObjectKind, ObjectVariant, make_object_id
+from msbot_xrce.objects import (
     EndpointQos,
     participant_variant,
     publisher_variant,
@@ -21,7 +21,7 @@ from msbot.xrce.objects import (
     topic_variant,
     writer_variant,
 )
-from msbot.xrce.sessions import CreateRequested
+from msbot_xrce.sessions import CreateRequested
 from tests.agent.hosts import FakeHost
 
 PARTICIPANT, TOPIC, PUBLISHER, SUBSCRIBER, WRITER, READER, REQUESTER, REPLIER = (

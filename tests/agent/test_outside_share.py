@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.agent import Agent, AgentSettings, ClientInfo
-from msbot.agent.outside_share import BEYOND_OUTSIDE, MOST_ORIGINS, MOST_PEERS, TOLD_S, WINDOW_S, OutsideShare
-from msbot.xrce.messages import CreateClient, Header, encode_message
-from msbot.xrce.sessions import Pong
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo
+from msbot_agent.agent.outside_share import BEYOND_OUTSIDE, MOST_ORIGINS, MOST_PEERS, TOLD_S, WINDOW_S, OutsideShare
+from msbot_xrce.messages import CreateClient, Header, encode_message
+from msbot_xrce.sessions import Pong
 from tests.agent.scenes import StrictGate, connected, play
 from tests.agent.wiring import FakeLink
 

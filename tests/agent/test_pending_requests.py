@@ -5,7 +5,13 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.agent.pending_requests import PendingRequests, client_key_of, decode_identity, encode_identity, make_guid
+from msbot_agent.agent.pending_requests import (
+    PendingRequests,
+    client_key_of,
+    decode_identity,
+    encode_identity,
+    make_guid,
+)
 from tests.effort import tries
 
 

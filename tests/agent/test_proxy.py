@@ -6,18 +6,18 @@ from functools import partial
 
 import pytest
 
-from msbot.agent.agent_settings import AgentSettings
-from msbot.agent.gate import ClientInfo, OpenGate
-from msbot.agent.latency import Transit
-from msbot.agent.pending_requests import client_key_of
-from msbot.agent.proxy import Proxy
-from msbot.agent.reply_routing import ReplyExchange
-from msbot.agent.surroundings import Surroundings
-from msbot.space import MemorySpace, Qos, Sample, Topic
-from msbot.xrce import AgentSession, ClientSession
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl, make_object_id
-from msbot.xrce.objects import EndpointQos, participant_variant, reader_variant, subscriber_variant, topic_variant
-from msbot.xrce.sessions import ClientEvent, DataReceived, StatusReceived
+from msbot_agent.agent.agent_settings import AgentSettings
+from msbot_agent.agent.gate import ClientInfo, OpenGate
+from msbot_agent.agent.latency import Transit
+from msbot_agent.agent.pending_requests import client_key_of
+from msbot_agent.agent.proxy import Proxy
+from msbot_agent.agent.reply_routing import ReplyExchange
+from msbot_agent.agent.surroundings import Surroundings
+from msbot_agent.space import MemorySpace, Qos, Sample, Topic
+from msbot_xrce import AgentSession, ClientSession
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl, make_object_id
+from msbot_xrce.objects import EndpointQos, participant_variant, reader_variant, subscriber_variant, topic_variant
+from msbot_xrce.sessions import ClientEvent, DataReceived, StatusReceived
 
 KEY = 0xAABBCCDD
 LIGHT = Topic("light", "T")

@@ -6,11 +6,11 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from msbot.agent import AgentSettings
+from msbot_agent.agent import AgentSettings
 
 ROOT = Path(__file__).parent.parent.parent
 PAGE = (ROOT / "docs/reference/agent.md").read_text()
-SOURCES = sorted((ROOT / "src/msbot/agent").glob("*.py"))
+SOURCES = sorted((ROOT / "packages/msbot-agent/src/msbot_agent/agent").glob("*.py"))
 
 
 def test_every_setting_is_in_the_table_with_its_default() -> None:

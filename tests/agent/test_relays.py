@@ -3,12 +3,12 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from msbot.agent import Agent, AgentSettings
-from msbot.agent.relays import MAX_RELAYS_OF_ADDRESS
-from msbot.link.relay import Bye, Hello, Refused, RelayedLink, Who, decode, encode
-from msbot.link.relay.messages import MARK, Up, Welcome
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings
+from msbot_agent.agent.relays import MAX_RELAYS_OF_ADDRESS
+from msbot_agent.link.relay import Bye, Hello, Refused, RelayedLink, Who, decode, encode
+from msbot_agent.link.relay.messages import MARK, Up, Welcome
+from msbot_agent.space import MemorySpace
 from tests.agent.wiring import FakeLink
 
 LOGIN = bytes.fromhex("80000000 00010c00 58524345 01000f00 00000001 81000002".replace(" ", ""))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.agent.discovery import discovery_answer
-from msbot.xrce import References
-from msbot.xrce.messages import decode_header, iter_submessages
+from msbot_agent.agent.discovery import discovery_answer
+from msbot_xrce import References
+from msbot_xrce.messages import decode_header, iter_submessages
 from tests.agent.replay import (
     VECTORS,
     Answers,

@@ -16,13 +16,13 @@ from typing import Protocol
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.link import Link, Signal
-from msbot.link.byte_frames import TcpReceiver
-from msbot.link.net import TcpServerLink
-from msbot.link.serial import SerialServerLink
-from msbot.space import MemorySpace
-from msbot.xrce.messages import Acknack, Heartbeat, decode_header, iter_submessages
+from msbot_agent.agent import Agent
+from msbot_agent.link import Link, Signal
+from msbot_agent.link.byte_frames import TcpReceiver
+from msbot_agent.link.net import TcpServerLink
+from msbot_agent.link.serial import SerialServerLink
+from msbot_agent.space import MemorySpace
+from msbot_xrce.messages import Acknack, Heartbeat, decode_header, iter_submessages
 from tests.agent.replay import VECTORS, Answers, Place, differences, load, recorded
 from tests.agent.test_replay import EQUAL
 from tests.link.ports import Board

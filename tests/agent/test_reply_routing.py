@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from msbot.agent.reply_routing import ReplyExchange
-from msbot.space import MemorySpace, Qos, Sample, Topic
+from msbot_agent.agent.reply_routing import ReplyExchange
+from msbot_agent.space import MemorySpace, Qos, Sample, Topic
 
 REPLY = Topic("add_Reply", "A")
 ONE, OTHER = b"1" * 16, b"2" * 16

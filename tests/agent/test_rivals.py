@@ -1,4 +1,4 @@
-"""Two sessions of one client key where the gate keeps sessions (`msbot.agent.rivals`)."""
+"""Two sessions of one client key where the gate keeps sessions (`msbot_agent.agent.rivals`)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from msbot.agent import Agent, ClientInfo
-from msbot.agent.rivals import HELD_S, MOST_BESIDE, PATIENCE_S
-from msbot.xrce.messages import CreateClient, Header, encode_message
+from msbot_agent.agent import Agent, ClientInfo
+from msbot_agent.agent.rivals import HELD_S, MOST_BESIDE, PATIENCE_S
+from msbot_xrce.messages import CreateClient, Header, encode_message
 from tests.agent.scenes import StrictGate, connected, play
 from tests.agent.wiring import FakeLink, WiredClient
 

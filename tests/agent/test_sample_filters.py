@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from msbot.agent.pending_requests import UNASKED, PendingRequests, encode_identity
-from msbot.agent.sample_filters import NoEchoShape, ReplyShape, RequestShape
-from msbot.space import Sample
+from msbot_agent.agent.pending_requests import UNASKED, PendingRequests, encode_identity
+from msbot_agent.agent.sample_filters import NoEchoShape, ReplyShape, RequestShape
+from msbot_agent.space import Sample
 
 ASKER = bytes(range(16))
 

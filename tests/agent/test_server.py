@@ -7,9 +7,9 @@ import asyncio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.agent import Agent, AgentSettings
-from msbot.xrce import Status
-from msbot.xrce.messages import STREAM_BEST_EFFORT
+from msbot_agent.agent import Agent, AgentSettings
+from msbot_xrce import Status
+from msbot_xrce.messages import STREAM_BEST_EFFORT
 from tests.agent.scenes import connected, play
 from tests.agent.wiring import FakeLink
 from tests.effort import tries

@@ -6,13 +6,13 @@ import asyncio
 
 import pytest
 
-from msbot.agent import Agent, ClientInfo
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import InprocHub, Peer
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
-from msbot.xrce.objects import EndpointQos
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, ClientInfo
+from msbot_agent.link import InprocHub, Peer
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import LinkDown, LinkFull
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot_xrce.objects import EndpointQos
 from tests.agent.scenes import StrictGate, connected, play
 from tests.agent.wiring import FakeLink, serving
 

@@ -7,11 +7,11 @@ import random
 
 import pytest
 
-from msbot.agent import Agent, OpenGate, client_key_of
-from msbot.agent.pending_requests import decode_identity
-from msbot.xrce import Status
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE, DeliveryControl
-from msbot.xrce.objects import EndpointQos
+from msbot_agent.agent import Agent, OpenGate, client_key_of
+from msbot_agent.agent.pending_requests import decode_identity
+from msbot_xrce import Status
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE, DeliveryControl
+from msbot_xrce.objects import EndpointQos
 from tests.agent.scenes import LATCHED, connected, play
 from tests.agent.wiring import FakeLink, WiredClient
 

@@ -8,13 +8,13 @@ import weakref
 
 import pytest
 
-from msbot.agent import Agent, AgentSettings, ClientInfo
-from msbot.link import Link, Peer, Signal
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import ClientState, Status
-from msbot.xrce.objects import EndpointQos, reader_variant
-from msbot.xrce.sessions import Pong, TimeSynchronised
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo
+from msbot_agent.link import Link, Peer, Signal
+from msbot_agent.space import MemorySpace
+from msbot_xrce import ClientState, Status
+from msbot_xrce.objects import EndpointQos, reader_variant
+from msbot_xrce.sessions import Pong, TimeSynchronised
 from tests.agent.scenes import LATCHED, StrictGate, connected, play
 from tests.agent.wiring import SUBSCRIBER, FakeLink, WiredClient, serving
 

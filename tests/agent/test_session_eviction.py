@@ -7,13 +7,13 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
-from msbot.link import Peer, Signal
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import ClientState, Status
-from msbot.xrce.messages import SESSION_NONE, CreateClient, Header, ObjectKind, encode_message, make_object_id
-from msbot.xrce.objects import participant_variant
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo, OpenGate
+from msbot_agent.link import Peer, Signal
+from msbot_agent.space import MemorySpace
+from msbot_xrce import ClientState, Status
+from msbot_xrce.messages import SESSION_NONE, CreateClient, Header, ObjectKind, encode_message, make_object_id
+from msbot_xrce.objects import participant_variant
 from tests.agent.wiring import FakeLink, WiredClient, serving
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from msbot.agent.statistics import TopicTable
-from msbot.runtime.tally import OTHERS
+from msbot_agent.agent.statistics import TopicTable
+from msbot_xrce.common.tally import OTHERS
 
 
 def test_topics_are_counted_by_name_and_the_rest_together() -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent.status_files import find_files, leave_word, put_back, status_folder
-from msbot.errors import ConfigError
+from msbot_agent.agent.status_files import find_files, leave_word, put_back, status_folder
+from msbot_xrce.errors import ConfigError
 
 
 def test_the_folder_is_the_runtime_folder_or_a_private_temporary_one(

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent import Agent, Control, RunningProcess, StatusServer, read_statuses, running_processes
-from msbot.errors import ConfigError
-from msbot.space import MemorySpace
+from msbot_agent.agent import Agent, Control, RunningProcess, StatusServer, read_statuses, running_processes
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import ConfigError
 
 
 @asynccontextmanager

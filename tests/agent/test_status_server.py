@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent import Agent, AgentStatus, StatusServer, read_statuses
-from msbot.agent import status_server as status_module
-from msbot.agent.status_files import StatusFile, find_files
-from msbot.link import Signal
-from msbot.space import MemorySpace
+from msbot_agent.agent import Agent, AgentStatus, StatusServer, read_statuses
+from msbot_agent.agent import status_server as status_module
+from msbot_agent.agent.status_files import StatusFile, find_files
+from msbot_agent.link import Signal
+from msbot_agent.space import MemorySpace
 from tests.agent.wiring import FakeLink, WiredClient, serving
 
 

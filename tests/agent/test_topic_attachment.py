@@ -6,9 +6,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from msbot.agent.topic_attachment import ReadSide, WriteSide
-from msbot.space import MemorySpace, Owner, Qos, Topic
-from msbot.xrce.messages import DeliveryControl
+from msbot_agent.agent.topic_attachment import ReadSide, WriteSide
+from msbot_agent.space import MemorySpace, Owner, Qos, Topic
+from msbot_xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost
 from tests.effort import tries
 

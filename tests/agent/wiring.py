@@ -16,12 +16,12 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
-from msbot.agent import Agent
-from msbot.errors import LinkFull
-from msbot.link import BaseLink, LinkInfo, Peer, Signal
-from msbot.xrce import ClientSession, ClientSessionSettings, ClientState, Status
-from msbot.xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, make_object_id
-from msbot.xrce.objects import (
+from msbot_agent.agent import Agent
+from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal
+from msbot_xrce import ClientSession, ClientSessionSettings, ClientState, Status
+from msbot_xrce.errors import LinkFull
+from msbot_xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, make_object_id
+from msbot_xrce.objects import (
     RELIABLE_QOS,
     EndpointQos,
     participant_variant,
@@ -33,7 +33,7 @@ from msbot.xrce.objects import (
     topic_variant,
     writer_variant,
 )
-from msbot.xrce.sessions import ClientEvent, DataReceived, StatusReceived
+from msbot_xrce.sessions import ClientEvent, DataReceived, StatusReceived
 
 PARTICIPANT = make_object_id(1, ObjectKind.PARTICIPANT)
 PUBLISHER = make_object_id(1, ObjectKind.PUBLISHER)

@@ -10,8 +10,8 @@ from click.testing import CliRunner, Result
 
 import can
 from msbot.cli.bus.bus import command
-from msbot.errors import MsbotError
-from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_xrce.errors import MsbotError
 
 
 @pytest.fixture(autouse=True)

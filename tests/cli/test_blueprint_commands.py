@@ -8,11 +8,11 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli import msbot
 from msbot.cli.change import robot_access as control
 from msbot.config import write_sample
-from msbot.errors import ConfigError, MsbotError
 from msbot.registry import open_registry
+from msbot_agent.cli import msbot
+from msbot_xrce.errors import ConfigError, MsbotError
 from tests.registry.hand import Hand
 
 Run = Callable[..., Result]

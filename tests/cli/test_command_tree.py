@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import click
 import pytest
 
-from msbot.cli import msbot
-from msbot.cli.numbers import FiniteRange, WholeRange
+from msbot_agent.cli import msbot
+from msbot_agent.cli.numbers import FiniteRange, WholeRange
 
 RUNS = "runs until it is ended; `clients`, `parts` and `why` tell how it is"
 SECRET = "shows a secret this once, to be written down"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli import COMMANDS
+from msbot_agent.cli import COMMANDS
 
 MSBOT = str(Path(sys.executable).with_name("msbot"))
 

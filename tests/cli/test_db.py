@@ -12,8 +12,8 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.db import command
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.errors import MsbotError, RegistryError
 from msbot.registry import open_registry
+from msbot_xrce.errors import MsbotError, RegistryError
 from tests.registry.hand import Hand
 
 Run = Callable[..., Result]

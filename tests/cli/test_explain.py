@@ -16,11 +16,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from msbot.cli.explain import command as explain
-from msbot.cli.quiz import command as quiz
-from msbot.errors import ConfigError
-from msbot.lab.explain.quiz import frame_question, questions, stuffed
-from msbot.link.can.protocol import frame_bits, parse_frame
-from msbot.xrce import read_fields
+from msbot_agent.link.can.protocol import frame_bits, parse_frame
+from msbot_school.cli.quiz import command as quiz
+from msbot_school.quiz import frame_question, questions, stuffed
+from msbot_xrce import read_fields
+from msbot_xrce.errors import ConfigError
 
 dpkt = pytest.importorskip("dpkt", reason="pip install 'msbot[pcap]'")
 

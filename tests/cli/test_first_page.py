@@ -3,8 +3,8 @@
 import click
 import pytest
 
-from msbot.cli import command_lines, first_page
-from msbot.cli.group import msbot
+from msbot_agent.cli import command_lines, first_page
+from msbot_agent.cli.group import msbot
 
 
 @pytest.mark.parametrize("columns", [20, 52, 60, 80, 200])

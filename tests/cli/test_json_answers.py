@@ -9,10 +9,10 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli import msbot
 from msbot.config import SAMPLES, load_library, parse_blueprint
-from msbot.errors import ConfigError
 from msbot.registry import open_registry
+from msbot_agent.cli import msbot
+from msbot_xrce.errors import ConfigError
 
 
 @pytest.fixture(autouse=True)

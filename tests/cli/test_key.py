@@ -13,11 +13,11 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.key import command, qr_code
 from msbot.config import SAMPLES, load_blueprint, load_library, parse_blueprint, write_sample
-from msbot.errors import ConfigError
 from msbot.part.join.keys import given_key, parse_key
 from msbot.part.join.uid import uid_on_board
 from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry import open_registry
+from msbot_xrce.errors import ConfigError
 
 UID = "0011223344556677"
 

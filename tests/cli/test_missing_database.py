@@ -8,10 +8,10 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli import msbot
 from msbot.config import write_sample
-from msbot.errors import ConfigError, MsbotError
 from msbot.registry import open_registry
+from msbot_agent.cli import msbot
+from msbot_xrce.errors import ConfigError, MsbotError
 from tests.cli.test_command_tree import leaves
 
 MAKES = {"demo", "master", "apply", "db restore", "service install"}

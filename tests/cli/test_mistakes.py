@@ -11,16 +11,16 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.agent.agent import port_names
-from msbot.cli.agent.serving import LARGEST_FILE, read_references
 from msbot.cli.db import command as db
-from msbot.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
 from msbot.cli.key import command as key
-from msbot.cli.numbers import FiniteRange, WholeRange
-from msbot.errors import ConfigError, RegistryError
-from msbot.lab.missions.mission_file import load_mission
-from msbot.lessons.reading import read_lesson
 from msbot.registry import open_registry
+from msbot_agent.cli.agent.agent import port_names
+from msbot_agent.cli.agent.serving import LARGEST_FILE, read_references
+from msbot_agent.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
+from msbot_agent.cli.numbers import FiniteRange, WholeRange
+from msbot_school.lessons.reading import read_lesson
+from msbot_school.missions.mission_file import load_mission
+from msbot_xrce.errors import ConfigError, RegistryError
 
 
 def answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: BaseException) -> str:

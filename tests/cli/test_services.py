@@ -10,9 +10,9 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli.services import Beside, CommandService, ServedCommand, WantedService, wanted_services
-from msbot.errors import ConfigError
-from msbot.runtime.extensions import Extension, Extensions
+from msbot_agent.cli.services import Beside, CommandService, ServedCommand, WantedService, wanted_services
+from msbot_agent.startup.extensions import Extension, Extensions
+from msbot_xrce.errors import ConfigError
 
 
 class Words(CommandService[str, list[str]]):

@@ -8,7 +8,7 @@ import pytest
 from msbot.config import PRESETS, SAMPLE_ROBOT_TOML, load_blueprint, load_library, standard_message_types
 from msbot.config.blueprint.check import RESERVED_TOPICS
 from msbot.config.library.library import _shipped
-from msbot.config.toml.table import Table
+from msbot_agent.toml.table import Table
 
 DOCS = Path(__file__).parents[2] / "docs/reference"
 PAGE = (DOCS / "blueprint.md").read_text()

@@ -15,11 +15,11 @@ from collections.abc import Coroutine
 from dataclasses import replace
 from typing import TypeVar
 
-from msbot.agent import Agent, AgentSettings, ClientView
-from msbot.link import Peer
-from msbot.runtime.virtual_time import VirtualTimeLoop
-from msbot.space import MemorySpace
-from msbot.xrce import References
+from msbot.process.virtual_time import VirtualTimeLoop
+from msbot_agent.agent import Agent, AgentSettings, ClientView
+from msbot_agent.link import Peer
+from msbot_agent.space import MemorySpace
+from msbot_xrce import References
 from tests.agent.wiring import FakeLink
 
 Result = TypeVar("Result")

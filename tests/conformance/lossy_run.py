@@ -6,10 +6,10 @@ import asyncio
 from dataclasses import dataclass
 from random import Random
 
-from msbot.agent import Agent
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce.streams.receiving_in_order import GIVEN_UP
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.space import MemorySpace
+from msbot_xrce.streams.receiving_in_order import GIVEN_UP
 from tests.agent.wiring import FakeLink, serving
 from tests.conformance.c_client import CClient, Wire
 

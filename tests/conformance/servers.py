@@ -6,9 +6,9 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from msbot.agent import Agent
-from msbot.link import Link, Signal
-from msbot.space import MemorySpace
+from msbot_agent.agent import Agent
+from msbot_agent.link import Link, Signal
+from msbot_agent.space import MemorySpace
 
 PATIENCE_S = 60
 """After this a test has failed; nothing waits for it otherwise."""

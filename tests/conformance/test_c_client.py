@@ -9,9 +9,9 @@ from random import Random
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.space import MemorySpace
 from tests.agent.wiring import FakeLink, serving
 from tests.conformance.c_client import CClient, Wire, until
 from tests.conformance.lossy_run import write_over

@@ -9,10 +9,10 @@ import struct
 
 import pytest
 
-from msbot.agent import DiscoveryResponder
-from msbot.link.byte_frames import SerialReceiver
-from msbot.link.net import TcpServerLink
-from msbot.link.serial import PtyServerLink
+from msbot_agent.agent import DiscoveryResponder
+from msbot_agent.link.byte_frames import SerialReceiver
+from msbot_agent.link.net import TcpServerLink
+from msbot_agent.link.serial import PtyServerLink
 from tests.conformance.agent_rig import (
     CLOCK_NS,
     DELETE_CLIENT,

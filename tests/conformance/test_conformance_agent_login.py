@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from msbot.link.net import UdpServerLink
+from msbot_agent.link.net import UdpServerLink
 from tests.conformance.agent_rig import (
     DELETE_CLIENT,
     DELETED,

@@ -6,8 +6,8 @@ import struct
 
 import pytest
 
-from msbot.xrce import ClientState
-from msbot.xrce.messages import (
+from msbot_xrce import ClientState
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
     DeliveryControl,
@@ -15,7 +15,7 @@ from msbot.xrce.messages import (
     ObjectKind,
     ObjectVariant,
 )
-from msbot.xrce.objects import (
+from msbot_xrce.objects import (
     EndpointQos,
     participant_variant,
     publisher_variant,
@@ -26,7 +26,7 @@ from msbot.xrce.objects import (
     topic_variant,
     writer_variant,
 )
-from msbot.xrce.sessions import Connected, ConnectFailed, SessionClosed, StatusReceived, TimeSynchronised
+from msbot_xrce.sessions import Connected, ConnectFailed, SessionClosed, StatusReceived, TimeSynchronised
 from tests.conformance.agent_rig import octets
 from tests.xrce.client_bench import LOGIN, LOGOUT, SECOND, WELCOME, Bench, acknack, data, head, received, status
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import LinkFull
-from msbot.xrce.messages import STREAM_RELIABLE
-from msbot.xrce.sessions import StatusReceived, WindowOpened
+from msbot_xrce.errors import LinkFull
+from msbot_xrce.messages import STREAM_RELIABLE
+from msbot_xrce.sessions import StatusReceived, WindowOpened
 from tests.xrce.client_bench import Bench, acknack, data, fragment, head, heartbeat, received, status
 
 

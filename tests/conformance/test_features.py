@@ -8,12 +8,12 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import ClientSessionSettings, References, Status
-from msbot.xrce.messages import STREAM_RELIABLE, Format, LoginProperty, ObjectVariant
-from msbot.xrce.objects import replier_variant
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.space import MemorySpace
+from msbot_xrce import ClientSessionSettings, References, Status
+from msbot_xrce.messages import STREAM_RELIABLE, Format, LoginProperty, ObjectVariant
+from msbot_xrce.objects import replier_variant
 from tests.agent.wiring import WiredClient, serving
 from tests.conformance.agent_rig import (
     AgentRig,

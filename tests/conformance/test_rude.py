@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from msbot.agent import AgentSettings
+from msbot_agent.agent import AgentSettings
 from tests.agent.replay import load
 from tests.conformance.agent_rig import (
     DELETED,

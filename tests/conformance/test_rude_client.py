@@ -10,13 +10,13 @@ from random import Random
 
 import pytest
 
-from msbot.errors import RemoteProtocolError
 from msbot.part.client.client import Client
 from msbot.part.client.settings import ConnectionState
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce import ClientState
-from msbot.xrce.messages import STREAM_RELIABLE
-from msbot.xrce.sessions import StatusReceived
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce import ClientState
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import STREAM_RELIABLE
+from msbot_xrce.sessions import StatusReceived
 from tests.agent.replay import load
 from tests.conformance.agent_rig import WELCOME, octets
 from tests.part.wire import HandLink

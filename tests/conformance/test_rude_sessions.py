@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.agent import AgentSettings
+from msbot_agent.agent import AgentSettings
 from tests.conformance.agent_rig import (
     DELETE_CLIENT,
     PING_INSIDE,

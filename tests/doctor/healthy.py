@@ -23,8 +23,8 @@ from msbot.doctor.facts import (
     WrittenFolder,
     ZenohFacts,
 )
-from msbot.link.can import BusState
-from msbot.link.can.adapters import CanInterface, CanTotals, Wanted
+from msbot_agent.link.can import BusState
+from msbot_agent.link.can.adapters import CanInterface, CanTotals, Wanted
 
 LIBRARY = Library(
     (

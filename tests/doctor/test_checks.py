@@ -17,10 +17,10 @@ from msbot.doctor.checks.robot import check_robot, loops
 from msbot.doctor.checks.stop import check_stop
 from msbot.doctor.checks.storage import check_database
 from msbot.doctor.facts import Device, NetInterface, OddFolder, PackageNeed, PartSeen, PortUse, ZenohFacts
-from msbot.link.can import BusState
-from msbot.link.can.adapters import CanTotals, Wanted
 from msbot.operations.arguments import read_arguments
 from msbot.operations.table import OPERATIONS
+from msbot_agent.link.can import BusState
+from msbot_agent.link.can.adapters import CanTotals, Wanted
 from tests.doctor.healthy import (
     ACCESS,
     BLUEPRINT,

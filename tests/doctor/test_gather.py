@@ -24,11 +24,11 @@ from msbot.doctor.gather.network import bound_ports, iptables_rules, missing_fil
 from msbot.doctor.gather.robot import robot
 from msbot.doctor.gather.stop import stop
 from msbot.doctor.gather.storage import database, network_drive, newest_backup_s
-from msbot.errors import ConfigError
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
-from msbot.runtime import stop_places
-from msbot.space import parse_space
+from msbot.stop import places as stop_places
+from msbot_agent.space import parse_space
+from msbot_xrce.errors import ConfigError
 
 NFT = {
     "nftables": [

@@ -9,9 +9,9 @@ import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.doctor import Examination, Patient
-from msbot.errors import RegistryError
 from msbot.registry import open_registry
-from msbot.web.examining import KEPT_S, Examining
+from msbot_web.examining import KEPT_S, Examining
+from msbot_xrce.errors import RegistryError
 
 NOTHING = Examination((), (), (), ())
 

@@ -38,15 +38,20 @@ NEW_NETWORK = 0x40000000
 """CLONE_NEWNET of setns(2)."""
 LARGEST = 1 << 20
 """Octets of a request: arguments and environment."""
-ROBOT = ("msbot.operations.dispatch", "msbot.registry.registry", "msbot.link.link_schemes", "msbot.agent.server")
+ROBOT = (
+    "msbot.operations.dispatch",
+    "msbot.registry.registry",
+    "msbot_agent.link.link_schemes",
+    "msbot_agent.agent.server",
+)
 NEEDS = {
-    "demo": (*ROBOT, "msbot.demo"),
+    "demo": (*ROBOT, "msbot_school.demo"),
     "master": (*ROBOT, "msbot.master"),
-    "part": ("msbot.sim", "msbot.link.link_schemes"),
-    "host": ("msbot.sim", "msbot.hardware", "msbot.link.link_schemes"),
+    "part": ("msbot.sim", "msbot_agent.link.link_schemes"),
+    "host": ("msbot.sim", "msbot.hardware", "msbot_agent.link.link_schemes"),
 }
 """What a command imports when it runs, besides its own module."""
-PAGE = "msbot.web.assembly"
+PAGE = "msbot_web.assembly"
 STARTS = ("PYTHON", "LC_", "LANG", "LD_PRELOAD")
 """What changes how Python starts begins with one of these."""
 Wish: TypeAlias = tuple[list[str], str, dict[str, str], tuple[int, int] | None]
@@ -204,11 +209,11 @@ def _tell_ends(running: dict[int, socket.socket]) -> None:
 
 def _prepare(arguments: Sequence[str]) -> None:
     """Import what a command with these arguments will import."""
-    from msbot.cli import BUILT_IN
-    from msbot.runtime.extensions import installed
+    from msbot_agent.cli import BUILT_IN
+    from msbot_agent.startup.extensions import installed
 
     word = arguments[0] if arguments else ""
-    known = {name: f"msbot.cli.{module}" for name, module in BUILT_IN.items()}
+    known = {name: f"msbot_agent.cli.{module}" for name, module in BUILT_IN.items()}
     # Those of others are found when a copy looks for them, perhaps with another path.
     known |= {one.name: one.target.partition(":")[0] for one in installed() if one.group == "commands" and one.is_own}
     if word not in known:

@@ -15,14 +15,14 @@ from tempfile import TemporaryFile
 
 import pytest
 
-from msbot.agent.discovery import DISCOVERY_GROUP
-from msbot.lab.recorder.recording_file import ENCAPSULATION
-from msbot.lab.recordings.reading import RecordingReader
-from msbot.link import Link, open_link
-from msbot.link.serial import SerialClientLink
 from msbot.part import ConnectionState, find_agents
-from msbot.xrce.messages import ObjectKind, make_object_id
-from msbot.xrce.objects import publisher_variant
+from msbot.recording.recorder.recording_file import ENCAPSULATION
+from msbot.recording.recordings.reading import RecordingReader
+from msbot_agent.agent.discovery import DISCOVERY_GROUP
+from msbot_agent.link import Link, open_link
+from msbot_agent.link.serial import SerialClientLink
+from msbot_xrce.messages import ObjectKind, make_object_id
+from msbot_xrce.objects import publisher_variant
 from tests.agent.replay import load
 from tests.e2e.processes import PATIENCE_S, Process, run, running
 from tests.hearing_client import HearingClient

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.link.can.protocol import CanIds, Frame
-from msbot.link.can.protocol.ids import NODES, Beacon, beacon_frame, read_beacon, stop_frame
+from msbot_agent.link.can.protocol import CanIds, Frame
+from msbot_agent.link.can.protocol.ids import NODES, Beacon, beacon_frame, read_beacon, stop_frame
 from tests.e2e.processes import running
 
 ROOT = Path(__file__).parents[2]

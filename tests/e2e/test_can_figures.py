@@ -7,7 +7,7 @@ import pytest
 from bench.buses import BUSES, Rates, bits
 from bench.can_costs import BEAT, LARGE, MESSAGES, THESIS_BEAT, frames_of
 from bench.can_setup import CLASSIC, COMPRESSED, THESIS, XML, set_up
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 
 
 def test_a_heartbeat_is_one_classic_frame_each_way_and_a_twentieth_of_the_thesis() -> None:

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from bench.buses import Rates
 from bench.can_setup import CLASSIC, COMPRESSED, Component, component
-from msbot.errors import LinkFull
-from msbot.link.can.sim import SimBus
 from msbot.part import ConnectionState
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.objects import EndpointQos
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can.sim import SimBus
+from msbot_xrce.errors import LinkFull
+from msbot_xrce.objects import EndpointQos
 from tests.effort import tries
 
 SAMPLES = 40

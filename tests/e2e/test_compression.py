@@ -7,12 +7,12 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, DemoSnapshot, Wire
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.frames import FIRST, LAST
-from msbot.link.can.protocol.ids import CanIds
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.frames import FIRST, LAST
+from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_school.demo import DemoRobot, DemoSnapshot, Wire
 
 Seen = list[tuple[float, Frame]]
 

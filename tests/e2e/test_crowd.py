@@ -8,9 +8,9 @@ import pytest
 
 from bench.buses import Rates
 from bench.crowd import Outcome, start_anew, switch_on
-from msbot.link.can.native_link import NO_ADDRESS
-from msbot.link.can.protocol.join_master import LISTEN_S
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can.native_link import NO_ADDRESS
+from msbot_agent.link.can.protocol.join_master import LISTEN_S
 
 
 def outcome(rates: Rates, size: int, folder: Path, *, rest_s: float = 0.0, seed: int = 1) -> Outcome:

@@ -10,15 +10,15 @@ from random import Random
 import pytest
 
 from msbot.config import SlotPort, load_blueprint, load_library
-from msbot.link.can import CanMasterLink, CanPartLink, Codec
-from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.messages.standard import Level
 from msbot.pnp import PartState
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, RobotRecord, open_registry
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce import compress, decompress
+from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_xrce import compress, decompress
 from tests.registry.hand import Hand
 
 ROBOT = """

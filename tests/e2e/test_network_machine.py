@@ -15,14 +15,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
-from msbot.errors import LinkFull, LocalProtocolError
-from msbot.link import InprocHub, LinkInfo, LossyLink, PacketHandler, RoomHandler, SignalHandler
 from msbot.part import Client, ClientSettings, ConnectionState, Entity, ServiceNames
-from msbot.runtime.virtual_time import VirtualTimeLoop
-from msbot.space import MemorySpace
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
-from msbot.xrce.objects import EndpointQos
+from msbot.process.virtual_time import VirtualTimeLoop
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo, OpenGate
+from msbot_agent.link import InprocHub, LinkInfo, LossyLink, PacketHandler, RoomHandler, SignalHandler
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import LinkFull, LocalProtocolError
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot_xrce.objects import EndpointQos
 from tests.effort import tries
 
 EXAMPLES = int(os.environ.get("MSBOT_EXAMPLES") or tries(50, 2000))

@@ -11,10 +11,10 @@ from random import Random
 import pytest
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
 from msbot.operations.dispatch import RunningOperations
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
+from msbot_school.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
 from tests.e2e.processes import run, running
 
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]

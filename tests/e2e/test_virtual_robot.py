@@ -9,15 +9,15 @@ from random import Random
 
 import pytest
 
-from msbot.agent import Agent
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, DemoSnapshot, Wire
-from msbot.link.can import CanMasterLink, CanPartLink
-from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.part import Client
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
+from msbot_agent.agent import Agent
+from msbot_agent.link.can import CanMasterLink, CanPartLink
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_agent.space import MemorySpace
+from msbot_school.demo import DemoRobot, DemoSnapshot, Wire
 
 BUSES = [
     (Wire.CAN, 125_000),

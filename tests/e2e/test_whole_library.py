@@ -7,11 +7,11 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library
-from msbot.link import InprocHub
 from msbot.master import Master
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator
+from msbot_agent.link import InprocHub
 
 LIBRARY = load_library()
 PROFILE = '[robot]\nname = "R"\nversion = "1"\nserial_number = "2"\nreleased = "3"\nmanufacturer = "4"\n'

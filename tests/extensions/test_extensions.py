@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.link import open_link
-from msbot.link.link_schemes import Scheme
-from msbot.runtime import extensions as module
-from msbot.runtime.extensions import Extension, Extensions, installed
+from msbot_agent.link import open_link
+from msbot_agent.link.link_schemes import Scheme
+from msbot_agent.startup import extensions as module
+from msbot_agent.startup.extensions import Extension, Extensions, installed
+from msbot_xrce.errors import ConfigError
 
 
 def brought(name: str, found: object, group: str = "links", package: str = "a 1") -> Extension:

@@ -13,9 +13,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from msbot.cli import BUILT_IN
 from msbot.config import write_sample
-from msbot.runtime.extensions import GROUPS, PREFIX
+from msbot_agent.cli import BUILT_IN
+from msbot_agent.startup.extensions import GROUPS, PREFIX
 from tests.e2e.processes import Process, run, running
 
 EXAMPLE = Path(__file__).parents[2] / "examples/extension"

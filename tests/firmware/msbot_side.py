@@ -5,9 +5,15 @@ from __future__ import annotations
 from zlib import crc32
 
 from msbot.config import Blueprint, Library, SlotPort, load_blueprint, load_library
-from msbot.errors import MsbotError, RemoteProtocolError
-from msbot.link.can import CanMasterLink, CanPartLink, Codec
-from msbot.link.can.protocol.frames import (
+from msbot.master import Master
+from msbot.part import Part
+from msbot.part.join.keys import prove
+from msbot.part.join.plug import ProfileMessage
+from msbot.part.messages.standard import Switch
+from msbot.process.virtual_time import run_virtual
+from msbot.registry import Registry, RobotRecord, open_registry
+from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
+from msbot_agent.link.can.protocol.frames import (
     EMPTY_FRAME,
     EMPTY_MESSAGE,
     FRAME_LOST,
@@ -23,7 +29,7 @@ from msbot.link.can.protocol.frames import (
     FrameJoiner,
     split,
 )
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link.can.protocol.ids import (
     CAN_FD,
     COMPRESSION,
     Assign,
@@ -33,19 +39,13 @@ from msbot.link.can.protocol.ids import (
     beacon_frame,
     stop_frame,
 )
-from msbot.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin, ComponentState, Joined
-from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.link.can.sim.driver import SimCanBus
-from msbot.master import Master
-from msbot.part import Part
-from msbot.part.join.keys import prove
-from msbot.part.join.plug import ProfileMessage
-from msbot.part.messages.standard import Switch
-from msbot.registry import Registry, RobotRecord, open_registry
-from msbot.runtime.tally import Tally
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.compression import header_compression as compact
-from msbot.xrce.compression.dictionary import DICTIONARY
+from msbot_agent.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin, ComponentState, Joined
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_xrce.common.tally import Tally
+from msbot_xrce.compression import header_compression as compact
+from msbot_xrce.compression.dictionary import DICTIONARY
+from msbot_xrce.errors import MsbotError, RemoteProtocolError
 from tests.agent.replay import VECTORS, load
 
 __all__ = [

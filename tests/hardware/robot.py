@@ -10,12 +10,12 @@ from random import Random
 
 from msbot.config import Direction, PartType, Scalar
 from msbot.hardware import HardwarePart, Machine, PartWiring, Workbench, make_wiring
-from msbot.link import InprocHub, Link
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.messages.message import fields_of
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 from msbot.sim import message_class
+from msbot_agent.link import InprocHub, Link
 from tests.hardware.chips import Bus
 from tests.sim.robot import LIBRARY, blueprint_for, listen, store_for
 

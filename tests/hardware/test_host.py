@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
-from msbot.errors import ConfigError
 from msbot.hardware import PartsHost, Workbench, read_parts
-from msbot.link import InprocHub
 from msbot.master import Master
 from msbot.part import JoinState
 from msbot.pnp import MemoryStore
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub
+from msbot_xrce.errors import ConfigError
 from tests.hardware.chips import Bus, bmp280
 from tests.hardware.robot import machine_at
 from tests.sim.robot import LIBRARY

@@ -10,9 +10,9 @@ import pytest
 from gpiozero.pins.mock import MockPin, MockPWMPin
 
 from msbot.config import Scalar
-from msbot.errors import ConfigError
 from msbot.hardware import make_wiring
 from msbot.hardware.drivers.switches import KEYS
+from msbot_xrce.errors import ConfigError
 from tests.hardware.robot import Bench, machine_at, play
 from tests.sim.robot import LIBRARY
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from msbot.hardware import HardwareFault, make_wiring
 from msbot.hardware.drivers.usb_gpio import parse_pins
 from msbot.hardware.serial_stream import SerialStream
 from msbot.part import NumatoGpio, PinDirection
+from msbot_xrce.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from tests.hardware.robot import Bench, machine_at, play
 from tests.hardware.usb_module import Module, plugged_in
 from tests.sim.robot import LIBRARY

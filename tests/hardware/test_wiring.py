@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from msbot.config import BusKind
-from msbot.errors import ConfigError
 from msbot.hardware import driver_class, make_wiring
 from msbot.hardware.driver import bus_of
 from msbot.hardware.keeper import as_json, from_json
+from msbot_xrce.errors import ConfigError
 from tests.sim.robot import LIBRARY
 
 DRIVEN = [part_type for part_type in LIBRARY if part_type.driver.entry_point]

@@ -17,11 +17,11 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from msbot.web.programs.browser_files import home_files
+from msbot_web.programs.browser_files import home_files
 from tests.homes.runners import said
 from tests.homes.world import UID, PagePeer, World
 
-WEB = Path(__file__).parents[2] / "src/msbot/web/static"
+WEB = Path(__file__).parents[2] / "packages/msbot-web/src/msbot_web/static"
 NEEDED = "MSBOT_NEED_BROWSER"
 """Set where no test in a browser may be skipped."""
 CHROMIUM = (

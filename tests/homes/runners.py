@@ -21,12 +21,12 @@ from random import Random
 from typing import IO, Any, Protocol
 from unittest import mock
 
-from msbot.errors import MsbotError
+from msbot_xrce.errors import MsbotError
 from tests.homes import micro
 from tests.homes.world import CODEC, UID, CanPartLink, Frame, Part, SimCanBus, World
 
 ROOT = Path(__file__).parents[2]
-VM = ROOT / "src/msbot/web/static/micropython"
+VM = ROOT / "packages/msbot-web/src/msbot_web/static/micropython"
 HERE = Path(__file__).parent
 NODE = shutil.which("node")
 

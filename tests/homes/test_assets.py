@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-STATIC = Path(__file__).parents[2] / "src/msbot/web/static"
+STATIC = Path(__file__).parents[2] / "packages/msbot-web/src/msbot_web/static"
 
 
 @pytest.mark.parametrize(

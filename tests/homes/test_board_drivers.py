@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from msbot.config import BOARD_DRIVERS, Direction, FieldKind, ParameterKind, PartType, board_documents, wired_part
 from msbot.config.library.board_document import MOST_OCTETS, board_document
-from msbot.errors import ConfigError
 from msbot.sim.simulated_world import World
+from msbot_xrce.errors import ConfigError
 from tests.homes import micro
 from tests.homes.board_world import LIBRARY
 from tests.homes.test_generic_board import BMP280, fake_machine

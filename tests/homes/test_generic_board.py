@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from msbot import Distance, Level, Pressure, Switch, Temperature, Text
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 from tests.homes import micro
 from tests.homes.board_world import FAKES, HOSTS, BoardHome, BoardWorld
 from tests.homes.runners import NODE, DoubleEngine, NodeEngine, as_micropython

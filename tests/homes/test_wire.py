@@ -12,8 +12,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.runtime.board_package import OF_GENERIC_BOARDS
+from msbot.carried.board_package import OF_GENERIC_BOARDS
+from msbot_xrce.errors import RemoteProtocolError
 from tests.damage import damaged
 from tests.homes import micro
 from tests.homes.world import (

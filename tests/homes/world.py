@@ -12,17 +12,6 @@ from random import Random
 from typing import Protocol
 
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
-from msbot.errors import LinkDown
-from msbot.link import Visitor
-from msbot.link.byte_frames import SerialReceiver, encode_serial
-from msbot.link.can import CanMasterLink, CanPartLink, Codec
-from msbot.link.can.protocol.frames import Frame, FrameJoiner, split
-from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.link.can.sim.driver import SimCanBus
-from msbot.link.contract import Signal
-from msbot.link.net import SocketPeer, WebSocketServerLink
-from msbot.link.net.udp import UdpServerLink
-from msbot.link.serial.lines import Line, LineServer
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.join.keys import prove, prove_sealed
@@ -31,9 +20,20 @@ from msbot.part.join.seal import Seal
 from msbot.part.join.uid import uid_on_board
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce import compress, decompress
-from msbot.xrce.compression.dictionary import DICTIONARY, FIXED
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Visitor
+from msbot_agent.link.byte_frames import SerialReceiver, encode_serial
+from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
+from msbot_agent.link.can.protocol.frames import Frame, FrameJoiner, split
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_agent.link.contract import Signal
+from msbot_agent.link.net import SocketPeer, WebSocketServerLink
+from msbot_agent.link.net.udp import UdpServerLink
+from msbot_agent.link.serial.lines import Line, LineServer
+from msbot_xrce import compress, decompress
+from msbot_xrce.compression.dictionary import DICTIONARY, FIXED
+from msbot_xrce.errors import LinkDown
 
 CODEC = Codec(compress, decompress)
 SLOT = "mine"

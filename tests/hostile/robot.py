@@ -17,8 +17,8 @@ import httpx
 from msbot.registry import open_registry
 from msbot.registry.database_identity import database_identity
 from msbot.registry.edits import users
-from msbot.runtime.stop_asking import ask_masters
-from msbot.web.access.sessions import digest_of
+from msbot.stop.asking import ask_masters
+from msbot_web.access.sessions import digest_of
 from tests.e2e.processes import Process, run, running
 from tests.e2e.test_processes import free_port
 

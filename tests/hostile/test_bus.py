@@ -10,15 +10,15 @@ from random import Random
 import pytest
 
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
-from msbot.link.can import CanMasterLink, CanPartLink
-from msbot.link.can.protocol import CanIds
-from msbot.link.can.protocol.ids import join_frame
-from msbot.link.can.protocol.node_ids import MemoryNodeIds
-from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.master import Master
 from msbot.part import JoinState, Part
 from msbot.pnp import Configuration, MemoryStore, PartState
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can import CanMasterLink, CanPartLink
+from msbot_agent.link.can.protocol import CanIds
+from msbot_agent.link.can.protocol.ids import join_frame
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
 from tests.e2e.processes import run, running, wait_for_states
 
 SIZE = 8

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError, MsbotError, NotThere
 from msbot.operations.rights import Role
 from msbot.registry import ProgramSource, programs
 from msbot.registry.maintenance import upkeep
 from msbot.sim import SimulatedPart, make_simulator
-from msbot.web.access.accounts import MOST_TOKENS
-from msbot.web.access.sessions import Session
-from msbot.web.api.session import words_for
-from msbot.web.simulated.simulated_bench import SimulatedBench
+from msbot_web.access.accounts import MOST_TOKENS
+from msbot_web.access.sessions import Session
+from msbot_web.api.session import words_for
+from msbot_web.simulated.simulated_bench import SimulatedBench
+from msbot_xrce.errors import ConfigError, MsbotError, NotThere
 from tests.operations.stage import Stage, play
 from tests.operations.test_pupils import pupil
 from tests.web.rig import Rig, refusal, show

@@ -10,12 +10,12 @@ from random import Random
 
 import pytest
 
-from msbot.agent import Agent, AgentSettings, ClientInfo, OpenGate
-from msbot.link import Signal
-from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink
 from msbot.part import Client, ConnectionState
-from msbot.space import MemorySpace
-from msbot.xrce.messages import SESSION_NONE, CreateClient, Header, encode_message
+from msbot_agent.agent import Agent, AgentSettings, ClientInfo, OpenGate
+from msbot_agent.link import Signal
+from msbot_agent.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink
+from msbot_agent.space import MemorySpace
+from msbot_xrce.messages import SESSION_NONE, CreateClient, Header, encode_message
 
 PATIENCE_S = 60
 SILENT = 150

@@ -16,12 +16,12 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.cli import msbot
 from msbot.doctor.gather.processes import program_of, running_programs
-from msbot.errors import ConfigError
-from msbot.idl.model import Definitions
-from msbot.idl.omg_reader import read_idl
-from msbot.runtime.given_file import open_given, open_given_text, read_of_system
+from msbot_agent.cli import msbot
+from msbot_agent.idl.model import Definitions
+from msbot_agent.idl.omg_reader import read_idl
+from msbot_agent.text.given_file import open_given, open_given_text, read_of_system
+from msbot_xrce.errors import ConfigError
 from tests.e2e.processes import run
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="another system has other things than files")

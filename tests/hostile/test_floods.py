@@ -10,11 +10,11 @@ import sys
 import pytest
 
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
-from msbot.link.net import UdpClientLink, UdpServerLink
-from msbot.link.net.stranger_filter import NOT_READ
 from msbot.master import Master
 from msbot.part import JoinState, Part
 from msbot.pnp import Configuration, MemoryStore, PartEvent, PartState
+from msbot_agent.link.net import UdpClientLink, UdpServerLink
+from msbot_agent.link.net.stranger_filter import NOT_READ
 from tests.hostile.test_crowd import _login
 
 PATIENCE_S = 90.0

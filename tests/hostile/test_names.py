@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.operations.rights import Role
 from msbot.pnp.pupils import TakeOverByTeacher
 from msbot.registry import ProgramSource
 from msbot.registry.edits.users import Person, keep
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.users import MemoryUsers
-from msbot.web.programs.program_deeds import ProgramDeeds
-from msbot.web.programs.program_shelf import RegistryShelf
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.users import MemoryUsers
+from msbot_web.programs.program_deeds import ProgramDeeds
+from msbot_web.programs.program_shelf import RegistryShelf
+from msbot_xrce.errors import ConfigError
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 from tests.web.access.test_accounts import PlainHasher, user
 from tests.web.rig import Rig, show

@@ -13,12 +13,12 @@ from fuzz.targets import TARGETS
 from fuzz.targets.parsers import PARSERS, read, samples_of
 from fuzz.targets.sockets import GREETING
 from msbot.cli.bus.frame_log import FrameReader
-from msbot.errors import ConfigError
-from msbot.runtime.json_reading import read_json
-from msbot.runtime.printable import printable, whole
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.users import MemoryUsers
-from msbot.web.page_sockets import NONSENSE, TOO_SLOW
+from msbot_agent.text.json_reading import read_json
+from msbot_agent.text.printable import printable, whole
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.users import MemoryUsers
+from msbot_web.page_sockets import NONSENSE, TOO_SLOW
+from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import PlainHasher, user
 
 DEEP = b"[" * 100_000

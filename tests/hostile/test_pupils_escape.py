@@ -10,16 +10,16 @@ from random import Random
 
 import pytest
 
-from msbot.errors import ConfigError, MsbotError
-from msbot.link import InprocHub, Link, LinkInfo
-from msbot.link.relay import PartsRelay
 from msbot.master.fed_agent import FedAgent
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Freeze, Group
 from msbot.pnp.pupils import TakeOverByTeacher
-from msbot.space import Qos, Sample, Topic
-from msbot.web import part_socket
+from msbot_agent.link import InprocHub, Link, LinkInfo
+from msbot_agent.link.relay import PartsRelay
+from msbot_agent.space import Qos, Sample, Topic
+from msbot_web import part_socket
+from msbot_xrce.errors import ConfigError, MsbotError
 from tests.web.part_site import PartSite, part_site
 
 DOORS = ("a part", "a relay", "an agent")

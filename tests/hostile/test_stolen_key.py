@@ -13,12 +13,12 @@ from socket import AF_INET, SOCK_DGRAM, socket
 
 import pytest
 
-from msbot.agent import ClientView
 from msbot.config import Blueprint, PartType, RobotProfile, Slot, Timing
-from msbot.link.net import UdpServerLink
 from msbot.master import Master
 from msbot.pnp import Configuration, MemoryStore, PartEvent, PartState, SlotBinding
-from msbot.xrce.messages import SESSION_NONE, CreateClient, Header, encode_message
+from msbot_agent.agent import ClientView
+from msbot_agent.link.net import UdpServerLink
+from msbot_xrce.messages import SESSION_NONE, CreateClient, Header, encode_message
 
 PATIENCE_S = 60.0
 KNOCKS = 57

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msbot import Message
-from msbot.idl import read_definitions, to_c, to_idl, to_python
-from msbot.idl.reader import common_ros_definitions
+from msbot_agent.idl import read_definitions, to_c, to_idl, to_python
+from msbot_agent.idl.reader import common_ros_definitions
 from tests.effort import tries
 from tests.idl.generated import messages, module_from
 from tests.kept import kept
@@ -33,9 +33,9 @@ THING = things()
 
 
 def test_the_shipped_ros_types_are_what_the_generator_writes() -> None:
-    path = Path(__file__).parents[2] / "src/msbot/ros2.py"
+    path = Path(__file__).parents[2] / "packages/msbot/src/msbot/ros2.py"
     assert path.read_text() == to_python(ROS, "ros2.idl"), (
-        "msbot idl to-python src/msbot/idl/ros2.idl --ros -o src/msbot/ros2.py"
+        "msbot idl to-python packages/msbot-agent/src/msbot_agent/idl/ros2.idl --ros -o packages/msbot/src/msbot/ros2.py"
     )
 
 

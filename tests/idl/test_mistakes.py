@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.idl import read_definitions
-from msbot.idl.model import Definitions
-from msbot.idl.omg_reader import read_idl
+from msbot_agent.idl import read_definitions
+from msbot_agent.idl.model import Definitions
+from msbot_agent.idl.omg_reader import read_idl
+from msbot_xrce.errors import ConfigError
 
 MISTAKES = {
     "struct A { lung x; };": "a.idl:1:12: there is no type lung; it must be defined (or included) before it is used",

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from msbot import Message, ros2
-from msbot.idl import read_definitions, to_python
+from msbot_agent.idl import read_definitions, to_python
 from tests.idl.generated import module_from
 
 

@@ -10,19 +10,19 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, Wire
-from msbot.errors import MsbotError
-from msbot.lab.faults.fault_lab import FaultLab
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Part
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
-from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import message_class
-from msbot.web.api.models import SlotCard
-from msbot.web.live import Live
-from msbot.web.simulated.demo_bench import seen_of
-from msbot.web.timeline import Timeline
-from msbot.web.views import Views
+from msbot_school.demo import DemoRobot, Wire
+from msbot_school.faults.fault_lab import FaultLab
+from msbot_web.api.models import SlotCard
+from msbot_web.live import Live
+from msbot_web.simulated.demo_bench import seen_of
+from msbot_web.timeline import Timeline
+from msbot_web.views import Views
+from msbot_xrce.errors import MsbotError
 from tests.operations.stage import put_database
 
 PAIR = ("knob", "fan")

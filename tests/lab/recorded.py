@@ -8,17 +8,17 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot
-from msbot.lab.curves.measuring import keep_measuring
-from msbot.lab.recorder.batch import Item, Kind, RecordedChannel, Unpacker
-from msbot.lab.recorder.recorder import Recorder
-from msbot.lab.recorder.ring import RingLimits
-from msbot.lab.recorder.storing import Storing
-from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
 from msbot.operations.dispatch import RunningOperations
+from msbot.process.virtual_time import run_virtual
+from msbot.recording.curves.measuring import keep_measuring
+from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, Unpacker
+from msbot.recording.recorder.recorder import Recorder
+from msbot.recording.recorder.ring import RingLimits
+from msbot.recording.recorder.storing import Storing
+from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
+from msbot_agent.space import MemorySpace
+from msbot_school.demo import DemoRobot
 
 NS = 1_000_000_000
 BEGAN_NS = 1_700_000_000 * NS

@@ -10,18 +10,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.config import load_library
-from msbot.demo import DemoRobot
-from msbot.errors import ConfigError
-from msbot.lab.curves.curve import figures_of, thinned
-from msbot.lab.curves.names import field_name, is_wanted
-from msbot.lab.curves.reading import ReadCurves, read_curves, ring_files
-from msbot.lab.curves.units import units_of
-from msbot.lab.curves.wanted import WantedCurves
-from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.lab.recorder.ring import RingLimits, segment_name
-from msbot.lab.recorder.storing import Storing
-from msbot.lab.recorder.topics import MEASURED
 from msbot.operations.dispatch import RunningOperations
+from msbot.recording.curves.curve import figures_of, thinned
+from msbot.recording.curves.names import field_name, is_wanted
+from msbot.recording.curves.reading import ReadCurves, read_curves, ring_files
+from msbot.recording.curves.units import units_of
+from msbot.recording.curves.wanted import WantedCurves
+from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.ring import RingLimits, segment_name
+from msbot.recording.recorder.storing import Storing
+from msbot.recording.recorder.topics import MEASURED
+from msbot_school.demo import DemoRobot
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
 
 BEGAN_S = BEGAN_NS / NS
@@ -146,7 +146,7 @@ def test_of_a_ring_only_the_files_of_the_time_are_read_and_nothing_twice(tmp_pat
 
 
 def test_too_much_is_refused_in_words(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msbot.lab.curves.reading.MOST_POINTS", 10)
+    monkeypatch.setattr("msbot.recording.curves.reading.MOST_POINTS", 10)
     with pytest.raises(ConfigError, match="choose fewer curves, or a shorter time"):
         read(recording, "ear")
 

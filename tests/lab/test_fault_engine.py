@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.lab.faults.conditions import NumberCondition, StateCondition, read_condition
-from msbot.lab.faults.engine import FOR_S, MOST, PATIENCE_S, FaultEngine, FaultSpec
-from msbot.lab.faults.kinds import KINDS, contradiction
+from msbot_school.faults.conditions import NumberCondition, StateCondition, read_condition
+from msbot_school.faults.engine import FOR_S, MOST, PATIENCE_S, FaultEngine, FaultSpec
+from msbot_school.faults.kinds import KINDS, contradiction
+from msbot_xrce.errors import ConfigError
 
 
 class World:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from msbot.lab.faults.kinds import KINDS
 from msbot.registry import EditKind
-from msbot.web.api.bus_lines import BusFigures
-from msbot.web.api.models import PartLine, SlotCard
+from msbot_school.faults.kinds import KINDS
+from msbot_web.api.bus_lines import BusFigures
+from msbot_web.api.models import PartLine, SlotCard
 from tests.lab.fault_stage import FaultStage, fault_scene
 
 PLANTED: dict[str, tuple[str, float | None, float]] = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from msbot.lab.faults.fault_lab import FaultLab
-from msbot.link import DisturbedLink
+from msbot_agent.link import DisturbedLink
+from msbot_school.faults.fault_lab import FaultLab
 from tests.lab.fault_stage import FaultStage, fault_scene
 from tests.operations.stage import Stage, play
 

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError, RemoteProtocolError
-from msbot.lab.faults.kinds import KINDS
-from msbot.lab.missions.facts import Fact, What, facts_from_json
-from msbot.lab.missions.grading import Grade, grade
-from msbot.lab.missions.mission import DrawnFault, Mission, contradict, drawn
-from msbot.lab.missions.mission_file import load_mission, parse_mission, ready_mission, ready_missions
-from msbot.lab.missions.mission_run import MOST_ANSWERS, MOST_FACTS, MissionRun
-from msbot.lab.missions.played import PlayedMission, grade_json, played_from_json
-from msbot.lab.missions.repairs import REPAIRS
-from msbot.runtime.sentence import Sentence, said
+from msbot_agent.text.sentence import Sentence, said
+from msbot_school.faults.kinds import KINDS
+from msbot_school.missions.facts import Fact, What, facts_from_json
+from msbot_school.missions.grading import Grade, grade
+from msbot_school.missions.mission import DrawnFault, Mission, contradict, drawn
+from msbot_school.missions.mission_file import load_mission, parse_mission, ready_mission, ready_missions
+from msbot_school.missions.mission_run import MOST_ANSWERS, MOST_FACTS, MissionRun
+from msbot_school.missions.played import PlayedMission, grade_json, played_from_json
+from msbot_school.missions.repairs import REPAIRS
+from msbot_xrce.errors import ConfigError, RemoteProtocolError
 
 TWO = """
 [mission]

@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from msbot.errors import MsbotError
-from msbot.lab.faults.kinds import KINDS
-from msbot.lab.missions.facts import What
-from msbot.lab.missions.mission import drawn
-from msbot.lab.missions.mission_file import parse_mission, ready_missions
-from msbot.lab.missions.mission_lab import MissionLab
-from msbot.lab.missions.played import played_from_json
-from msbot.lab.missions.repairs import REPAIRS
-from msbot.link import DisturbedLink
+from msbot_agent.link import DisturbedLink
+from msbot_school.faults.kinds import KINDS
+from msbot_school.missions.facts import What
+from msbot_school.missions.mission import drawn
+from msbot_school.missions.mission_file import parse_mission, ready_missions
+from msbot_school.missions.mission_lab import MissionLab
+from msbot_school.missions.played import played_from_json
+from msbot_school.missions.repairs import REPAIRS
+from msbot_xrce.errors import MsbotError
 from tests.lab.fault_stage import FaultStage, fault_scene
 
 ROVER = ("knob", "fan", "button", "headlight", "eye", "beacon", "ear", "hand", "bumper", "horn")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.lab.recorder.ring import begun_segments, segment_name, segments
-from msbot.lab.recordings.reading import RecordedMessage, RecordingReader
+from msbot.recording.recorder.ring import begun_segments, segment_name, segments
+from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
 from tests.e2e.processes import Process, run, running
 
 PATIENCE_S = 90.0

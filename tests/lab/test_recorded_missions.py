@@ -11,20 +11,20 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.lab.mission import command
-from msbot.demo import DemoRobot
-from msbot.errors import ConfigError
-from msbot.lab.faults.fault_lab import FaultLab
-from msbot.lab.missions.facts import What
-from msbot.lab.missions.mission_lab import MissionLab
-from msbot.lab.missions.played import PlayedMission, grade_json
-from msbot.lab.missions.recorded_missions import TOPIC, played_in
-from msbot.lab.recorder.batch import Unpacker
-from msbot.lab.recorder.recorder import Recorder
-from msbot.lab.recordings.reading import RecordingReader
 from msbot.operations.dispatch import RunningOperations
-from msbot.web.language import languages
-from msbot.web.mission_report import report_page
+from msbot.recording.recorder.batch import Unpacker
+from msbot.recording.recorder.recorder import Recorder
+from msbot.recording.recordings.reading import RecordingReader
+from msbot_school.cli.mission import command
+from msbot_school.demo import DemoRobot
+from msbot_school.faults.fault_lab import FaultLab
+from msbot_school.missions.facts import What
+from msbot_school.missions.mission_lab import MissionLab
+from msbot_school.missions.played import PlayedMission, grade_json
+from msbot_school.missions.recorded_missions import TOPIC, played_in
+from msbot_web.language import languages
+from msbot_web.mission_report import report_page
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, messages, record_demo, store
 
 MINE = """

@@ -17,22 +17,22 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msbot.cli.record.log import command as log_command
 from msbot.config import load_library, read_description
-from msbot.demo import DemoRobot
-from msbot.errors import ConfigError
-from msbot.lab.recorder.batch import Kind, RecordedChannel, Unpacker, encode_object
-from msbot.lab.recorder.can_frames import FRAME
-from msbot.lab.recorder.recorder import Recorder
-from msbot.lab.recorder.schemas import ENCODING, ros_definition
-from msbot.lab.recorder.topics import MEASURED
-from msbot.lab.recordings.comparing import differences
-from msbot.lab.recordings.reading import Decoder, RecordedMessage, RecordingReader
-from msbot.lab.recordings.telling import frame_of, line_of
-from msbot.link import LinkInfo
-from msbot.link.can import CanBusInfo, CanMasterLink, FrameTap
-from msbot.link.can.protocol import Frame
 from msbot.operations.dispatch import RunningOperations
 from msbot.part.messages.standard import Level
-from msbot.space import MemorySpace, Qos, Topic
+from msbot.recording.recorder.batch import Kind, RecordedChannel, Unpacker, encode_object
+from msbot.recording.recorder.can_frames import FRAME
+from msbot.recording.recorder.recorder import Recorder
+from msbot.recording.recorder.schemas import ENCODING, ros_definition
+from msbot.recording.recorder.topics import MEASURED
+from msbot.recording.recordings.comparing import differences
+from msbot.recording.recordings.reading import Decoder, RecordedMessage, RecordingReader
+from msbot.recording.recordings.telling import frame_of, line_of
+from msbot_agent.link import LinkInfo
+from msbot_agent.link.can import CanBusInfo, CanMasterLink, FrameTap
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.space import MemorySpace, Qos, Topic
+from msbot_school.demo import DemoRobot
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
 
 

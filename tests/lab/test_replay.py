@@ -13,15 +13,15 @@ import click
 import pytest
 from mcap.writer import Writer
 
-from msbot.cli import msbot
-from msbot.demo import DemoRobot
-from msbot.errors import ConfigError
-from msbot.lab.recordings.cutting import write_cut
-from msbot.lab.replay.piece import Piece, RecordedSample, RecordedSlot, read_piece
-from msbot.lab.replay.player import Player
-from msbot.link import InprocHub
 from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import PartInfo
+from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.replay.piece import Piece, RecordedSample, RecordedSlot, read_piece
+from msbot.recording.replay.player import Player
+from msbot_agent.cli import msbot
+from msbot_agent.link import InprocHub
+from msbot_school.demo import DemoRobot
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
 
 OTHERS = ("BB", "CC")

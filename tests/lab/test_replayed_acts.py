@@ -10,16 +10,16 @@ from random import Random
 
 import pytest
 
-from msbot.demo import DemoRobot
-from msbot.errors import ConfigError
-from msbot.lab.recordings.cutting import write_cut
-from msbot.lab.recordings.reading import RecordedMessage
-from msbot.lab.replay.act_player import ActPlayer
-from msbot.lab.replay.acts import RecordedAct, RecordedActs, read_acts
-from msbot.lab.replay.piece import read_piece
-from msbot.lab.replay.player import Player
-from msbot.link import InprocHub
 from msbot.operations.dispatch import RunningOperations, perform
+from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.recordings.reading import RecordedMessage
+from msbot.recording.replay.act_player import ActPlayer
+from msbot.recording.replay.acts import RecordedAct, RecordedActs, read_acts
+from msbot.recording.replay.piece import read_piece
+from msbot.recording.replay.player import Player
+from msbot_agent.link import InprocHub
+from msbot_school.demo import DemoRobot
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
 
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]

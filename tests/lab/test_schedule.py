@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.lab.replay.schedule import NS, Schedule
+from msbot.recording.replay.schedule import NS, Schedule
 
 TIMES = st.lists(st.integers(0, 100 * NS), min_size=1, max_size=30).map(sorted)
 SPEEDS = st.floats(0.01, 1000.0)

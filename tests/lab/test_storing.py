@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from mcap.records import ChunkIndex
 from mcap.stream_reader import StreamReader
 
-from msbot.errors import ConfigError
-from msbot.lab.recorder.batch import Kind, Unpacker, encode_began, encode_state, head
-from msbot.lab.recorder.recording_file import RecordingFile
-from msbot.lab.recorder.ring import LONGEST_S, MOST_FILES, RingLimits, Segment, segment_name, segments, too_old
-from msbot.lab.recorder.storing import RETRY_S, Storing
-from msbot.lab.recorder.wish import RecordingWish, read_wish
-from msbot.lab.recordings.cutting import write_cut
-from msbot.lab.recordings.reading import RecordingReader, ended_ns
+from msbot.recording.recorder.batch import Kind, Unpacker, encode_began, encode_state, head
+from msbot.recording.recorder.recording_file import RecordingFile
+from msbot.recording.recorder.ring import LONGEST_S, MOST_FILES, RingLimits, Segment, segment_name, segments, too_old
+from msbot.recording.recorder.storing import RETRY_S, Storing
+from msbot.recording.recorder.wish import RecordingWish, read_wish
+from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.recordings.reading import RecordingReader, ended_ns
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, channel, messages, sample, store
 
 records = st.lists(

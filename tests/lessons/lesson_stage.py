@@ -13,20 +13,20 @@ from types import ModuleType
 from unittest import mock
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot
-from msbot.errors import MsbotError
-from msbot.lab.faults.fault_lab import FaultLab
-from msbot.lessons.lesson_desk import LessonDesk
-from msbot.lessons.shelf import LessonShelf
-from msbot.link import InprocHub, LinkInfo
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Part
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
-from msbot.runtime.virtual_time import run_virtual
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.door import OwnDoor
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.sim.arena.world_reader import open_world
+from msbot_agent.link import InprocHub, LinkInfo
+from msbot_school.demo import DemoRobot
+from msbot_school.faults.fault_lab import FaultLab
+from msbot_school.lessons.lesson_desk import LessonDesk
+from msbot_school.lessons.shelf import LessonShelf
+from msbot_xrce.errors import MsbotError
 from tests.operations.stage import put_database
 
 PROGRAM = re.compile(r"```python\n(.*?)```", re.DOTALL)

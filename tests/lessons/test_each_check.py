@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.lab.faults.conditions import NumberCondition, StateCondition
-from msbot.lessons.conditions import Condition, Exists, Holder, Now, SettingIs, Spans, Stopped, Turns, Was, Wired
-from msbot.lessons.lesson import Lesson, LessonCheck, Step
-from msbot.lessons.run import LessonRun
-from msbot.lessons.shelf import LessonShelf
+from msbot_school.faults.conditions import NumberCondition, StateCondition
+from msbot_school.lessons.conditions import Condition, Exists, Holder, Now, SettingIs, Spans, Stopped, Turns, Was, Wired
+from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
+from msbot_school.lessons.run import LessonRun
+from msbot_school.lessons.shelf import LessonShelf
 from tests.lessons.made_up_robot import Robot
 
 LOOK_S = 0.25

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config.toml.problems import FoundProblems
-from msbot.errors import ConfigError
-from msbot.lessons.conditions import EXAMPLES, read_lesson_condition
-from msbot.lessons.lesson import Lesson, LessonCheck
-from msbot.lessons.reading import read_lesson
-from msbot.lessons.shelf import LessonShelf
+from msbot_agent.toml.problems import FoundProblems
+from msbot_school.lessons.conditions import EXAMPLES, read_lesson_condition
+from msbot_school.lessons.lesson import Lesson, LessonCheck
+from msbot_school.lessons.reading import read_lesson
+from msbot_school.lessons.shelf import LessonShelf
+from msbot_xrce.errors import ConfigError
 
 HEAD = '+++\ntitle = "T"\nrobot = "rover"\n+++\n'
 CHECK = '```check\nsay = "The fan runs."\nwhen = "fan is active"\n```\n'

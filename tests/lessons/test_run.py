@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.lessons.conditions import read_lesson_condition
-from msbot.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
-from msbot.lessons.progress import csv_of, progress_of
-from msbot.lessons.run import LessonRun
 from msbot.registry.lesson_ticks import Tick
+from msbot_school.lessons.conditions import read_lesson_condition
+from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
+from msbot_school.lessons.progress import csv_of, progress_of
+from msbot_school.lessons.run import LessonRun
+from msbot_xrce.errors import ConfigError
 from tests.lessons.made_up_robot import Robot
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.lessons.shelf import LessonShelf
+from msbot_school.lessons.shelf import LessonShelf
 from tests.lessons.lesson_stage import LessonStage, blocks_of_the_handbook, lesson_scene
 
 BLOCKS = Path(__file__).parents[1] / "web/browser/blocks"

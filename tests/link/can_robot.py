@@ -7,16 +7,16 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from random import Random
 
-from msbot.errors import LinkDown
-from msbot.link import Peer, Signal
-from msbot.link.can.native_link import CanMasterLink, CanPartLink
-from msbot.link.can.native_link_base import NativeEnd
-from msbot.link.can.peer_framing import Codec
-from msbot.link.can.protocol.ids import CanIds
-from msbot.link.can.protocol.node_ids import NodeIds
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Peer, Signal
+from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink
+from msbot_agent.link.can.native_link_base import NativeEnd
+from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_agent.link.can.protocol.node_ids import NodeIds
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_xrce.errors import LinkDown
 
 HASH = 0x00C0FFEE
 

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from msbot.link import Link, Peer, Signal
+from msbot_agent.link import Link, Peer, Signal
 
 
 class End:

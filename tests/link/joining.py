@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import Assign, Beacon, CanIds, assign_frame, beacon_frame, join_frame
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import Assign, Beacon, CanIds, assign_frame, beacon_frame, join_frame
 
 IDS = CanIds()
 HASH = 0xCAFE

@@ -7,7 +7,7 @@ import os
 import tty
 from pathlib import Path
 
-from msbot.link.byte_frames import SerialReceiver, encode_serial
+from msbot_agent.link.byte_frames import SerialReceiver, encode_serial
 
 
 class Board:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from msbot.link.can.controller import BusState, CanBus
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.link.can.sim.model.messages import Hello, Message, Splitter, Welcome, encode
-from msbot.link.can.sim.server import SimBusServer
+from msbot_agent.link.can.controller import BusState, CanBus
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.messages import Hello, Message, Splitter, Welcome, encode
+from msbot_agent.link.can.sim.server import SimBusServer
 
 PATIENCE_S = 60.0
 """Longer than any busy machine needs."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.link import BaseLink, LinkInfo, Peer
+from msbot_agent.link import BaseLink, LinkInfo, Peer
 
 
 class Plain(BaseLink):

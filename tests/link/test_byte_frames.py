@@ -4,7 +4,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from msbot.link.byte_frames import SerialReceiver, TcpReceiver, crc16_arc, encode_serial, encode_tcp
+from msbot_agent.link.byte_frames import SerialReceiver, TcpReceiver, crc16_arc, encode_serial, encode_tcp
 
 KNOWN = [
     # source, destination, payload, frame; seen on the wire between genuine peers (the first is a ping)

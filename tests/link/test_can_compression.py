@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
-from msbot.link.can.protocol import Frame, frame_bits
-from msbot.link.can.protocol.frames import split
-from msbot.link.can.protocol.ids import CanIds
 from msbot.part.join.plug import ProfileMessage
-from msbot.xrce import compress, decompress
-from msbot.xrce.compression.dictionary import DICTIONARY
+from msbot_agent.link.can.protocol import Frame, frame_bits
+from msbot_agent.link.can.protocol.frames import split
+from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_xrce import compress, decompress
+from msbot_xrce.compression.dictionary import DICTIONARY
 
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/can.md").read_text()
 SECTION = PAGE.partition("## Header compression\n")[2].partition("\n## ")[0]

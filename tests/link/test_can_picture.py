@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from msbot.link.can.protocol.bits import wire_bits
-from msbot.link.can.protocol.notation import parse_frame
+from msbot_agent.link.can.protocol.bits import wire_bits
+from msbot_agent.link.can.protocol.notation import parse_frame
 from tools.can_picture import heartbeat, picture, rows_of
 
 ROOT = Path(__file__).parent.parent.parent

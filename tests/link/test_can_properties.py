@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link import Signal
-from msbot.link.can.native_link import MASTER
-from msbot.link.can.protocol.frames import WRONG_CHECK_BYTE, FrameJoiner, split
-from msbot.link.can.protocol.node_ids import MemoryNodeIds
-from msbot.link.can.sim import SimBus
-from msbot.link.can.sim.driver import SimCanBus
-from msbot.runtime.tally import Tally
+from msbot_agent.link import Signal
+from msbot_agent.link.can.native_link import MASTER
+from msbot_agent.link.can.protocol.frames import WRONG_CHECK_BYTE, FrameJoiner, split
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.sim import SimBus
+from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_xrce.common.tally import Tally
 from tests.effort import tries
 from tests.link.can_robot import End, Robot, node_of, play
 

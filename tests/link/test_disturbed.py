@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LinkFull
-from msbot.link import BaseLink, LinkInfo, Peer
-from msbot.link.disturbed import LOST, MOST_COPIES, MOST_HELD, Disturbance, DisturbedLink
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import BaseLink, LinkInfo, Peer
+from msbot_agent.link.disturbed import LOST, MOST_COPIES, MOST_HELD, Disturbance, DisturbedLink
+from msbot_xrce.errors import LinkFull
 
 
 class Wire(BaseLink):

@@ -7,11 +7,11 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown
-from msbot.link import BaseLink, LinkInfo, Peer, Signal, open_link
-from msbot.link.either_link import ANOTHER, LOOK_S, MASTER, PATIENCE_S, TRY_S, EitherLink
-from msbot.link.net.udp import NOBODY_LISTENS
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal, open_link
+from msbot_agent.link.either_link import ANOTHER, LOOK_S, MASTER, PATIENCE_S, TRY_S, EitherLink
+from msbot_agent.link.net.udp import NOBODY_LISTENS
+from msbot_xrce.errors import ConfigError, LinkDown
 
 
 class Way(BaseLink):

@@ -9,11 +9,11 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link import BaseLink, LinkInfo, Peer, Signal, either_link
-from msbot.link.either_link import ANOTHER, MASTER, EitherLink
-from msbot.link.net.udp import NOBODY_LISTENS
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal, either_link
+from msbot_agent.link.either_link import ANOTHER, MASTER, EitherLink
+from msbot_agent.link.net.udp import NOBODY_LISTENS
+from msbot_xrce.errors import LinkDown
 from tests.effort import tries
 
 NAMES = ("one", "two", "three")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import InprocEnd, InprocHub, Link, Peer, Signal, inproc_pair
-from msbot.link.in_process import QUEUE_PACKETS, SERVER
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocEnd, InprocHub, Link, Peer, Signal, inproc_pair
+from msbot_agent.link.in_process import QUEUE_PACKETS, SERVER
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 
 

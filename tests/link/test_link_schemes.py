@@ -4,11 +4,11 @@ import asyncio
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.link import LinkInfo, bound_name, open_link
-from msbot.link.link_schemes import parse_host_and_port
-from msbot.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink, WebSocketClientLink
-from msbot.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
+from msbot_agent.link import LinkInfo, bound_name, open_link
+from msbot_agent.link.link_schemes import parse_host_and_port
+from msbot_agent.link.net import TcpClientLink, TcpServerLink, UdpClientLink, UdpServerLink, WebSocketClientLink
+from msbot_agent.link.serial import PtyServerLink, SerialClientLink, SerialServerLink
+from msbot_xrce.errors import ConfigError
 
 
 @pytest.mark.parametrize(

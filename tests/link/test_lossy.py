@@ -7,10 +7,10 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.link import Link, LossyLink, Signal, inproc_pair
-from msbot.link.disturbed import Disturbance
-from msbot.link.in_process import QUEUE_PACKETS, SERVER
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Link, LossyLink, Signal, inproc_pair
+from msbot_agent.link.disturbed import Disturbance
+from msbot_agent.link.in_process import QUEUE_PACKETS, SERVER
 
 
 def carried(count: int, *, pause: float = 0.001, incoming: bool = False, **faults: float) -> list[tuple[bytes, float]]:

@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 
-from msbot.agent.discovery import DiscoveryResponder
-from msbot.errors import LinkDown
-from msbot.link import Peer
-from msbot.link.net.tcp import TcpClientLink, TcpServerLink
-from msbot.link.net.udp import UdpClientLink, UdpServerLink
-from msbot.link.serial.descriptor import DescriptorTransport
+from msbot_agent.agent.discovery import DiscoveryResponder
+from msbot_agent.link import Peer
+from msbot_agent.link.net.tcp import TcpClientLink, TcpServerLink
+from msbot_agent.link.net.udp import UdpClientLink, UdpServerLink
+from msbot_agent.link.serial.descriptor import DescriptorTransport
+from msbot_xrce.errors import LinkDown
 from tests.agent.test_discovery import QUESTION as REQUEST
 
 WAIT_S = 5.0
@@ -167,7 +167,7 @@ async def test_a_datagram_from_port_0_ends_nothing() -> None:
 async def test_a_tcp_connection_that_fails_is_opened_again(
     call: str, error: int, faults: Faults, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msbot.link.net.tcp.RECONNECT_S", 0.01)
+    monkeypatch.setattr("msbot_agent.link.net.tcp.RECONNECT_S", 0.01)
     left = faults.of(call)
     server = Ear(TcpServerLink("127.0.0.1", 0))
     await server.until_up()
@@ -265,8 +265,8 @@ async def test_a_serial_line_reads_and_writes_piece_by_piece_and_ends_when_its_a
             fail("write")
             return real_write(descriptor, bytes(data[:1]))
 
-        monkeypatch.setattr("msbot.link.serial.descriptor.os.read", read)
-        monkeypatch.setattr("msbot.link.serial.descriptor.os.write", write)
+        monkeypatch.setattr("msbot_agent.link.serial.descriptor.os.read", read)
+        monkeypatch.setattr("msbot_agent.link.serial.descriptor.os.write", write)
         protocol = Protocol()
         transport = DescriptorTransport(ours.fileno(), protocol)
         other.setblocking(False)

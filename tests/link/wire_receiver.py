@@ -1,7 +1,7 @@
 """A CAN receiver that reads levels off the wire one by one and checks every rule (ISO 11898-1:2015 10.4, 10.5).
 
-It shares nothing with `msbot.link.can.protocol.bits`: that one writes frames, this one reads them, with shift registers
-as a controller has them. Where both agree on every frame, both know the same standard.
+It shares nothing with `msbot_agent.link.can.protocol.bits`: that one writes frames, this one reads them, with shift
+registers as a controller has them. Where both agree on every frame, both know the same standard.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from msbot.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.frames import Frame
 
 FD_SIZES = {**{code: code for code in range(9)}, 9: 12, 10: 16, 11: 20, 12: 24, 13: 32, 14: 48, 15: 64}
 STUFF_COUNTS = {0b0000: 0, 0b0011: 1, 0b0110: 2, 0b0101: 3, 0b1100: 4, 0b1111: 5, 0b1010: 6, 0b1001: 7}

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from random import Random
 
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
-from msbot.link import InprocHub, Link, LinkInfo, LossyLink
-from msbot.link.can import CanMasterLink, CanPartLink
-from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.master import Master
 from msbot.master.fed_agent import FedAgent
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartEvent, SlotBinding
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub, Link, LinkInfo, LossyLink
+from msbot_agent.link.can import CanMasterLink, CanPartLink
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
 
 SAYS = SlotBinding("say", "topic", "HelloWorld", publishes=True)
 HEARS = SlotBinding("hear", "topic", "HelloWorld", publishes=False)

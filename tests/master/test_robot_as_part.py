@@ -11,12 +11,12 @@ from random import Random
 import pytest
 
 from msbot.config import Blueprint, Library, PartType, Slot, load_blueprint, load_library
-from msbot.errors import ConfigError
-from msbot.link import InprocHub, LossyLink
 from msbot.master import Master, RobotAsPart, exported_ports
 from msbot.part import HelloWorld, JoinState, Part
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub, LossyLink
+from msbot_xrce.errors import ConfigError
 
 ARM = """
 [robot]

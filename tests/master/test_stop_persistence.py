@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.master import StopKeeper, stop_file
 from msbot.master.stop_on_disk import StopFile
 from msbot.pnp import MemoryStore, StopRecord
+from msbot_xrce.errors import ConfigError
 
 STOP = StopRecord(3, True, "ann", "fire", 5)
 

@@ -18,10 +18,10 @@ import pytest
 from msbot.master import StopSocket, stop_socket
 from msbot.master.stop_socket import MOST_LINES
 from msbot.pnp import StopStatus
-from msbot.runtime.event_loop import run_to_end
-from msbot.runtime.stop_asking import ask_masters
-from msbot.runtime.stop_names import GROUP_VARIABLE
-from msbot.runtime.stop_places import IS_LINUX, IS_THERE, open_folder, own_user
+from msbot.stop.asking import ask_masters
+from msbot.stop.names import GROUP_VARIABLE
+from msbot.stop.places import IS_LINUX, IS_THERE, open_folder, own_user
+from msbot_agent.process.event_loop import run_to_end
 from tests.runtime.stop_stage import PATIENCE_S, own_places
 
 pytestmark = pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")

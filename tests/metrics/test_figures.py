@@ -17,12 +17,6 @@ from urllib.request import urlopen
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.errors import ConfigError
-from msbot.link import Link, LinkInfo
-from msbot.link.can import CanBusInfo
-from msbot.link.can.protocol import Frame, wire_bits
-from msbot.link.net import UdpServerLink
 from msbot.master import Master
 from msbot.metrics import (
     AgentFigures,
@@ -38,8 +32,14 @@ from msbot.metrics import (
 from msbot.metrics.bus_meter import meter_of
 from msbot.metrics.exposition import exposition
 from msbot.metrics.figures import BusLoad, LinkFigures
-from msbot.space import MemorySpace
-from msbot.xrce.messages import CreateClient, Header, encode_message
+from msbot_agent.agent import Agent
+from msbot_agent.link import Link, LinkInfo
+from msbot_agent.link.can import CanBusInfo
+from msbot_agent.link.can.protocol import Frame, wire_bits
+from msbot_agent.link.net import UdpServerLink
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import ConfigError
+from msbot_xrce.messages import CreateClient, Header, encode_message
 
 prometheus = pytest.importorskip("prometheus_client", reason="pip install 'msbot[metrics]'")
 

@@ -10,16 +10,16 @@ from random import Random
 from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.errors import MsbotError
-from msbot.link import InprocHub, Link, LinkInfo, LossyLink
 from msbot.master import Master
 from msbot.operations.dispatch import Operations, RunningOperations
 from msbot.operations.outcome import Outcome
 from msbot.operations.table import OPERATIONS
 from msbot.part import HelloWorld, Part
 from msbot.pnp import PartEvent, PartInfo
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link import InprocHub, Link, LinkInfo, LossyLink
+from msbot_xrce.errors import MsbotError
 
 DIAL = """
 number = "DIAL"

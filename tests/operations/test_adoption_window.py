@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.operations.adoption_window import AdoptionWindow
+from msbot_xrce.errors import ConfigError
 
 
 def test_it_is_open_for_so_long_and_can_be_opened_anew() -> None:

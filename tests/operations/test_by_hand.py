@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from msbot.config import FieldKind
-from msbot.errors import ConfigError
 from msbot.operations.by_hand import _value
+from msbot_xrce.errors import ConfigError
 from tests.operations.stage import Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")

@@ -12,7 +12,7 @@ from msbot import Level, Light, Message, Part, float32
 from msbot.config import load_library
 from msbot.part.join.joining import JoinState
 from msbot.part.join.plug import DescriptionMessage
-from msbot.xrce.messages import STREAM_RELIABLE
+from msbot_xrce.messages import STREAM_RELIABLE
 from tests.operations.stage import Stage, play
 
 WAIT_S = 3.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.operations.part_names import one_slot, uid_of
+from msbot_xrce.errors import ConfigError
 
 
 @pytest.mark.parametrize(

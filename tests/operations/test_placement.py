@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import RegistryError
 from msbot.pnp import Configuration
+from msbot_xrce.errors import RegistryError
 from tests.operations.stage import Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")

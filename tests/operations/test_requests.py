@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from msbot.config import PartType
-from msbot.lab.faults.fault_lab import FaultLab
-from msbot.lab.missions.mission_lab import MissionLab
-from msbot.lessons.lesson_desk import LessonDesk
-from msbot.lessons.shelf import LessonShelf
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.sim.arena.world_reader import open_world
+from msbot_school.faults.fault_lab import FaultLab
+from msbot_school.lessons.lesson_desk import LessonDesk
+from msbot_school.lessons.shelf import LessonShelf
+from msbot_school.missions.mission_lab import MissionLab
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 MISSION = '[mission]\ntitle = "T"\nstory = "S"\nhints = ["H"]\n[[fault]]\nkind = "loss"\nat = "AA"\nafter_s = 9\n'

@@ -23,12 +23,12 @@ from msbot.config import (
     load_library,
     write_sample,
 )
-from msbot.errors import ConfigError
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.operations.outcome import Outcome
 from msbot.pnp import Claim, MemoryStore
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import ConfigError
 from tests.operations.stage import AA_IS_A_DIAL, Deeds, Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")

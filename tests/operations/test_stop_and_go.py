@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from msbot.errors import RegistryError
+from msbot_xrce.errors import RegistryError
 from tests.operations.stage import Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from msbot.config import load_blueprint, load_library
-from msbot.errors import ConfigError, RegistryError
 from msbot.operations.dispatch import Operations, perform, stored_operations
 from msbot.registry import open_registry
+from msbot_xrce.errors import ConfigError, RegistryError
 from tests.operations.stage import AA_IS_A_DIAL, Deeds, Stage, play
 
 PARTS = ("AA=DIAL", "BB=EFGH", "DD=EFGH", "XX=NOPE")

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli import COMMANDS
 from msbot.cli.change.verbs import verb
 from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.dispatch import RunningOperations
@@ -23,6 +22,7 @@ from msbot.operations.undoing import StoredUndoing
 from msbot.operations.wires import Wires
 from msbot.registry import EditKind
 from msbot.registry.records import UNDOABLE
+from msbot_agent.cli import COMMANDS
 from tests.operations.stage import Stage, play
 
 ROOT = Path(__file__).parents[2]

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from msbot import HelloWorld, JoinState, Part
-from msbot.errors import ConfigError, LocalProtocolError
 from msbot.part.join import plug
+from msbot_xrce.errors import ConfigError, LocalProtocolError
 from tests.part.test_part import Room, make_part, play
 from tests.part.wire import publishes
 
@@ -24,7 +24,7 @@ HEAD = "from msbot import HelloWorld, Part\npart = Part('ABCD')\n"
 
 def test_a_mistake_in_msbot_part_is_no_beginners_mistake(tmp_path: Path) -> None:
     script = tmp_path / "msbot"  # as pip writes it
-    script.write_text("import sys\nfrom msbot.cli import main\nsys.exit(main())\n")
+    script.write_text("import sys\nfrom msbot_agent.cli import main\nsys.exit(main())\n")
     done = subprocess.run(
         [sys.executable, str(script), "part", "SG90", "--set", "nix=1"],
         cwd=tmp_path, env={**os.environ, "XDG_STATE_HOME": str(tmp_path)}, capture_output=True, text=True, check=False,

@@ -5,11 +5,11 @@ from random import Random
 
 import pytest
 
-from msbot.link import LossyLink
 from msbot.part.join.joining import JoinState
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.part import Part
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import LossyLink
 from tests.effort import tries
 from tests.part.wire import QuietLink, SmallMaster, publishes, subscribes
 

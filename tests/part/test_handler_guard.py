@@ -5,9 +5,9 @@ import logging
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.part.handler_guard import Guard, check_handler
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import ConfigError
 
 
 def one(message: object) -> None:

@@ -7,16 +7,16 @@ from random import Random
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown, LocalProtocolError
-from msbot.link import LossyLink, Signal
 from msbot.part.join import plug
 from msbot.part.join.joining import ExpectedRobot, JoinState
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import float32
 from msbot.part.part import Part
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import SubmessageId, decode_header, iter_submessages
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import LossyLink, Signal
+from msbot_xrce.errors import ConfigError, LinkDown, LocalProtocolError
+from msbot_xrce.messages import SubmessageId, decode_header, iter_submessages
 from tests.part.wire import HandLink, QuietLink, SmallMaster, publishes, subscribes
 
 RING = {

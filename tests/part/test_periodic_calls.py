@@ -4,7 +4,7 @@ import asyncio
 
 from msbot.part.handler_guard import Guard
 from msbot.part.periodic_calls import Every
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 
 
 def test_every_calls_at_once_and_then_on_a_grid() -> None:

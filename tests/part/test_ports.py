@@ -2,11 +2,11 @@
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.part.client.client import Client
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.ports import Ports
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind
+from msbot_xrce.errors import ConfigError
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind
 from tests.part.wire import HandLink, publishes, subscribes
 
 

@@ -7,12 +7,12 @@ import logging
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.part.join import plug
 from msbot.part.join.joining import JoinState
 from msbot.part.join.keys import prove
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.part import Part
+from msbot_xrce.errors import ConfigError
 from tests.part.test_part import RING, Room, make_part, play
 from tests.part.wire import publishes, subscribes
 

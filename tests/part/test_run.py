@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.link.net import UdpServerLink
 from msbot.part.join import plug
 from msbot.part.part import Part
 from msbot.part.run import run
+from msbot_agent.link.net import UdpServerLink
 from tests.part.wire import SmallMaster, publishes
 
 OF_A_BUSY_COMPUTER = (

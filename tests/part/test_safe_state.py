@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError, LocalProtocolError
 from msbot.part.handler_guard import Guard
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import float32, int16, uint8
 from msbot.part.program import Listener
 from msbot.part.safe_state import Safety, safe_message
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import ConfigError, LocalProtocolError
 
 
 class Motor(Message):

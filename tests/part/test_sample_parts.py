@@ -5,11 +5,11 @@ from random import Random
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.part.boards.gpio import PinDirection, SimGpio
 from msbot.part.join.joining import JoinState
 from msbot.part.sample_parts import SAMPLE_PARTS, make_sample, pin_in
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import ConfigError
 from tests.part.wire import QuietLink, SmallMaster, publishes, subscribes
 
 RING = {

@@ -6,12 +6,12 @@ import logging
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.part.handler_guard import Guard
 from msbot.part.join.plug import Setting
 from msbot.part.program import Program
 from msbot.part.settings import Settings, Value, read_value
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import ConfigError
 
 
 def listed(**texts: str) -> list[Setting]:

@@ -7,15 +7,26 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from random import Random
 
-from msbot.agent import Agent, Gate, OpenGate, client_key_of
-from msbot.errors import LinkDown, LinkFull, RemoteProtocolError
-from msbot.link import BaseLink, InprocHub, Link, LinkInfo, PacketHandler, Peer, RoomHandler, Signal, SignalHandler, Tap
 from msbot.part.client.settings import ConnectionState
 from msbot.part.join import plug
 from msbot.part.join.membership import INVENTORY
 from msbot.part.join.trouble import TroublePiece
-from msbot.space import MemorySpace
-from msbot.xrce.objects import EndpointQos
+from msbot_agent.agent import Agent, Gate, OpenGate, client_key_of
+from msbot_agent.link import (
+    BaseLink,
+    InprocHub,
+    Link,
+    LinkInfo,
+    PacketHandler,
+    Peer,
+    RoomHandler,
+    Signal,
+    SignalHandler,
+    Tap,
+)
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import LinkDown, LinkFull, RemoteProtocolError
+from msbot_xrce.objects import EndpointQos
 from tests.hearing_client import HearingClient
 
 AGENT = 0

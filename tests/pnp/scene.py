@@ -7,8 +7,6 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from random import Random
 
-from msbot.agent import Agent
-from msbot.link import InprocHub, LinkInfo
 from msbot.part import Client, ServiceNames
 from msbot.part.join import plug
 from msbot.pnp import (
@@ -24,8 +22,10 @@ from msbot.pnp import (
     Profile,
 )
 from msbot.pnp import thesis_programs as compat
-from msbot.space import MemorySpace
-from msbot.xrce.messages import STREAM_BEST_EFFORT
+from msbot_agent.agent import Agent
+from msbot_agent.link import InprocHub, LinkInfo
+from msbot_agent.space import MemorySpace
+from msbot_xrce.messages import STREAM_BEST_EFFORT
 from tests.pnp.robot import uid
 
 INVENTORY = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.agent.gate import ClientInfo, Gate
-from msbot.link import Visitor
-from msbot.link.net.websocket_server import SocketPeer, WebSocketServerLink
 from msbot.part.join import plug
 from msbot.pnp import PROFILE_TOPIC, Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.access import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_SERVICE, RESERVED_TOPICS, Access
+from msbot_agent.agent.gate import ClientInfo, Gate
+from msbot_agent.link import Visitor
+from msbot_agent.link.net.websocket_server import SocketPeer, WebSocketServerLink
 from tests.pnp.robot import Rig, sample_store
 
 KEY = 0xAAAAAAAA

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from msbot.config import PartType, Slot
-from msbot.errors import RegistryError
 from msbot.pnp import FAST_TIMING, Claim, MemoryStore, PartState, Refusal, Verdict
 from msbot.pnp.slot_matching import Match
+from msbot_xrce.errors import RegistryError
 from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD = 0xAAAAAAAA, 0xBBBBBBBB, 0xCCCCCCCC, 0xDDDDDDDD

@@ -28,7 +28,7 @@ from msbot.part.messages.standard import Level
 from msbot.pnp import KnownObject, Overhearer
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.explain_samples import MAX_JOINED, PacketWords, value_words
-from msbot.xrce.messages import (
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     Create,
     CreateClient,
@@ -41,7 +41,7 @@ from msbot.xrce.messages import (
     WriteData,
     encode_message,
 )
-from msbot.xrce.objects import (
+from msbot_xrce.objects import (
     EndpointQos,
     participant_variant,
     reader_variant,

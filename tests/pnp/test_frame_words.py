@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.link.can.protocol import DOWN, UP, CanIds, Frame, frame_sentence
-from msbot.link.can.protocol.frames import split
-from msbot.link.can.protocol.ids import Assign, Beacon, assign_frame, beacon_frame
 from msbot.part.messages.standard import Level
 from msbot.pnp import FrameListener, FrameWords, KnownObject, Overhearer
-from msbot.xrce.messages import STREAM_BEST_EFFORT, Data, Header, Submessage, WriteData, encode_message
+from msbot_agent.link.can.protocol import DOWN, UP, CanIds, Frame, frame_sentence
+from msbot_agent.link.can.protocol.frames import split
+from msbot_agent.link.can.protocol.ids import Assign, Beacon, assign_frame, beacon_frame
+from msbot_xrce.messages import STREAM_BEST_EFFORT, Data, Header, Submessage, WriteData, encode_message
 
 HALF = Level(percent=50.0).encode()
 OTHER_IDS = CanIds(up=0x400, down=0x480, beacon=0x600)

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import RegistryError
 from msbot.part.join import plug
 from msbot.part.join.keys import prove
 from msbot.pnp import Claim, PartState, Refusal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import GOOD_FOR_S, MOST_PROOFS, UNANSWERED_S, Keys
 from msbot.pnp.requests import RequestHandler
+from msbot_xrce.errors import RegistryError
 from tests.effort import tries
 from tests.pnp.robot import Rig, sample_store, uid
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, PartState
 from msbot.pnp.life_status import TRANSITIONS, Life, check_transition
+from msbot_xrce.errors import LocalProtocolError
 from tests.effort import tries
 
 DOCS = Path(__file__).parents[2] / "docs" / "explain"

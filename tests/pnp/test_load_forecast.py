@@ -9,12 +9,12 @@ from random import Random
 import pytest
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, Wire
-from msbot.link.can.protocol import Framing
 from msbot.pnp import forecast
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce import compress
+from msbot_agent.link.can.protocol import Framing
+from msbot_school.demo import DemoRobot, Wire
+from msbot_xrce import compress
 
 SETTLED_S = 5.0
 MEASURED_S = 60.0

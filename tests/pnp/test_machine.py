@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from msbot.config import Slot
-from msbot.errors import LocalProtocolError
 from msbot.pnp import FAST_TIMING, THESIS_TIMING, LifeTiming, PartState
 from msbot.pnp.life_status import TRANSITIONS
 from msbot.pnp.slot_assignment import PLACEABLE
+from msbot_xrce.errors import LocalProtocolError
 from tests.effort import tries
 from tests.pnp.robot import Rig, sample_store
 

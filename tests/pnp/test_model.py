@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from msbot.config import Slot
-from msbot.errors import ConfigError
 from msbot.pnp import (
     FAST_TIMING,
     THESIS_TIMING,
@@ -21,6 +20,7 @@ from msbot.pnp import (
     Refusal,
     StopRecord,
 )
+from msbot_xrce.errors import ConfigError
 from tests.pnp.robot import ABCD, sample_store, uid
 
 

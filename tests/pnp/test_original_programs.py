@@ -7,12 +7,12 @@ from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from random import Random
 
-from msbot.link import LossyLink
 from msbot.part import Client, Entity, HelloWorld
 from msbot.pnp import MemoryStore, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import LossyLink
+from msbot_xrce.messages import Format, ObjectKind, ObjectVariant
 from tests.pnp.robot import configuration, sample_store
 from tests.pnp.scene import Robot, epoch_ns
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
 from msbot.part import HelloWorld
 from msbot.part.join import plug
 from msbot.part.join.seal import SEAL_OCTETS, Seal
 from msbot.pnp import Overhearer
 from msbot.pnp.overheard_seals import AMBIGUOUS, OverheardSeals
+from msbot_xrce.errors import RemoteProtocolError
 from tests.pnp.test_sealed_robot import Story, tell
 
 HELLO = HelloWorld(index=3, message="turn-on 2")

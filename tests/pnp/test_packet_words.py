@@ -9,7 +9,7 @@ import pytest
 from msbot.part.join import plug
 from msbot.part.join.trouble import TroublePiece
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
-from msbot.xrce.messages import Acknack, Submessage
+from msbot_xrce.messages import Acknack, Submessage
 
 UP, DOWN = "knob", "the master"
 

@@ -13,7 +13,7 @@ from msbot.part.join.trouble import trouble_pieces
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.requests import RequestHandler
-from msbot.runtime.tally import MOST_NAMES, OTHERS
+from msbot_xrce.common.tally import MOST_NAMES, OTHERS
 from tests.effort import tries
 from tests.pnp.robot import Rig, configuration, uid
 

@@ -7,12 +7,12 @@ from collections.abc import Awaitable, Callable
 from itertools import pairwise
 from random import Random
 
-from msbot.errors import LocalProtocolError
-from msbot.link import LossyLink
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Keys, PartState, Refusal
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import CreateClient, Header, encode_message
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import LossyLink
+from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.messages import CreateClient, Header, encode_message
 from tests.pnp.robot import sample_store, uid
 from tests.pnp.scene import Robot, epoch_ns
 

@@ -8,14 +8,14 @@ from random import Random
 
 import pytest
 
-from msbot.link import InprocEnd, LossyLink, Peer
 from msbot.part import HelloWorld, Part
 from msbot.part.join import plug
 from msbot.part.join.joining import JoinState
 from msbot.part.join.seal import SEAL_OCTETS, Seal
 from msbot.pnp import Keys, PartState, Refusal
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocEnd, LossyLink, Peer
+from msbot_xrce.messages import (
     SESSION_NONE,
     CreateClient,
     Data,

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
 from msbot.part.join import keys, plug
 from msbot.pnp import Keys, Refusal, SelfDescription
 from msbot.pnp.requests import RequestHandler
+from msbot_xrce.errors import RemoteProtocolError
 from tests.pnp.robot import Rig, sample_store, uid
 
 KEY, OTHER = 0xAAAAAAAA, bytes(range(16))

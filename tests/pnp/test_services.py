@@ -7,14 +7,14 @@ from functools import partial
 
 import pytest
 
-from msbot.errors import LinkFull, RequestError
-from msbot.link import InprocHub
 from msbot.part import Client, Entity
 from msbot.part.join import plug
 from msbot.pnp import Configuration, InventoryService, MasterService, Profile, SlotBinding
 from msbot.pnp.master_service import profile_message
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import STREAM_RELIABLE
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub
+from msbot_xrce.errors import LinkFull, RequestError
+from msbot_xrce.messages import STREAM_RELIABLE
 from tests.pnp.robot import sample_store
 from tests.pnp.scene import Robot, Visitor, epoch_ns, with_robot
 

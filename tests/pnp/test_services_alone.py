@@ -7,16 +7,16 @@ from functools import partial
 
 import pytest
 
-from msbot.errors import LinkFull
-from msbot.link import InprocHub
 from msbot.part import Client, Entity
 from msbot.part.join import plug
 from msbot.pnp import Claim, Configuration, InventoryService, PartEvent, PartState
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.life_status import TRANSITIONS
 from msbot.pnp.services import LONGEST_BEST_EFFORT
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub
+from msbot_xrce.errors import LinkFull
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from tests.pnp.robot import Rig, configuration, uid
 from tests.pnp.scene import epoch_ns
 

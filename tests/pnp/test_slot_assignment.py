@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from msbot.config import PartType, Slot
-from msbot.errors import LocalProtocolError, RegistryError
 from msbot.pnp import FAST_TIMING, Configuration, MemoryStore, PartState, Refusal, TakeOver, Verdict
+from msbot_xrce.errors import LocalProtocolError, RegistryError
 from tests.pnp.robot import Rig, configuration, sample_store, uid
 
 AA, BB, CC, DD, EE = 0xAA, 0xBB, 0xCC, 0xDD, 0xEE

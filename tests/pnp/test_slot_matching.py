@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from msbot.config import PartType, Slot
-from msbot.errors import RegistryError
 from msbot.pnp import Claim, Group, MemoryStore, PartState, Refusal
 from msbot.pnp.slot_matching import Match, Matcher
+from msbot_xrce.errors import RegistryError
 from tests.pnp.robot import ABCD, EFGH, sample_store, uid
 
 OTHER = PartType("LED1", "lamp")

@@ -10,7 +10,7 @@ import pytest
 from msbot.part.join import plug
 from msbot.pnp import Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 from tests.pnp.robot import configuration, sample_store, uid
 from tests.pnp.scene import ORIGINAL, Robot, Visitor, with_robot
 

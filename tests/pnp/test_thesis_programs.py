@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
 from msbot.pnp import Claim
 from msbot.pnp.thesis_programs import BUFFER_BYTES, decode_reply, decode_request, encode_reply, encode_request
+from msbot_xrce.errors import RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 from tests.effort import tries
 

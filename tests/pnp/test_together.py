@@ -8,7 +8,7 @@ from msbot.part import Client
 from msbot.part.join import plug
 from msbot.pnp import PartState
 from msbot.pnp import thesis_programs as compat
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 from tests.pnp.robot import sample_store
 from tests.pnp.scene import ORIGINAL, Robot, Visitor, epoch_ns, with_robot
 

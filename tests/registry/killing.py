@@ -23,16 +23,16 @@ from sqlalchemy import Engine
 from sqlalchemy import select as select_rows
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
-from msbot.errors import MsbotError
-from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry, registry
 from msbot.registry.database.engine import Address, make_engine
 from msbot.registry.database.tables import edits
 from msbot.registry.edits.undo import read_cell
 from msbot.registry.maintenance import upkeep
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link import InprocHub, LinkInfo
+from msbot_xrce.errors import MsbotError
 from tests.operations.stage import AA_IS_A_DIAL, DIAL, Deeds, Stage
 
 MOST_EDITS = 3

@@ -18,7 +18,6 @@ import pytest
 from sqlalchemy import Connection, select
 
 from msbot.config import Library
-from msbot.errors import ConfigError, MsbotError, NotThere
 from msbot.pnp import Group
 from msbot.registry import class_groups, lesson_ticks, programs
 from msbot.registry.blueprint import blueprint_store
@@ -33,6 +32,7 @@ from msbot.registry.edits.users import PartKeys, Person, Users
 from msbot.registry.lesson_ticks import LessonTicks, Tick
 from msbot.registry.programs import Programs
 from msbot.registry.records import KeyRecord, ProgramRecord, ProgramSource, ProgramVersion, RobotRecord, UserRecord
+from msbot_xrce.errors import ConfigError, MsbotError, NotThere
 from tests.effort import tries
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
 

@@ -10,10 +10,10 @@ from sqlalchemy import Engine, create_engine, make_url, text
 from sqlalchemy.exc import DBAPIError
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import open_registry
 from msbot.registry.database.engine import make_engine, parse_address
+from msbot_xrce.errors import RegistryError
 from tests.registry.database.test_schema import BROKEN, NEXT, NOW, _migrations
 from tests.registry.events import changed
 

@@ -6,10 +6,10 @@ from functools import partial
 
 import pytest
 
-from msbot.errors import ConfigError, NotThere
 from msbot.registry import ProgramSource, Registry
 from msbot.registry.edits import users
 from msbot.registry.programs import MOST_PROGRAMS, MOST_VERSIONS
+from msbot_xrce.errors import ConfigError, NotThere
 
 
 def test_a_program_is_kept_with_its_versions(registry: Registry) -> None:

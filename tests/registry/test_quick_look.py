@@ -14,7 +14,7 @@ from msbot.config import Blueprint, Library
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
 from msbot.registry.quick_look import NO_MASTER, SCHEMA, QuickLook, look_into
-from msbot.runtime.sentence import said
+from msbot_agent.text.sentence import said
 from tests.registry.events import CLAIM, UID, changed
 
 VERSIONS = Path(msbot.registry.__path__[0]) / "migrations" / "versions"

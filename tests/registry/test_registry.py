@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
+from msbot_xrce.errors import RegistryError
 from tests.registry.events import changed
 from tests.registry.hand import Hand
 

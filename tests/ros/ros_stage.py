@@ -6,14 +6,14 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from msbot.config.ros_names import topic_of
 from msbot.operations.dispatch import Operations
 from msbot.part import Message
-from msbot.ros import discovery_info
-from msbot.ros.discovery_info import SINCE_IRON, decode
 from msbot.ros.parameter_server import SERVICE
 from msbot.ros.robot_in_ros import RobotInRos
-from msbot.space import Guid, MemorySpace, OwnEndpoint, Owner, Qos, Reader, Sample, Space, Topic, Writer
+from msbot_agent.ros import discovery_info
+from msbot_agent.ros.discovery_info import SINCE_IRON, decode
+from msbot_agent.ros.ros_names import topic_of
+from msbot_agent.space import Guid, MemorySpace, OwnEndpoint, Owner, Qos, Reader, Sample, Space, Topic, Writer
 from tests.operations.stage import Stage
 
 _M = TypeVar("_M", bound=Message)

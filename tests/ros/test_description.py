@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from msbot.config import Blueprint, RosOptions, blueprint_toml, differences, load_library, parse_blueprint
-from msbot.errors import ConfigError
 from msbot.ros.description import LARGEST, read_description
+from msbot_xrce.errors import ConfigError
 
 TEXT = """
 [robot]

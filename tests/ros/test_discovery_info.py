@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.ros.discovery_info import (
+from msbot_agent.ros.discovery_info import (
     SINCE_IRON,
     UNTIL_HUMBLE,
     NodeInfo,
@@ -17,7 +17,7 @@ from msbot.ros.discovery_info import (
     gid_octets_of,
     usual_gid_octets,
 )
-from msbot.ros.node_names import NodeName
+from msbot_agent.ros.node_names import NodeName
 from tests.effort import tries
 
 GUIDS = st.binary(min_size=16, max_size=16)

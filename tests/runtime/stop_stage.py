@@ -14,9 +14,11 @@ from typing import Any
 
 import pytest
 
-from msbot.runtime import stop_abstract, stop_asking, stop_places
-from msbot.runtime.stop_listening import StopListener, listen
-from msbot.runtime.stop_names import new_name
+from msbot.stop import abstract as stop_abstract
+from msbot.stop import asking as stop_asking
+from msbot.stop import places as stop_places
+from msbot.stop.listening import StopListener, listen
+from msbot.stop.names import new_name
 
 PATIENCE_S = 60.0
 """How long a test waits for what comes at once; the machine may be busy."""
@@ -31,7 +33,7 @@ def own_places(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(stop_places, "SHARED_FOLDER", str(shared))
     monkeypatch.setattr(stop_abstract, "PREFIX", f"msbot-stop-test{os.getpid()}-")
     monkeypatch.setattr(stop_places, "users_meant", lambda: [stop_places.own_user()])
-    monkeypatch.setattr("msbot.runtime.stop_asking.users_meant", lambda: [stop_places.own_user()])
+    monkeypatch.setattr("msbot.stop.asking.users_meant", lambda: [stop_places.own_user()])
     return shared
 
 

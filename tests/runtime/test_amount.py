@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.runtime.amount import amount
+from msbot_xrce.common.amount import amount
 
 
 @pytest.mark.parametrize(

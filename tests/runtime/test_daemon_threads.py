@@ -8,12 +8,12 @@ from threading import Event, Thread
 
 import pytest
 
-from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.process.daemon_threads import DaemonThreads
 
 PATIENCE_S = 60
 HANGS = """
 from threading import Event
-from msbot.runtime.daemon_threads import DaemonThreads
+from msbot.process.daemon_threads import DaemonThreads
 threads = DaemonThreads(1, "hangs")
 begun = Event()
 threads.submit(lambda: (begun.set(), Event().wait()))

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot.runtime import end_signals
-from msbot.runtime.end_signals import on_end_signal
+from msbot_agent.process import end_signals
+from msbot_agent.process.end_signals import on_end_signal
 
 
 @pytest.fixture(autouse=True)

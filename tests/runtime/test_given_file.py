@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from msbot.cli.board.board import _Program
-from msbot.errors import ConfigError
-from msbot.idl.model import Definitions
-from msbot.idl.omg_reader import read_idl
-from msbot.idl.reader import read_definitions
-from msbot.runtime.given_file import read_given
-from msbot.space.space_address import TlsFiles
-from msbot.space.zenoh.reachability import context
-from msbot.web.server import _tls_context
+from msbot_agent.idl.model import Definitions
+from msbot_agent.idl.omg_reader import read_idl
+from msbot_agent.idl.reader import read_definitions
+from msbot_agent.space.space_address import TlsFiles
+from msbot_agent.space.zenoh.reachability import context
+from msbot_agent.text.given_file import read_given
+from msbot_web.server import _tls_context
+from msbot_xrce.errors import ConfigError
 
 ZERO = Path("/dev/zero")
 needs_zero = pytest.mark.skipif(not ZERO.exists(), reason="there is no /dev/zero here")

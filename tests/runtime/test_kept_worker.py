@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.runtime.kept_worker import MOST_WAITING, KeptWorker
-from msbot.runtime.worker import TooMuchWork, WorkLimits
+from msbot.process.kept_worker import MOST_WAITING, KeptWorker
+from msbot.process.worker import TooMuchWork, WorkLimits
+from msbot_xrce.errors import ConfigError
 from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
 has_limits = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limits for processes")

@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.logs import EVENTS, LogWishes, RoomLevel
 from msbot.cli.run.event_log import log_event
 from msbot.pnp.part_events import PartEvent, PartState
-from msbot.runtime.log_forms import JournalFormatter, JsonFormatter, goes_to_journal, room_of
-from msbot.runtime.log_limiter import BURST
-from msbot.runtime.terminal_log import TerminalHandler
+from msbot_agent.cli.logs import EVENTS, LogWishes, RoomLevel
+from msbot_agent.log.log_forms import JournalFormatter, JsonFormatter, goes_to_journal, room_of
+from msbot_agent.log.log_limiter import BURST
+from msbot_agent.log.terminal_log import TerminalHandler
 
 
-def record(level: int, text: str, name: str = "msbot.agent.server") -> logging.LogRecord:
+def record(level: int, text: str, name: str = "msbot_agent.agent.server") -> logging.LogRecord:
     return logging.LogRecord(name, level, "x.py", 1, text, None, None)
 
 
@@ -30,11 +30,11 @@ def test_a_line_for_programs_is_one_object_whatever_the_message_holds() -> None:
     assert line.count("\n") == 0
     found = json.loads(line)
     assert found["message"] == 'a "name"\nwith\x1b[31m and \u2028'
-    assert (found["level"], found["room"], found["logger"]) == ("warning", "agent", "msbot.agent.server")
+    assert (found["level"], found["room"], found["logger"]) == ("warning", "agent", "msbot_agent.agent.server")
 
 
 def test_rooms_of_loggers() -> None:
-    assert [room_of(name) for name in ("msbot.web.api.routes", "msbot", "uvicorn.error", "asyncio")] == [
+    assert [room_of(name) for name in ("msbot_web.api.routes", "msbot", "uvicorn.error", "asyncio")] == [
         "web", "msbot", "uvicorn", "asyncio",
     ]  # fmt: skip
 
@@ -91,7 +91,7 @@ def test_rooms_get_the_levels_that_are_asked_for() -> None:
     read = RoomLevel().convert
     assert read("agent=debug", None, None) == ("agent", logging.DEBUG)
     assert read("error", None, None) == ("", logging.ERROR)
-    logger = logging.getLogger("msbot.idl")
+    logger = logging.getLogger("msbot_agent.idl")
     before = logger.level
     try:
         LogWishes(levels=(("idl", logging.DEBUG),)).apply()

@@ -4,8 +4,8 @@ import gc
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.runtime.made_to_stay import made_to_stay
+from msbot_agent.startup.made_to_stay import made_to_stay
+from msbot_xrce.errors import ConfigError
 
 
 def test_while_the_page_is_made_no_garbage_is_looked_for_and_afterwards_it_is() -> None:

@@ -14,7 +14,7 @@ from typing import TextIO
 
 import pytest
 
-from msbot.runtime.patient_output import MOST_WAITING, patient_output
+from msbot_agent.process.patient_output import MOST_WAITING, patient_output
 
 
 @contextmanager
@@ -69,7 +69,7 @@ def test_everything_is_there_in_its_order_when_it_ends_and_streams_are_as_before
 
 def test_a_reader_that_has_gone_ends_nobody_and_is_told_once_on_the_other_stream() -> None:
     program = (
-        "from msbot.runtime.patient_output import patient_output\n"
+        "from msbot_agent.process.patient_output import patient_output\n"
         "with patient_output():\n"
         "    print('line')\n"
         "    input()\n"
@@ -112,7 +112,7 @@ def test_what_a_full_disk_did_not_take_is_counted_and_told_before_the_next_line(
     with open(os.devnull, "w") as output, open(os.devnull, "w") as errors, monkeypatch.context() as changed:
         changed.setattr(sys, "stdout", output)
         changed.setattr(sys, "stderr", errors)
-        changed.setattr("msbot.runtime.patient_output._write", write)
+        changed.setattr("msbot_agent.process.patient_output._write", write)
         with patient_output():
             say("1\n", sys.stdout)
             full["out"] = True

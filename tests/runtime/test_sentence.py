@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.runtime.sentence import Sentence, counted, from_json, said, to_json, without
+from msbot_agent.text.sentence import Sentence, counted, from_json, said, to_json, without
+from msbot_xrce.errors import ConfigError
 
 BY_HAND = said("{part} is {state}: {reason}", part="AA", state=said("lost"),
                reason=said("no beat for {seconds:.1f} s", seconds=5.04))  # fmt: skip

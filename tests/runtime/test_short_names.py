@@ -5,8 +5,8 @@ from __future__ import annotations
 import ast
 import re
 
-from msbot.runtime.board_package import board_sources, shortened
-from msbot.runtime.short_names import with_short_names
+from msbot.carried.board_package import board_sources, shortened
+from msbot.carried.short_names import with_short_names
 
 SOURCES = {
     "base": """

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.runtime.steady_rate import MOST_CALLERS, SteadyRate
-from msbot.web.access.sessions import MOST_SESSIONS
+from msbot_agent.pace.steady_rate import MOST_CALLERS, SteadyRate
+from msbot_web.access.sessions import MOST_SESSIONS
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 3.0), st.sampled_from("ab")), max_size=60))

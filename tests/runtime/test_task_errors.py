@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import msbot
-from msbot.errors import ConfigError, LinkDown, MsbotError
-from msbot.runtime.task_errors import ungrouped
+from msbot_agent.process.task_errors import ungrouped
+from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 
 
 async def fail(*errors: BaseException) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.runtime.log_limiter import (
+from msbot_agent.log.log_limiter import (
     BURST,
     BURST_S,
     LONGEST_S,
@@ -19,7 +19,7 @@ from msbot.runtime.log_limiter import (
     SAME,
     write_by_root_alone,
 )
-from msbot.runtime.terminal_log import TerminalHandler, plain
+from msbot_agent.log.terminal_log import TerminalHandler, plain
 
 
 class Terminal:

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent.status_files import find_files, leave_word, status_folder
-from msbot.errors import ConfigError
-from msbot.runtime.user_folders import (
+from msbot_agent.agent.status_files import find_files, leave_word, status_folder
+from msbot_agent.process.user_folders import (
     check_owner,
     is_running,
     running_folder,
     settings_folder,
     state_folder,
 )
+from msbot_xrce.errors import ConfigError
 
 
 def test_the_folder_is_the_runtime_folder_or_a_temporary_one_of_the_user(

@@ -11,8 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from msbot.runtime import virtual_time
-from msbot.runtime.virtual_time import VirtualTimeLoop, run_virtual
+from msbot.process import virtual_time
+from msbot.process.virtual_time import VirtualTimeLoop, run_virtual
 
 
 def test_a_day_passes_at_once() -> None:

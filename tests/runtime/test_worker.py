@@ -13,8 +13,8 @@ import pytest
 
 from msbot.config import FoundProblems, Library, load_library, parse_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
-from msbot.errors import ConfigError
-from msbot.runtime.worker import AT_ONCE, WorkLimits, Workshop, run_limited
+from msbot.process.worker import AT_ONCE, WorkLimits, Workshop, run_limited
+from msbot_xrce.errors import ConfigError
 from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
 LIMITS = WorkLimits()
@@ -66,7 +66,7 @@ def test_too_much_processor_time_is_refused() -> None:
 def test_a_limit_of_whoever_has_started_the_robot_stays_and_is_no_obstacle() -> None:
     program = (
         "import resource; resource.setrlimit(resource.RLIMIT_CPU, (50, 50))\n"
-        "from msbot.runtime.worker import WorkLimits, run_limited\n"
+        "from msbot.process.worker import WorkLimits, run_limited\n"
         "from tests.runtime.work import processor_limits\n"
         "print(*(run_limited(processor_limits, WorkLimits(cpu_s=cpu_s)) for cpu_s in (20, 100)))"
     )

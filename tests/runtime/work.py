@@ -1,11 +1,11 @@
-"""What the tests of `msbot.runtime.worker` have done elsewhere; each process there imports it, so it imports little."""
+"""What the tests of `msbot.process.worker` have done elsewhere; each process there imports it, so it imports little."""
 
 from __future__ import annotations
 
 import os
 import sys
 
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 
 def process_number() -> int:

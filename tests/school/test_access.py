@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.school import access as kept
-from msbot.school.access import AccessBook, FarAccess, page_address
+from msbot_school.classroom import access as kept
+from msbot_school.classroom.access import AccessBook, FarAccess, page_address
+from msbot_xrce.errors import ConfigError
 
 ONE = FarAccess("http://10.0.0.2:8080", "msbot_secret", "ROVER", "X2")
 

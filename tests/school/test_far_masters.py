@@ -16,10 +16,8 @@ from socket import SHUT_RDWR, create_server, socket
 
 import pytest
 
-from msbot.cli.school.joining import _agreed_certificate
-from msbot.errors import ConfigError, DatabaseBusy
-from msbot.school.access import FarAccess
-from msbot.school.far_masters import (
+from msbot_school.classroom.access import FarAccess
+from msbot_school.classroom.far_masters import (
     Answer,
     Asking,
     FarLine,
@@ -30,6 +28,8 @@ from msbot.school.far_masters import (
     read_status,
     say_stop,
 )
+from msbot_school.cli.classroom.joining import _agreed_certificate
+from msbot_xrce.errors import ConfigError, DatabaseBusy
 from tests.certificate import Certificate
 
 SHORT_S = 0.3

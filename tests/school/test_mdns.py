@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
-from msbot.errors import ConfigError
 from msbot.registry import open_registry
-from msbot.school.mdns import LONGEST, check_class_name, heard
+from msbot_school.classroom.mdns import LONGEST, check_class_name, heard
+from msbot_xrce.errors import ConfigError
 from tests.e2e.prepared import NETWORK
 from tests.e2e.processes import Process, run
 from tests.networks import BODY, Network, lonely_computer, two_computers

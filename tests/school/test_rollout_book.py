@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.school.rollout_book import MOST_ROLLOUTS, RolledOut, RollOutBook
+from msbot_school.classroom.rollout_book import MOST_ROLLOUTS, RolledOut, RollOutBook
+from msbot_xrce.errors import ConfigError
 
 
 def test_roll_outs_are_remembered_as_they_are_made_and_not_for_ever(tmp_path: Path) -> None:

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
-from msbot.errors import ConfigError, DatabaseBusy
 from msbot.registry import open_registry
-from msbot.school.class_robots import ClassRobot, class_robots
-from msbot.school.rollout import RollOut, plan_for, undo_job
-from msbot.school.rollout_book import RollOutBook
-from msbot.school.rollout_run import NoAnswer, RobotChange, RobotJob, RollOutRun, StepState
+from msbot_school.classroom.class_robots import ClassRobot, class_robots
+from msbot_school.classroom.rollout import RollOut, plan_for, undo_job
+from msbot_school.classroom.rollout_book import RollOutBook
+from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob, RollOutRun, StepState
+from msbot_xrce.errors import ConfigError, DatabaseBusy
 from tests.operations.stage import put_database
 
 

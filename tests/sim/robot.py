@@ -18,14 +18,14 @@ from msbot.config import (
     load_library,
     scalar_text,
 )
-from msbot.link import InprocHub
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.messages.message import fields_of
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 from msbot.sim import SimulatedPart, make_simulator, message_class
-from msbot.space import Qos, Sample, Topic
+from msbot_agent.link import InprocHub
+from msbot_agent.space import Qos, Sample, Topic
 
 LIBRARY = load_library()
 PROFILE = RobotProfile("R", "1", "2", "3", "4")

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from msbot.config import Control, ControlKind, Direction, PartType, Scalar, standard_message_types
 from msbot.config.library.reader import open_library_file, read_part_type
-from msbot.config.toml.document import parse_document
-from msbot.config.toml.problems import Problems
 from msbot.sim import message_class
 from msbot.sim.simulated_world import World
+from msbot_agent.toml.document import parse_document
+from msbot_agent.toml.problems import Problems
 from tests.effort import tries
 
 TEXTS = [

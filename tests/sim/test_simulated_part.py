@@ -9,13 +9,13 @@ from random import Random
 import pytest
 
 from msbot.config import PartType, Scalar, load_library
-from msbot.errors import ConfigError
-from msbot.link import Signal
 from msbot.part import JoinState
 from msbot.part.join.plug import Setting
 from msbot.part.messages.standard import Level
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 from msbot.sim import make_simulator
+from msbot_agent.link import Signal
+from msbot_xrce.errors import ConfigError
 from tests.sim.robot import LIBRARY, Bench, play
 
 

@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.link import InprocHub
 from msbot.part import JoinState
+from msbot_agent.link import InprocHub
+from msbot_xrce.errors import ConfigError
 from tests.sim.robot import Bench, play
 
 

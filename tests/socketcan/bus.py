@@ -9,12 +9,12 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from msbot.link import Link, Peer, Signal
-from msbot.link.can import BusState, CanSettings, Codec, open_can_bus
-from msbot.link.can.adapters.driver import CanDriver
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.notation import parse_log_line
-from msbot.xrce import compress, decompress, is_whole
+from msbot_agent.link import Link, Peer, Signal
+from msbot_agent.link.can import BusState, CanSettings, Codec, open_can_bus
+from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.notation import parse_log_line
+from msbot_xrce import compress, decompress, is_whole
 
 PATIENCE_S = 400.0
 """How long a test waits before it fails; nothing here is this slow, also in an emulated machine on a busy computer."""

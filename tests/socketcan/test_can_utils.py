@@ -6,12 +6,12 @@ from random import Random
 
 import pytest
 
-from msbot.link import open_link
-from msbot.link.can import CanMasterLink, CanPartLink, open_can_bus
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.ids import CanIds
-from msbot.link.can.protocol.notation import parse_frame
-from msbot.link.can.selftest import selftest
+from msbot_agent.link import open_link
+from msbot_agent.link.can import CanMasterLink, CanPartLink, open_can_bus
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_agent.link.can.protocol.notation import parse_frame
+from msbot_agent.link.can.selftest import selftest
 from tests.socketcan.bus import SETTINGS, candump, cansend, listening, running
 
 FRAMES = [

@@ -15,11 +15,11 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link import Signal, open_link
-from msbot.link.can import CanPartLink
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.frames import TOO_SLOW
+from msbot_agent.link import Signal, open_link
+from msbot_agent.link.can import CanPartLink
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.frames import TOO_SLOW
+from msbot_xrce.errors import LinkDown
 from tests.socketcan.bus import SETTINGS, End, cansend, ip, listening, running, until
 
 pytestmark = pytest.mark.controllers

@@ -19,9 +19,9 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.link import Signal, open_link
-from msbot.link.can import BusState, CanMasterLink
-from msbot.link.can.protocol import Frame
+from msbot_agent.link import Signal, open_link
+from msbot_agent.link.can import BusState, CanMasterLink
+from msbot_agent.link.can.protocol import Frame
 from tests.socketcan.bus import SETTINGS, ip, listening, running, until
 
 N_SLCAN = 17

@@ -23,10 +23,10 @@ from random import Random
 
 import pytest
 
-from msbot.link import open_link
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.sim import message_class
+from msbot_agent.link import open_link
 from tests.e2e.prepared import Wish, become
 from tests.hardware import chips
 from tests.sim.robot import LIBRARY, blueprint_for, store_for

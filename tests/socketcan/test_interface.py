@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link import Link, Signal, open_link
-from msbot.link.can import BusState
-from msbot.link.can.protocol import Frame
 from msbot.part import JoinState
+from msbot_agent.link import Link, Signal, open_link
+from msbot_agent.link.can import BusState
+from msbot_agent.link.can.protocol import Frame
+from msbot_xrce.errors import LinkDown
 from tests.socketcan.bus import SETTINGS, add_vcan, ip, listening, running, until
 from tests.socketcan.test_robot import RING, robot_on
 

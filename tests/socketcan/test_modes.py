@@ -8,16 +8,16 @@ from random import Random
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.errors import LinkDown
-from msbot.link import Link, Signal, open_link
-from msbot.link.can import CanPartLink
-from msbot.link.can.legacy_link import COMPONENT, MASTER
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.join_master import STARTING_S
-from msbot.space import MemorySpace
-from msbot.xrce.messages import Header, WriteData, encode_message
-from msbot.xrce.objects import EndpointQos
+from msbot_agent.agent import Agent
+from msbot_agent.link import Link, Signal, open_link
+from msbot_agent.link.can import CanPartLink
+from msbot_agent.link.can.legacy_link import COMPONENT, MASTER
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.join_master import STARTING_S
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import LinkDown
+from msbot_xrce.messages import Header, WriteData, encode_message
+from msbot_xrce.objects import EndpointQos
 from tests.hearing_client import HearingClient
 from tests.socketcan.bus import HASH, SETTINGS, candump, listening, running, until
 

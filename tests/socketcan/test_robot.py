@@ -12,12 +12,12 @@ from random import Random
 import pytest
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.link import Link, open_link
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.sample_parts import make_sample
 from msbot.pnp import PartState
 from msbot.registry import open_registry
+from msbot_agent.link import Link, open_link
 from tests.socketcan.bus import SETTINGS, cansend, listening, until
 
 RING = ("AA", "BB", "CC")

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import LinkDown
 from msbot.hardware import HardwareFault
 from msbot.hardware.serial_stream import SerialStream
 from msbot.part import NumatoGpio, PinDirection
+from msbot_xrce.errors import LinkDown
 from tests.hardware.usb_module import Module
 from tests.socketcan.bus import PATIENCE_S
 from tests.socketcan.kernel_modules import load, unload

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError
-from msbot.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
-from msbot.space.history import FAIR_SHARE
-from msbot.space.memory import FEEDBACK_LIMIT
-from msbot.space.qos_matching import mismatch
+from msbot_agent.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
+from msbot_agent.space.history import FAIR_SHARE
+from msbot_agent.space.memory import FEEDBACK_LIMIT
+from msbot_agent.space.qos_matching import mismatch
+from msbot_xrce.errors import LocalProtocolError
 from tests.effort import tries
 
 LIGHT = Topic("light", "Light")
@@ -72,7 +72,7 @@ def test_a_sample_reaches_every_reader_of_its_topic_and_no_other(space: Space) -
 
 
 def test_two_types_on_one_topic_are_mentioned_in_the_log(space: Space, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.INFO, "msbot.space"):
+    with caplog.at_level(logging.INFO, "msbot_agent.space"):
         space.writer(LIGHT, Qos(), guid(1))
         space.writer(Topic("light", "Light", domain=1), Qos(), guid(2))
         assert not caplog.messages
@@ -445,7 +445,7 @@ def test_who_comes_and_goes_costs_the_same_however_many_are_there(
         looked_at += 1
         return mismatch(offered, requested)
 
-    monkeypatch.setattr("msbot.space.memory.mismatch", counting)
+    monkeypatch.setattr("msbot_agent.space.memory.mismatch", counting)
     writer = space.writer(LIGHT, Qos(), guid(1))
     inboxes = [Inbox() for _ in range(300)]
     readers = [space.reader(LIGHT, Qos(), inbox) for inbox in inboxes]

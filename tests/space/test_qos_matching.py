@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.space import MemorySpace, Qos, Sample, Topic
-from msbot.space.qos_matching import mismatch, partitions_meet
+from msbot_agent.space import MemorySpace, Qos, Sample, Topic
+from msbot_agent.space.qos_matching import mismatch, partitions_meet
 
 LIGHT = Topic("light", "Light")
 

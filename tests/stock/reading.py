@@ -18,7 +18,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from msbot.xrce.messages import ObjectKind
+from msbot_xrce.messages import ObjectKind
 
 GET_INFO, STATUS_AGENT, STATUS, INFO, DATA = 2, 4, 5, 6, 9
 ACKNACK, HEARTBEAT, FRAGMENT, TIMESTAMP_REPLY = 10, 11, 13, 15

@@ -13,7 +13,7 @@ from functools import cache
 from unittest.mock import patch
 from weakref import WeakKeyDictionary
 
-from msbot.xrce.sessions.agent import AgentSession
+from msbot_xrce.sessions.agent import AgentSession
 from tests.stock.reading import ACKNACK, FRAGMENT, LAST_PIECE, complaints
 
 _HALF = 0x8000

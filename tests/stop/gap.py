@@ -10,8 +10,8 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import replace
 
 from msbot import Level
-from msbot.link.can.protocol.frames import Frame
 from msbot.part import JoinState, Part
+from msbot_agent.link.can.protocol.frames import Frame
 from tests.homes.runners import as_micropython
 from tests.homes.world import Home, World, run_virtual
 from tests.stop.kinds import EVERY_S, PROGRAM, ROBOT, SOME_S, Heard

@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 
 from msbot import Level
-from msbot.link.can.protocol.frames import Frame
 from msbot.part import JoinState, Part
+from msbot_agent.link.can.protocol.frames import Frame
 from tests.firmware.c_part import CPart, Described
 from tests.firmware.c_part import PartState as CState
 from tests.firmware.pipe import Firmware

@@ -11,8 +11,8 @@ import asyncio
 import struct
 from dataclasses import dataclass, field
 
-from msbot.link import Peer
 from msbot.master import Master
+from msbot_agent.link import Peer
 
 POWER, SPEED = 77.125, 33.0625
 """What the samples of a story carry: what the part hears, and what it says."""

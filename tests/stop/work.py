@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from msbot.errors import MsbotError
-from msbot.lab.replay.act_player import ActPlayer
-from msbot.lab.replay.acts import RecordedAct, RecordedActs
 from msbot.operations.dispatch import perform
 from msbot.part import Part
+from msbot.recording.replay.act_player import ActPlayer
+from msbot.recording.replay.acts import RecordedAct, RecordedActs
+from msbot_xrce.errors import MsbotError
 from tests.lab.fault_stage import FaultStage, fault_scene
 from tests.lab.test_missions import OWN, Played
 from tests.stop.oracle import Oracle, Verdict, until_all_confirm

@@ -14,20 +14,20 @@ from starlette.applications import Starlette
 from uvicorn.server import ServerState
 
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
-from msbot.errors import MsbotError
-from msbot.link.net import WebSocketClientLink, WebSocketServerLink
 from msbot.master import Master
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartState, SlotBinding
-from msbot.runtime.accept_connections import ProtocolAcceptor
-from msbot.runtime.tally import Tally
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.cookies import CookieNames
-from msbot.web.access.guard import AccessGuard
-from msbot.web.access.users import MemoryUsers
-from msbot.web.connections import Connections, WatchedConnection
-from msbot.web.part_socket import PartSocket
+from msbot_agent.link.net import WebSocketClientLink, WebSocketServerLink
+from msbot_agent.pace.accept_connections import ProtocolAcceptor
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.cookies import CookieNames
+from msbot_web.access.guard import AccessGuard
+from msbot_web.access.users import MemoryUsers
+from msbot_web.connections import Connections, WatchedConnection
+from msbot_web.part_socket import PartSocket
+from msbot_xrce.common.tally import Tally
+from msbot_xrce.errors import MsbotError
 from tests.web.access.test_accounts import PlainHasher, user
 
 PATIENCE_S = 60.0

@@ -8,24 +8,24 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequenc
 from pathlib import Path
 
 from msbot.config import load_library
-from msbot.errors import ConfigError, MsbotError
 from msbot.operations.outcome import Outcome
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld
-from msbot.school.class_robots import ClassRobot
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.sessions import Session
-from msbot.web.access.users import MemoryUsers
-from msbot.web.api.models import ControlLine, Robot, Scalar
-from msbot.web.far_robots import FarRobots, FarStop
-from msbot.web.frames import FrameRing
-from msbot.web.live import Live
-from msbot.web.local_masters import LocalMaster, LocalMasters
-from msbot.web.records import registry_records
-from msbot.web.service import Service
-from msbot.web.simulated.bench import Bench
-from msbot.web.timeline import Timeline
-from msbot.web.views import Views
+from msbot_school.classroom.class_robots import ClassRobot
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.sessions import Session
+from msbot_web.access.users import MemoryUsers
+from msbot_web.api.models import ControlLine, Robot, Scalar
+from msbot_web.far_robots import FarRobots, FarStop
+from msbot_web.frames import FrameRing
+from msbot_web.live import Live
+from msbot_web.local_masters import LocalMaster, LocalMasters
+from msbot_web.records import registry_records
+from msbot_web.service import Service
+from msbot_web.simulated.bench import Bench
+from msbot_web.timeline import Timeline
+from msbot_web.views import Views
+from msbot_xrce.errors import ConfigError, MsbotError
 from tests.operations.stage import Stage, play
 from tests.web.access.test_accounts import PlainHasher, user
 

@@ -10,14 +10,14 @@ from nicegui import Client, ui
 from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.page import page as nicegui_page
 
-from msbot.errors import ConfigError
 from msbot.operations.rights import Role
-from msbot.web.access.sessions import Session
-from msbot.web.api.models import Done
-from msbot.web.language import languages
-from msbot.web.pages import admin
-from msbot.web.pages.layout import Page
-from msbot.web.service import Service
+from msbot_web.access.sessions import Session
+from msbot_web.api.models import Done
+from msbot_web.language import languages
+from msbot_web.pages import admin
+from msbot_web.pages.layout import Page
+from msbot_web.service import Service
+from msbot_xrce.errors import ConfigError
 from tests.web.rig import Rig, ToyBench, show
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.sim.arena.world_reader import open_world
-from msbot.web.arena_sight import ArenaSight
+from msbot_web.arena_sight import ArenaSight
 
 
 def seen(world: str) -> tuple[ArenaSight, Arena]:

@@ -8,9 +8,9 @@ from nicegui import Client, ui
 from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
-from msbot.web.language import languages
-from msbot.web.pages.arrivals import Tray
-from msbot.web.pages.layout import Page
+from msbot_web.language import languages
+from msbot_web.pages.arrivals import Tray
+from msbot_web.pages.layout import Page
 from tests.web.rig import Rig, show
 
 

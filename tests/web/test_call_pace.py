@@ -10,11 +10,11 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.guard import STOP_PATH
-from msbot.web.access.sessions import Session
-from msbot.web.access.users import MemoryUsers, User
-from msbot.web.call_pace import (
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.guard import STOP_PATH
+from msbot_web.access.sessions import Session
+from msbot_web.access.users import MemoryUsers, User
+from msbot_web.call_pace import (
     ADDRESS,
     ADDRESS_BURST,
     ADDRESS_CALLS_PER_S,

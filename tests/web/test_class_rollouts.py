@@ -12,19 +12,19 @@ from threading import Event
 import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML, Blueprint, load_library, parse_blueprint
-from msbot.errors import ConfigError
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
 from msbot.registry.database_identity import database_identity
-from msbot.school.access import AccessBook, FarAccess
-from msbot.school.class_robots import Read, database_mark, directly
-from msbot.school.rollout import RollOut
-from msbot.school.rollout_book import RolledOut, RollOutBook
-from msbot.school.rollout_run import RobotChange, RobotJob, StepState
-from msbot.web.access.accounts import Accounts, NotAllowed
-from msbot.web.access.users import MemoryUsers
-from msbot.web.class_rollouts import ClassRollOuts
-from msbot.web.records import no_records
+from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_school.classroom.class_robots import Read, database_mark, directly
+from msbot_school.classroom.rollout import RollOut
+from msbot_school.classroom.rollout_book import RolledOut, RollOutBook
+from msbot_school.classroom.rollout_run import RobotChange, RobotJob, StepState
+from msbot_web.access.accounts import Accounts, NotAllowed
+from msbot_web.access.users import MemoryUsers
+from msbot_web.class_rollouts import ClassRollOuts
+from msbot_web.records import no_records
+from msbot_xrce.errors import ConfigError
 from tests.operations.stage import put_database
 from tests.web.access.test_accounts import PlainHasher, user
 from tests.web.refusing import refusing_port

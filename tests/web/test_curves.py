@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from msbot.config import Library
-from msbot.errors import ConfigError
-from msbot.lab.curves.names import FRAMES, LATE
-from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.lab.recorder.ring import RingLimits
-from msbot.lab.recorder.storing import Storing
-from msbot.lab.recorder.topics import MEASURED
 from msbot.part import HelloWorld
-from msbot.web.past import MOST_POINTS, RecordedPast
+from msbot.recording.curves.names import FRAMES, LATE
+from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.ring import RingLimits
+from msbot.recording.recorder.storing import Storing
+from msbot.recording.recorder.topics import MEASURED
+from msbot_web.past import MOST_POINTS, RecordedPast
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, show

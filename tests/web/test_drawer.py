@@ -10,10 +10,10 @@ from nicegui.element import Element
 from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
-from msbot.web.language import languages
-from msbot.web.pages import drawer
-from msbot.web.pages.layout import Page
-from msbot.web.pages.simulator import simulator_panel
+from msbot_web.language import languages
+from msbot_web.pages import drawer
+from msbot_web.pages.layout import Page
+from msbot_web.pages.simulator import simulator_panel
 from tests.web.rig import Rig, ToyBench, show
 
 

@@ -6,9 +6,9 @@ from base64 import b64decode
 
 import pytest
 
-from msbot.link.can.protocol import Frame, format_frame, wire_bits
-from msbot.web.api.bus_lines import BusFigures, FrameLine
-from msbot.web.pages.bus import levels_of
+from msbot_agent.link.can.protocol import Frame, format_frame, wire_bits
+from msbot_web.api.bus_lines import BusFigures, FrameLine
+from msbot_web.pages.bus import levels_of
 
 
 def line(notation: str) -> FrameLine:

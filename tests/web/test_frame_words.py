@@ -9,12 +9,12 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, Wire
-from msbot.link.can.protocol import parse_log_line
 from msbot.operations.bus_objects import known_object
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web.frames import FrameRing
+from msbot_agent.link.can.protocol import parse_log_line
+from msbot_school.demo import DemoRobot, Wire
+from msbot_web.frames import FrameRing
 
 
 def heard_late(tmp_path: Path) -> FrameRing:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.ids import NODES, Beacon, CanIds, beacon_frame, stop_frame
-from msbot.web.frames import KEPT, FrameRing
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.ids import NODES, Beacon, CanIds, beacon_frame, stop_frame
+from msbot_web.frames import KEPT, FrameRing
 
 IDS = CanIds()
 BEACON = beacon_frame(Beacon(0, 5, 0xC0FFEE), IDS)

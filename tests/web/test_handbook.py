@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from msbot.web import handbook
-from msbot.web.pages.help import HELP
-from msbot.web.pages.menu import MENU
+from msbot_web import handbook
+from msbot_web.pages.help import HELP
+from msbot_web.pages.menu import MENU
 
 PAGES = [name for chapter in handbook.chapters() for name, _ in chapter.pages]
 

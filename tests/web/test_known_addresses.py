@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.web.known_addresses import KEPT_S, MOST, KnownAddresses
+from msbot_web.known_addresses import KEPT_S, MOST, KnownAddresses
 
 
 def test_an_address_is_known_for_a_while_after_somebody_signed_in_came_from_it() -> None:

@@ -11,27 +11,27 @@ import pytest
 from starlette.requests import HTTPConnection
 
 import msbot
-import msbot.web
+import msbot_web
 from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
 from msbot.doctor import Finding
 from msbot.doctor.checks.robot import check_robot
-from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role
 from msbot.part.join.plug import Refusal
 from msbot.pnp import PartState, packet_words
 from msbot.registry.maintenance.backup_check import check_backup
-from msbot.runtime.sentence import counted, said
-from msbot.web.api.models import JournalLine
-from msbot.web.html import render
-from msbot.web.language import COOKIE, language_of, languages
-from msbot.web.pages.part_sentences import PART_SAYS
+from msbot_agent.text.sentence import counted, said
+from msbot_web.api.models import JournalLine
+from msbot_web.html import render
+from msbot_web.language import COOKIE, language_of, languages
+from msbot_web.pages.part_sentences import PART_SAYS
+from msbot_xrce.errors import ConfigError, RegistryError
 from tests.doctor.healthy import ROBOT
 
 
 def texts_of_the_pages() -> set[str]:
     """Every text that is handed to `say` as it stands, the titles of the menu and of the pages, and the help."""
     found = set()
-    for path in Path(str(msbot.web.__path__[0])).rglob("*.py"):
+    for path in Path(str(msbot_web.__path__[0])).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.Call):
                 continue
@@ -47,7 +47,7 @@ def texts_of_the_pages() -> set[str]:
             elif called in ("PageHelp", "TourStep"):
                 found |= _strings(node.args[0])
     found |= set(PART_SAYS)
-    for path in (Path(str(msbot.web.__path__[0])) / "templates").glob("*.html"):
+    for path in (Path(str(msbot_web.__path__[0])) / "templates").glob("*.html"):
         found |= set(re.findall(r'\bsay\("([^"]+)"', path.read_text()))
     return found
 

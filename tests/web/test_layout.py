@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from nicegui import Client, ui
 
-from msbot.errors import NotThere, RegistryError
 from msbot.operations.rights import Right, Role
-from msbot.web.access.sessions import Session
-from msbot.web.api.models import Done
-from msbot.web.language import languages
-from msbot.web.pages import layout
-from msbot.web.pages.layout import Page
+from msbot_web.access.sessions import Session
+from msbot_web.api.models import Done
+from msbot_web.language import languages
+from msbot_web.pages import layout
+from msbot_web.pages.layout import Page
+from msbot_xrce.errors import NotThere, RegistryError
 from tests.web.rig import Rig, show
 
 

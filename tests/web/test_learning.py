@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot.lessons.lesson_desk import SETTLED_S, LessonDesk
-from msbot.lessons.shelf import LessonShelf
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.users import MemoryUsers
-from msbot.web.learning import Learning, text_html
+from msbot_school.lessons.lesson_desk import SETTLED_S, LessonDesk
+from msbot_school.lessons.shelf import LessonShelf
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.users import MemoryUsers
+from msbot_web.learning import Learning, text_html
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
 
 

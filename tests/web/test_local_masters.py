@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 
-from msbot.runtime.stop_asking import SilentMaster
-from msbot.web.api.class_models import RobotTile
-from msbot.web.local_masters import LocalMaster, LocalMasters
-from msbot.web.pages.classroom import _for_visitor
-from msbot.web.whole_class import with_neighbours
+from msbot.stop.asking import SilentMaster
+from msbot_web.api.class_models import RobotTile
+from msbot_web.local_masters import LocalMaster, LocalMasters
+from msbot_web.pages.classroom import _for_visitor
+from msbot_web.whole_class import with_neighbours
 
 OWN = "/home/ann/robot.db"
 

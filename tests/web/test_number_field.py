@@ -9,13 +9,13 @@ import pytest
 from nicegui import Client
 from nicegui.page import page as nicegui_page
 
-from msbot.errors import ConfigError
 from msbot.operations.rights import Role
-from msbot.web.api.models import Value
-from msbot.web.language import languages
-from msbot.web.pages.layout import Page
-from msbot.web.pages.number_field import NumberField
-from msbot.web.pages.values import _Form, _Line
+from msbot_web.api.models import Value
+from msbot_web.language import languages
+from msbot_web.pages.layout import Page
+from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.values import _Form, _Line
+from msbot_xrce.errors import ConfigError
 from tests.web.rig import Rig, show
 
 

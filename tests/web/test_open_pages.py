@@ -14,11 +14,11 @@ from nicegui.page import page as nicegui_page
 from socketio.exceptions import ConnectionRefusedError
 
 from msbot.operations.rights import Role
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.sessions import Session
-from msbot.web.access.users import MemoryUsers
-from msbot.web.open_pages import LEFT, MADE_ANEW, OpenPages
-from msbot.web.page_sockets import COMPLAINTS, NONSENSE
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.sessions import Session
+from msbot_web.access.users import MemoryUsers
+from msbot_web.open_pages import LEFT, MADE_ANEW, OpenPages
+from msbot_web.page_sockets import COMPLAINTS, NONSENSE
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 WHOLE = {

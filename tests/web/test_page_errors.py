@@ -6,8 +6,8 @@ import ast
 import logging
 from pathlib import Path
 
-import msbot.web
-from msbot.web.page_errors import MOST_PLACES, SAY_S, OncePerPlace
+import msbot_web
+from msbot_web.page_errors import MOST_PLACES, SAY_S, OncePerPlace
 
 
 def record(error: object, *, raised: bool = False) -> logging.LogRecord:
@@ -68,6 +68,6 @@ def test_a_browser_that_sleeps_is_no_error_of_a_page() -> None:
     """A tab in the background may be put to sleep; what is asked of it is then not answered: nobody's fault."""
     found = {
         path.name: waits_for_the_browser(ast.parse(path.read_text("utf-8")))
-        for path in Path(str(msbot.web.__path__[0])).rglob("*.py")
+        for path in Path(str(msbot_web.__path__[0])).rglob("*.py")
     }
     assert {name: waits for name, waits in found.items() if waits} == {"program_blocks.py": [True]}

@@ -15,10 +15,10 @@ from nicegui import core
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
-from msbot.runtime.steady_rate import SteadyRate
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web.access.sessions import Session
-from msbot.web.page_sockets import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.pace.steady_rate import SteadyRate
+from msbot_web.access.sessions import Session
+from msbot_web.page_sockets import (
     BURST,
     MESSAGES_PER_S,
     MOST_OF_SESSION,

@@ -13,10 +13,10 @@ from nicegui.page import page as nicegui_page
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web import page_turns
-from msbot.web.access.sessions import Session
-from msbot.web.page_turns import (
+from msbot.process.virtual_time import run_virtual
+from msbot_web import page_turns
+from msbot_web.access.sessions import Session
+from msbot_web.page_turns import (
     LONGEST_S,
     LONGEST_STEP_S,
     LONGEST_TURN_S,

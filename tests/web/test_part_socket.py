@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from starlette.websockets import WebSocket
 
-from msbot.errors import LinkDown
-from msbot.link.net import WebSocketServerLink
 from msbot.operations.rights import Role
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.users import MemoryUsers
-from msbot.web.part_socket import AGAIN, CHECK_S, REFUSED, WRONG, PartSocket
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.net import WebSocketServerLink
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.users import MemoryUsers
+from msbot_web.part_socket import AGAIN, CHECK_S, REFUSED, WRONG, PartSocket
+from msbot_xrce.errors import LinkDown
 from tests.link.ends import End
 from tests.web.access.test_accounts import PlainHasher, user
 from tests.web.part_site import part_site

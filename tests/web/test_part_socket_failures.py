@@ -12,8 +12,8 @@ from typing import Any, cast
 
 import pytest
 
-from msbot.link import Signal
-from msbot.link.net import WebSocketClientLink, websocket_client
+from msbot_agent.link import Signal
+from msbot_agent.link.net import WebSocketClientLink, websocket_client
 from tests.link.test_system_calls import FATAL, PASSING, Faults, names
 from tests.web.part_site import part_site
 

@@ -9,20 +9,20 @@ from pathlib import Path
 import pytest
 
 from msbot.config import load_library
-from msbot.demo import DemoRobot
-from msbot.errors import ConfigError
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.sim import message_class
-from msbot.web.api.models import SlotCard, TopicLine, WirePort
-from msbot.web.cards import stop_state
-from msbot.web.frames import FrameRing
-from msbot.web.live import Live
-from msbot.web.past import read_moment
-from msbot.web.past_robot import Moment, PastRobot
-from msbot.web.simulated.bench import NoBench
-from msbot.web.timeline import Timeline
-from msbot.web.views import Views
+from msbot_school.demo import DemoRobot
+from msbot_web.api.models import SlotCard, TopicLine, WirePort
+from msbot_web.cards import stop_state
+from msbot_web.frames import FrameRing
+from msbot_web.live import Live
+from msbot_web.past import read_moment
+from msbot_web.past_robot import Moment, PastRobot
+from msbot_web.simulated.bench import NoBench
+from msbot_web.timeline import Timeline
+from msbot_web.views import Views
+from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
 
 LIBRARY = load_library()

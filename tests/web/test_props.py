@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-import msbot.web
+import msbot_web
 
 OURS = re.compile(r"""(self\._page\.|page\.|self\.)?say\((['"]).*\2\)|[A-Z_]+|'[\w-]+' if [\w.]+ else '[\w-]+'""")
 """A sentence of ours, a constant, one of two words."""
 KNOWN = {("arena.py", "say(words)"), ("arena.py", "driven"), ("page_elements.py", "ending")}
 """What was looked at: it is written in the file itself."""
-FILES = sorted(Path(str(msbot.web.__file__)).parent.rglob("*.py"))
+FILES = sorted(Path(str(msbot_web.__file__)).parent.rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", [path for path in FILES if ".props(" in path.read_text()], ids=lambda path: path.name)

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from msbot.config import GROUP_ROBOT_TOML, blueprint_toml, for_groups, groups_by_slots, load_library, parse_blueprint
-from msbot.errors import ConfigError, MsbotError
 from msbot.operations.rights import Role
 from msbot.registry import ProgramRecord, ProgramSource
-from msbot.web.access.accounts import NotAllowed
-from msbot.web.access.class_list import read_list
-from msbot.web.programs.program_deeds import ProgramDeeds
-from msbot.web.programs.program_shelf import NoShelf
-from msbot.web.pupils import GroupNow, PupilDesk
+from msbot_web.access.accounts import NotAllowed
+from msbot_web.access.class_list import read_list
+from msbot_web.programs.program_deeds import ProgramDeeds
+from msbot_web.programs.program_shelf import NoShelf
+from msbot_web.pupils import GroupNow, PupilDesk
+from msbot_xrce.errors import ConfigError, MsbotError
 from tests.web.rig import Rig, refusal, show
 
 BLOCKS = '{"msbot":1,"view":"blocks","workspace":{}}'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from msbot.pnp import Freeze
-from msbot.space import Qos, Sample, Topic
+from msbot_agent.space import Qos, Sample, Topic
 from tests.web.part_site import part_site
 
 

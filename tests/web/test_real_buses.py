@@ -6,12 +6,12 @@ import asyncio
 
 import pytest
 
-from msbot.link import InprocHub, Link, LinkInfo
-from msbot.link.can import CanBusInfo, FrameTap
-from msbot.link.can.protocol import Frame, wire_bits
-from msbot.link.can.sim import SimBus
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web.real_buses import LinkMeter, seen_of_links
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub, Link, LinkInfo
+from msbot_agent.link.can import CanBusInfo, FrameTap
+from msbot_agent.link.can.protocol import Frame, wire_bits
+from msbot_agent.link.can.sim import SimBus
+from msbot_web.real_buses import LinkMeter, seen_of_links
 from tests.link.can_robot import Robot
 from tests.web.access.test_accounts import Clock
 

@@ -15,7 +15,7 @@ import pytest
 
 NODE = shutil.which("node")
 NEEDED = "MSBOT_NEED_NODE"
-SCRIPT = Path(str(files("msbot.web") / "static" / "reconnect.js"))
+SCRIPT = Path(str(files("msbot_web") / "static" / "reconnect.js"))
 WORLD = """
 const fs = require("fs");
 eval(fs.readFileSync(process.argv[1], "utf8"));

@@ -20,9 +20,9 @@ from msbot.operations.rights import Role
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
-from msbot.web.access.sessions import Session
-from msbot.web.access.users import User
-from msbot.web.records import RegistryUsers, robot_tiles
+from msbot_web.access.sessions import Session
+from msbot_web.access.users import User
+from msbot_web.records import RegistryUsers, robot_tiles
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, chunks, refusal, show
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from msbot.config import Library, load_library
-from msbot.errors import ConfigError
 from msbot.registry import ProgramSource
-from msbot.runtime.sentence import said
-from msbot.web.api.models import SlotCard, WirePort
-from msbot.web.programs.program_shelf import MAX_BLOCKS, check_program
-from msbot.web.programs.robot_words import PartWords, RobotWords, robot_words
+from msbot_agent.text.sentence import said
+from msbot_web.api.models import SlotCard, WirePort
+from msbot_web.programs.program_shelf import MAX_BLOCKS, check_program
+from msbot_web.programs.robot_words import PartWords, RobotWords, robot_words
+from msbot_xrce.errors import ConfigError
 
 
 @pytest.fixture(scope="module")

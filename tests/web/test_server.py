@@ -21,9 +21,9 @@ import pytest
 from fastapi import FastAPI
 
 from msbot.config import write_sample
-from msbot.errors import ConfigError
-from msbot.web.server import NEXT_PORTS, WebServer, WebSettings, _bind, _undisturbed
-from msbot.web.service import Service
+from msbot_web.server import NEXT_PORTS, WebServer, WebSettings, _bind, _undisturbed
+from msbot_web.service import Service
+from msbot_xrce.errors import ConfigError
 from tests.certificate import Certificate
 from tests.e2e.processes import run, running
 

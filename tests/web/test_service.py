@@ -11,17 +11,17 @@ from pathlib import Path
 import pytest
 
 from msbot import doctor
-from msbot.errors import MsbotError, NotThere
 from msbot.operations.operation import ArgumentKind
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
-from msbot.web.access.accounts import NotAllowed, SignedOut
-from msbot.web.access.class_list import Newcomer
-from msbot.web.access.sessions import Session
-from msbot.web.api.models import Robot, SlotCard
-from msbot.web.records import no_records
-from msbot.web.service import SHARED_S, Service
-from msbot.web.whole_class import CLASS_S
+from msbot_web.access.accounts import NotAllowed, SignedOut
+from msbot_web.access.class_list import Newcomer
+from msbot_web.access.sessions import Session
+from msbot_web.api.models import Robot, SlotCard
+from msbot_web.records import no_records
+from msbot_web.service import SHARED_S, Service
+from msbot_web.whole_class import CLASS_S
+from msbot_xrce.errors import MsbotError, NotThere
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import PASSWORD, Rig, ToyBench, chunks, refusal, show
 

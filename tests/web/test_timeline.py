@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from msbot.pnp import PartInfo, PartState
-from msbot.web.timeline import KEPT_BEATS, KEPT_SPANS, Timeline
+from msbot_web.timeline import KEPT_BEATS, KEPT_SPANS, Timeline
 from tests.registry.events import changed
 
 INFO = PartInfo(

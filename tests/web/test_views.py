@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import NotThere
-from msbot.link.can.protocol import Frame
 from msbot.part import HelloWorld
-from msbot.web.svg.drawings import done_fields
+from msbot_agent.link.can.protocol import Frame
+from msbot_web.svg.drawings import done_fields
+from msbot_xrce.errors import NotThere
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, ToyBench, show
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from msbot.errors import ConfigError
-from msbot.runtime.json_reading import read_told
-from msbot.school.access import AccessBook, FarAccess
-from msbot.school.class_robots import ClassRobot, FarRobot, database_mark
-from msbot.web import far_robots
-from msbot.web.api.class_models import RobotTile
-from msbot.web.far_robots import FarRobots, FarStop
-from msbot.web.local_masters import Ask, LocalMasters, StopForAll
-from msbot.web.pages.classroom import _for_visitor, _natural, _state_of
-from msbot.web.whole_class import together, with_far, with_neighbours
+from msbot_agent.text.json_reading import read_told
+from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_school.classroom.class_robots import ClassRobot, FarRobot, database_mark
+from msbot_web import far_robots
+from msbot_web.api.class_models import RobotTile
+from msbot_web.far_robots import FarRobots, FarStop
+from msbot_web.local_masters import Ask, LocalMasters, StopForAll
+from msbot_web.pages.classroom import _for_visitor, _natural, _state_of
+from msbot_web.whole_class import together, with_far, with_neighbours
+from msbot_xrce.errors import ConfigError
 from tests.web.refusing import refusing_port
 
 DATABASE = "postgresql://server/robots"

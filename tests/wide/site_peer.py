@@ -10,8 +10,8 @@ import asyncio
 import sys
 from functools import partial
 
-from msbot.space import Qos, Sample, Topic
-from msbot.space.dds import DdsSpace
+from msbot_agent.space import Qos, Sample, Topic
+from msbot_agent.space.dds import DdsSpace
 
 QOS = Qos(depth=256, partitions=("msbot/ROVER",))
 TOPICS = {name: Topic(name, "Number") for name in ("light", "back", "secret")}

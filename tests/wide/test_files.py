@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config.toml.problems import FoundProblems
-from msbot.space import Qos, Topic
-from msbot.wide import CrossingWay, read_gateway_file, read_router_file
+from msbot_agent.space import Qos, Topic
+from msbot_agent.toml.problems import FoundProblems
+from msbot_agent.wide import CrossingWay, read_gateway_file, read_router_file
 
 ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "docs/howto/zenoh.md").read_text()

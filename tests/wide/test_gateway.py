@@ -7,8 +7,8 @@ import contextlib
 
 import pytest
 
-from msbot.space import MemorySpace, Qos, SpaceAddress, Topic
-from msbot.wide import CrossingTopic, CrossingWay, Gateway
+from msbot_agent.space import MemorySpace, Qos, SpaceAddress, Topic
+from msbot_agent.wide import CrossingTopic, CrossingWay, Gateway
 from tests.space.dds.peers import Inbox
 
 INSIDE, OUTSIDE = SpaceAddress("dds"), SpaceAddress("zenoh")

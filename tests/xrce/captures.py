@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from msbot.link.byte_frames import SerialReceiver, TcpReceiver
+from msbot_agent.link.byte_frames import SerialReceiver, TcpReceiver
 
 VECTORS = Path(__file__).parent.parent / "vectors"
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import struct
 
-from msbot.xrce import ClientSession, ClientSessionSettings, ClientState
-from msbot.xrce.messages import ObjectVariant
-from msbot.xrce.sessions import ClientEvent, Connected, DataReceived
+from msbot_xrce import ClientSession, ClientSessionSettings, ClientState
+from msbot_xrce.messages import ObjectVariant
+from msbot_xrce.sessions import ClientEvent, Connected, DataReceived
 
 KEY = 0xAABBCCDD
 SECOND = 1_000_000_000

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from msbot.xrce.messages import (
+from msbot_xrce.messages import (
     Acknack,
     Create,
     CreateClient,
@@ -33,7 +33,7 @@ from msbot.xrce.messages import (
     TimestampReply,
     WriteData,
 )
-from msbot.xrce.objects import (
+from msbot_xrce.objects import (
     EndpointQos,
     participant_variant,
     publisher_variant,

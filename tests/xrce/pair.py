@@ -6,9 +6,9 @@ import heapq
 import random
 from collections.abc import Callable
 
-from msbot.xrce import AgentSession, AgentSessionSettings, ClientSession, ClientSessionSettings, Status
-from msbot.xrce.messages import CreateClient, Header, StatusAgent, encode_message
-from msbot.xrce.sessions import (
+from msbot_xrce import AgentSession, AgentSessionSettings, ClientSession, ClientSessionSettings, Status
+from msbot_xrce.messages import CreateClient, Header, StatusAgent, encode_message
+from msbot_xrce.sessions import (
     AgentEvent,
     ClientEvent,
     CreateRequested,

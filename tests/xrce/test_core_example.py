@@ -6,10 +6,10 @@ import asyncio
 import sys
 from pathlib import Path
 
-from msbot.agent import Agent
-from msbot.link import Signal
-from msbot.link.net import UdpServerLink
-from msbot.space import MemorySpace
+from msbot_agent.agent import Agent
+from msbot_agent.link import Signal
+from msbot_agent.link.net import UdpServerLink
+from msbot_agent.space import MemorySpace
 
 ROOT = Path(__file__).parent.parent.parent
 EXAMPLE = ROOT / "examples/core/udp_client.py"

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce import explain
-from msbot.xrce.messages import (
+from msbot_xrce import explain
+from msbot_xrce.messages import (
     Create,
     DeliveryControl,
     Format,
@@ -18,7 +18,7 @@ from msbot.xrce.messages import (
     Submessage,
     encode_message,
 )
-from msbot.xrce.objects import (
+from msbot_xrce.objects import (
     EndpointQos,
     publisher_variant,
     reader_variant,

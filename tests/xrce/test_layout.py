@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce import dissector, read_fields
-from msbot.xrce.layout import BODIES
-from msbot.xrce.messages import Create, SubmessageId, decode_header, iter_submessages
+from msbot_xrce import dissector, read_fields
+from msbot_xrce.layout import BODIES
+from msbot_xrce.messages import Create, SubmessageId, decode_header, iter_submessages
 
 VECTORS = Path(__file__).parent.parent / "vectors"
 CAPTURES = sorted(path for path in VECTORS.glob("udp_*.jsonl") if "malformed" not in path.name)

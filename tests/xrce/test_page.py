@@ -7,14 +7,14 @@ from types import ModuleType
 
 import pytest
 
-from msbot.xrce import Status
-from msbot.xrce.messages import SubmessageId
-from msbot.xrce.sessions import agent as agent_session
-from msbot.xrce.sessions import client as client_session
-from msbot.xrce.sessions import session
-from msbot.xrce.streams import fragments, session_output
-from msbot.xrce.streams import receiving_in_order as input_streams
-from msbot.xrce.streams import sending_and_resending as output_streams
+from msbot_xrce import Status
+from msbot_xrce.messages import SubmessageId
+from msbot_xrce.sessions import agent as agent_session
+from msbot_xrce.sessions import client as client_session
+from msbot_xrce.sessions import session
+from msbot_xrce.streams import fragments, session_output
+from msbot_xrce.streams import receiving_in_order as input_streams
+from msbot_xrce.streams import sending_and_resending as output_streams
 
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/xrce.md").read_text()
 

@@ -10,9 +10,9 @@ from collections import Counter
 
 import pytest
 
-from msbot.xrce import AgentSession, ClientSession
-from msbot.xrce.messages import CreateClient, Data, Fragment, StatusReply, iter_submessages
-from msbot.xrce.sessions import (
+from msbot_xrce import AgentSession, ClientSession
+from msbot_xrce.messages import CreateClient, Data, Fragment, StatusReply, iter_submessages
+from msbot_xrce.sessions import (
     CreateRequested,
     DeleteRequested,
     InfoRequested,

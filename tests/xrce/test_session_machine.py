@@ -6,8 +6,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from msbot.xrce import ClientState
-from msbot.xrce.sessions import DataReceived, DataWritten
+from msbot_xrce import ClientState
+from msbot_xrce.sessions import DataReceived, DataWritten
 from tests.effort import tries
 from tests.xrce.pair import Pair
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce import Status, explain
-from msbot.xrce.messages import (
+from msbot_xrce import Status, explain
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import (
     Create,
     CreateClient,
     Data,
@@ -28,7 +28,7 @@ from msbot.xrce.messages import (
     encode_message,
     iter_submessages,
 )
-from msbot.xrce.objects import parse_variant
+from msbot_xrce.objects import parse_variant
 
 from .captures import CAPTURES, HEADERLESS_ANSWER, VECTORS, recorded
 

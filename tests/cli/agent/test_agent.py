@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli.agent import agent
-from msbot.cli.agent.agent import command
-from msbot.cli.agent.serving import Discovery, Wishes
-from msbot.errors import ConfigError
-from msbot.link import Link
-from msbot.link.can import CanFdEprosimaLink, CanLegacyLink, CanMasterLink
-from msbot.link.net import TcpServerLink, UdpServerLink
-from msbot.link.serial import PtyServerLink, SerialServerLink
+from msbot_agent.cli.agent import agent
+from msbot_agent.cli.agent.agent import command
+from msbot_agent.cli.agent.serving import Discovery, Wishes
+from msbot_agent.link import Link
+from msbot_agent.link.can import CanFdEprosimaLink, CanLegacyLink, CanMasterLink
+from msbot_agent.link.net import TcpServerLink, UdpServerLink
+from msbot_agent.link.serial import PtyServerLink, SerialServerLink
+from msbot_xrce.errors import ConfigError
 
 
 class Served:

@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from msbot.agent import AgentStatus, ClientView, LinkView, ObjectView, StreamView
-from msbot.cli.agent import clients, clients_view
-from msbot.cli.agent.clients import command
-from msbot.errors import ConfigError
+from msbot_agent.agent import AgentStatus, ClientView, LinkView, ObjectView, StreamView
+from msbot_agent.cli.agent import clients, clients_view
+from msbot_agent.cli.agent.clients import command
+from msbot_xrce.errors import ConfigError
 
 TROUBLE = "HelloWorldTopic: RELIABILITY: the reader asks for RELIABLE, the writer offers BEST_EFFORT"
 

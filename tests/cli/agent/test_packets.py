@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from msbot.cli.agent.packets import packet_tap, packet_text
-from msbot.link.net import UdpServerLink
+from msbot_agent.cli.agent.packets import packet_tap, packet_text
+from msbot_agent.link.net import UdpServerLink
 
 AT = datetime(2026, 1, 2, 3, 4, 5, 678_900)
 PING = bytes.fromhex("80000000 02010800 000afffd 02000000")

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli.agent import serving
-from msbot.cli.agent.serving import Wishes, read_references
-from msbot.errors import ConfigError, LinkDown
-from msbot.link import Signal
-from msbot.link.net import UdpServerLink
-from msbot.xrce.messages import ObjectKind
+from msbot_agent.cli.agent import serving
+from msbot_agent.cli.agent.serving import Wishes, read_references
+from msbot_agent.link import Signal
+from msbot_agent.link.net import UdpServerLink
+from msbot_xrce.errors import ConfigError, LinkDown
+from msbot_xrce.messages import ObjectKind
 from tests.agent.wiring import FakeLink
 
 PROFILES = """<profiles><participant profile_name="default"><rtps><name>p</name></rtps></participant></profiles>"""

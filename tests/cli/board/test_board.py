@@ -23,12 +23,12 @@ from click.testing import CliRunner
 pytest.importorskip("mpremote", reason="pip install 'msbot[board]'")
 
 import msbot.cli.board.board as commands
+from msbot.carried.board_package import OF_GENERIC_BOARDS, package_files
 from msbot.cli.board import connection
 from msbot.cli.board.connection import CodeFailed, open_board
 from msbot.cli.board.ports import SerialPort, choose
 from msbot.cli.board.program_errors import error_sentence
-from msbot.errors import ConfigError, LinkDown, MsbotError
-from msbot.runtime.board_package import OF_GENERIC_BOARDS, package_files
+from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 from tests.homes import micro
 from tests.homes.runners import NODE
 from tests.homes.simulated_board import SimulatedBoard, simulated_board

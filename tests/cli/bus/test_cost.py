@@ -8,12 +8,12 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 
-from msbot.cli import main
 from msbot.cli.bus.bus import command
 from msbot.cli.bus.cost import cost_json, costs
-from msbot.link.can.protocol.bits import wire_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.notation import format_frame
+from msbot_agent.cli import main
+from msbot_agent.link.can.protocol.bits import wire_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.notation import format_frame
 from tests.link.can.protocol.test_bits import frames
 from tests.link.wire_receiver import Receiver
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli import main
 from msbot.cli.bus.bus import command
+from msbot_agent.cli import main
 from tests.e2e.processes import run
 
 

@@ -12,11 +12,11 @@ import pytest
 from msbot.cli.bus.dump import COLOURS, Dump, DumpWishes, Understanding, colour_of
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.cli.bus.source import open_bus
-from msbot.errors import ConfigError, LinkDown
-from msbot.link.can.protocol.notation import LogLine, parse_frame
-from msbot.link.can.sim.client import SimAdapter
-from msbot.link.can.sim.python_can_interface import MsbotBus
 from msbot.pnp import FrameListener
+from msbot_agent.link.can.protocol.notation import LogLine, parse_frame
+from msbot_agent.link.can.sim.client import SimAdapter
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_xrce.errors import ConfigError, LinkDown
 from tests.cli.live_bus import bus, invoke, runtime_folder, talking
 
 __all__ = ["bus", "runtime_folder", "talking"]

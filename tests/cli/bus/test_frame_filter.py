@@ -6,7 +6,7 @@ import click
 import pytest
 
 from msbot.cli.bus.frame_filter import FilterType, wanted
-from msbot.link.can.protocol.notation import parse_frame
+from msbot_agent.link.can.protocol.notation import parse_frame
 
 
 def hits(filters: list[str], frames: list[str]) -> list[str]:

@@ -15,11 +15,11 @@ from msbot.cli.bus import frame_log
 from msbot.cli.bus.decode import decode_log
 from msbot.cli.bus.frame_log import FrameLog, FrameReader
 from msbot.cli.bus.telling import Manner
-from msbot.errors import ConfigError
-from msbot.link.can.adapters.python_can import frame_of
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.notation import LogLine, parse_frame
 from msbot.pnp import FrameListener
+from msbot_agent.link.can.adapters.python_can import frame_of
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.notation import LogLine, parse_frame
+from msbot_xrce.errors import ConfigError
 
 FRAMES = ["123#DEADBEEF", "1ABCDEF0#1122", "123##1112233", "123##2112233", "7FF#R4", "20000004#0008000000000000"]
 

@@ -11,10 +11,10 @@ import pytest
 
 from msbot.cli.bus import load_measured as bus_live
 from msbot.cli.bus.load_measured import MOST_ROWS, Second, show_load, who_says
-from msbot.errors import ConfigError, LinkDown
-from msbot.link.can.protocol import CanIds, frame_bits
-from msbot.link.can.protocol.notation import parse_frame
-from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.protocol import CanIds, frame_bits
+from msbot_agent.link.can.protocol.notation import parse_frame
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_xrce.errors import ConfigError, LinkDown
 from tests.cli.live_bus import bus, invoke, runtime_folder, talking
 
 __all__ = ["bus", "runtime_folder", "talking"]

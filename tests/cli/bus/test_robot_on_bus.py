@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.agent import RunningProcess
 from msbot.cli.bus import robot_on_bus as module
 from msbot.cli.bus.robot_on_bus import robot_on_bus
 from msbot.pnp import KnownObject
+from msbot_agent.agent import RunningProcess
 from tests.cli.live_bus import bus, invoke, runtime_folder, talking
 from tests.e2e.processes import run, running
 

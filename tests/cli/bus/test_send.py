@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from msbot.cli.bus import send as bus_send
-from msbot.errors import ConfigError, LinkDown
-from msbot.link.can.adapters.python_can import frame_of
-from msbot.link.can.protocol.notation import format_frame
-from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.adapters.python_can import frame_of
+from msbot_agent.link.can.protocol.notation import format_frame
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_xrce.errors import ConfigError, LinkDown
 from tests.cli.live_bus import bus, invoke, runtime_folder
 
 __all__ = ["bus", "runtime_folder"]

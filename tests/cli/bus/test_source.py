@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from msbot.cli.bus.source import Listening, is_bus, is_log, open_bus
-from msbot.errors import ConfigError
-from msbot.link.can.protocol import Frame
-from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_xrce.errors import ConfigError
 from tests.cli.live_bus import bus, runtime_folder, talking
 
 __all__ = ["bus", "runtime_folder", "talking"]

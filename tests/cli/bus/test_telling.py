@@ -12,11 +12,11 @@ import click
 import pytest
 
 from msbot.config import SAMPLES, load_library, parse_blueprint
-from msbot.demo import DemoRobot, Wire
-from msbot.errors import ConfigError
-from msbot.link.can.protocol import Frame, LogLine, format_log_line
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link.can.protocol import Frame, LogLine, format_log_line
+from msbot_school.demo import DemoRobot, Wire
+from msbot_xrce.errors import ConfigError
 from tests.cli.live_bus import invoke
 
 SENTENCE = re.compile(r"  knob says level \d+(\.\d+)? %$")

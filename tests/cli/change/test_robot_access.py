@@ -13,12 +13,12 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from msbot.agent import StatusServer
-from msbot.cli import msbot
 from msbot.cli.change.robot_access import details_of, perform, running_master
-from msbot.errors import ConfigError, MsbotError
 from msbot.operations.dispatch import perform as perform_request
 from msbot.registry.database_identity import database_identity
+from msbot_agent.agent import StatusServer
+from msbot_agent.cli import msbot
+from msbot_xrce.errors import ConfigError, MsbotError
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 PATIENCE_S = 60.0

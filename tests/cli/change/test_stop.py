@@ -20,10 +20,10 @@ from msbot.master import StopSocket
 from msbot.master.stop_socket import answer_of, fitting
 from msbot.pnp import StopStatus
 from msbot.pnp.emergency_stop import StopConfirmation
-from msbot.runtime.stop_asking import ask_masters
-from msbot.runtime.stop_listening import StopListener
-from msbot.runtime.stop_names import own_group
-from msbot.runtime.stop_places import IS_THERE
+from msbot.stop.asking import ask_masters
+from msbot.stop.listening import StopListener
+from msbot.stop.names import own_group
+from msbot.stop.places import IS_THERE
 from tests.cli.change.test_robot_access import PATIENCE_S, answering, command, typed
 from tests.operations.stage import Stage, play
 from tests.runtime.stop_stage import StopsWhen, own_places, stuck_master

@@ -6,12 +6,12 @@ import asyncio
 from pathlib import Path
 from random import Random
 
-from msbot.cli.demo.script import ScriptRun, ScriptType
 from msbot.config import SAMPLES, load_library, parse_blueprint
-from msbot.demo import DemoRobot, Wire
-from msbot.errors import ConfigError
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
+from msbot_school.demo import DemoRobot, Wire
+from msbot_web.cli.demo.script import ScriptRun, ScriptType
+from msbot_xrce.errors import ConfigError
 
 
 def played(folder: Path, script: str, until_s: float) -> tuple[list[str], list[tuple[str, str]]]:

@@ -7,11 +7,11 @@ import io
 import pytest
 from rich.console import Console
 
-from msbot.cli.demo.plain_lines import event_lines
-from msbot.cli.demo.view import keys_of, live_view
 from msbot.config import SAMPLES, load_library, parse_blueprint
-from msbot.demo import DemoEvent, DemoSnapshot, PartSnapshot
-from msbot.demo.snapshot import BusSnapshot
+from msbot_school.demo import DemoEvent, DemoSnapshot, PartSnapshot
+from msbot_school.demo.snapshot import BusSnapshot
+from msbot_web.cli.demo.plain_lines import event_lines
+from msbot_web.cli.demo.view import keys_of, live_view
 
 LINK = "The page is at http://127.0.0.1:8080/enter?token=0123456789abcdef012345"
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from msbot.cli.library.library import command
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 LUX = (
     'number = "LUX-1"\nname = "Light sensor of room 12"\n'

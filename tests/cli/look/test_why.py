@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from msbot.cli.look.folding import folded
 from msbot.cli.look.why import command
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.errors import ConfigError, RegistryError
 from msbot.part.join import plug
 from msbot.part.join.keys import prove
 from msbot.pnp import Claim, Inventory, Refusal
@@ -23,6 +22,7 @@ from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import UNANSWERED_S, Keys
 from msbot.pnp.requests import RequestHandler
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
+from msbot_xrce.errors import ConfigError, RegistryError
 from tests.operations.stage import Stage, play, put_database
 from tests.registry.hand import Hand
 

@@ -9,8 +9,8 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.record import log
 from msbot.cli.record.log import _channel
-from msbot.errors import MsbotError
-from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
+from msbot_xrce.errors import MsbotError
 from tests.lab.recorded import BEGAN_NS, NS, store
 
 MAGIC = b"\x89MCAP0\r\n"

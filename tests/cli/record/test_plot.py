@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner, Result
 
 from msbot.cli.record import plot
-from msbot.errors import MsbotError
-from msbot.lab.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.lab.recorder.topics import MEASURED
-from msbot.link.can.protocol import parse_frame, wire_bits
+from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.topics import MEASURED
+from msbot_agent.link.can.protocol import parse_frame, wire_bits
+from msbot_xrce.errors import MsbotError
 from tests.lab.recorded import BEGAN_NS, NS, store
 
 FRAME = "101#C010E803A3D81173"

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli import msbot
 from msbot.cli.record.recording_name import recording_name
-from msbot.errors import ConfigError
+from msbot_agent.cli import msbot
+from msbot_xrce.errors import ConfigError
 
 REFUSED = (
     r"^odd\.txt: a recording is an MCAP file, and its name ends in \.mcap: odd\.mcap \(tables are made of it by "

@@ -10,15 +10,15 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli.run.page import DEFAULT_PORT, PageWishes, page_options, page_wishes, serve_page
-from msbot.errors import ConfigError
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.users import MemoryUsers
-from msbot.web.server import WebSettings
+from msbot.process.virtual_time import run_virtual
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.users import MemoryUsers
+from msbot_web.cli.page import DEFAULT_PORT, PageWishes, page_options, page_wishes, serve_page
+from msbot_web.server import WebSettings
+from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
-    from msbot.web.assembly import WebRoom
+    from msbot_web.assembly import WebRoom
 
 LINK = "http://127.0.0.1:8080/setup?token=x"
 

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 import msbot.cli.run.part
 from msbot.config import write_sample
-from msbot.errors import ConfigError
 from msbot.part import Part, PinDirection
+from msbot_xrce.errors import ConfigError
 
 Ran = list[tuple[Part, dict[str, object]]]
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.school.school import command, stop_line
-from msbot.cli.user.user import command as user
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot.runtime.stop_names import GROUP_VARIABLE
-from msbot.runtime.stop_places import IS_THERE
-from msbot.school.access import AccessBook, FarAccess
+from msbot.stop.names import GROUP_VARIABLE
+from msbot.stop.places import IS_THERE
+from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_school.cli.classroom.school import command, stop_line
+from msbot_web.cli.user.user import command as user
 from tests.e2e.processes import PATIENCE_S, run, running
 from tests.web.refusing import refusing_port
 

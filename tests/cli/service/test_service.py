@@ -20,7 +20,7 @@ from msbot.cli.service.service import command
 from msbot.cli.service.systemd import Systemd
 from msbot.cli.service.units import RobotService, quoted
 from msbot.config import write_sample
-from msbot.runtime import stop_places
+from msbot.stop import places as stop_places
 
 SHOWN = "LoadState=loaded\nActiveState=active\nSubState=running\nNRestarts=2\nMainPID=77\nActiveEnterTimestamp=today\n"
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot.cli.user.user import command
 from msbot.config import load_library, parse_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
 from msbot.registry import open_registry
-from msbot.web.access.passwords import Argon2Hasher
+from msbot_web.access.passwords import Argon2Hasher
+from msbot_web.cli.user.user import command
 
 PASSWORD = "correct horse"
 

@@ -15,7 +15,7 @@ from msbot.config.library.library import (
     Port,
     load_library,
 )
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 LIBRARY = Library(
     [

@@ -11,7 +11,7 @@ from msbot.config.blueprint.model import PRESETS, Binding, Options, RobotProfile
 from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
 from msbot.config.library.library import load_library
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 LIBRARY = load_library()
 

@@ -8,7 +8,7 @@ import pytest
 from msbot.config.blueprint.reader import load_blueprint
 from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, write_sample
 from msbot.config.library.library import load_library
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 
 def _refused(path: Path) -> str:

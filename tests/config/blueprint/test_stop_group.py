@@ -10,8 +10,8 @@ import pytest
 from msbot.config import SAMPLE_ROBOT_TOML, blueprint_mark, load_library, parse_blueprint
 from msbot.config.blueprint.differences import differences
 from msbot.config.blueprint.writer import blueprint_toml
-from msbot.errors import ConfigError
 from msbot.registry import open_registry
+from msbot_xrce.errors import ConfigError
 
 LIBRARY = load_library()
 PLAIN = parse_blueprint(SAMPLE_ROBOT_TOML, LIBRARY)

@@ -31,7 +31,7 @@ from msbot.config import (
     parse_blueprint,
     preset_of,
 )
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 from tests.effort import tries
 
 LIBRARY = load_library()

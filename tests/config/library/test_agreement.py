@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import load_library
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 PORT = '[[port]]\nname = "p"\ndirection = "publish"\ntype = "Level"\n'
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.config import Direction, FieldKind, load_library, read_description
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 LIBRARY = load_library()
 MINE = """number = "VANE-1"

@@ -13,8 +13,8 @@ from msbot.config.library.library import (
     load_library,
     scalar_text,
 )
-from msbot.config.toml.table import Scalar
-from msbot.errors import ConfigError
+from msbot_agent.toml.table import Scalar
+from msbot_xrce.errors import ConfigError
 
 MOTOR = """\
 number = "MOTOR-1"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import FieldKind, MessageType, Scalar, load_library, standard_message_types
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 WIND = '[[type]]\nname = "Wind"\nfields = { speed = "float32", from = "uint16" }\nunits = { speed = "m/s" }\n'
 PART = 'number = "W"\nname = "Vane"\n[[port]]\nname = "wind"\ndirection = "publish"\ntype = "Wind"\n'

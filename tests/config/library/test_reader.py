@@ -20,7 +20,7 @@ from msbot.config import (
     load_library,
     open_blueprint,
 )
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 TEXT = """\
 number = "X"

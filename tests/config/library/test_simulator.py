@@ -3,7 +3,7 @@
 import pytest
 
 from msbot.config import Control, ControlKind, Scalar
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 PRESS = Control("press", ControlKind.BOOL, False)
 AIR = Control("air", ControlKind.NUMBER, 20.0, -40, 80, "°C")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import ControlKind, Output, PartType, Reading, Simulator, load_library
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 HEAD = """\
 number = "X"

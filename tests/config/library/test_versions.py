@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from msbot.config import Library, PartType
 from msbot.config.library.versions import ANY_VERSION, Versions, parse_version, parse_versions, split_number
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 IN_RANGE = [
     (">=1.0, <2", "1", True),

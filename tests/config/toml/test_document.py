@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config.toml.document import Document, parse_document, read_document
-from msbot.config.toml.limits import MOST_BYTES
-from msbot.config.toml.problems import Problems, TextPlace
+from msbot_agent.toml.document import Document, parse_document, read_document
+from msbot_agent.toml.limits import MOST_BYTES
+from msbot_agent.toml.problems import Problems, TextPlace
 
 
 def _read(path: Path) -> str:
@@ -51,7 +51,7 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("msbot.config.toml.document.open_given", refuse)
+    monkeypatch.setattr("msbot_agent.toml.document.open_given", refuse)
     path = tmp_path / "robot.toml"
     assert _read(path) == f"{path}: no permission to read it; try `chmod u+r {path}`"
 

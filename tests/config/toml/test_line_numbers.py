@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.config.toml.line_numbers import key_lines
-from msbot.config.toml.problems import KeyPath
+from msbot_agent.toml.line_numbers import key_lines
+from msbot_agent.toml.problems import KeyPath
 
 TEXT = (
     """\

@@ -2,8 +2,8 @@
 
 import pytest
 
-from msbot.config.toml.problems import Problems, TextPlace, nearest, path_words, suggestion
-from msbot.errors import ConfigError
+from msbot_agent.toml.problems import Problems, TextPlace, nearest, path_words, suggestion
+from msbot_xrce.errors import ConfigError
 
 
 def test_a_place_names_file_line_and_path() -> None:

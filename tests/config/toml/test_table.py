@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
-from msbot.config.toml.document import parse_document
-from msbot.config.toml.problems import Problems, kind_words
-from msbot.config.toml.table import Table
+from msbot_agent.toml.document import parse_document
+from msbot_agent.toml.problems import Problems, kind_words
+from msbot_agent.toml.table import Table
 
 
 def _table(text: str) -> tuple[Table, Problems]:

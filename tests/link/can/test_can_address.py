@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.link import open_link
-from msbot.link.can import (
+from msbot_agent.link import open_link
+from msbot_agent.link.can import (
     CanFdEprosimaLink,
     CanLegacyLink,
     CanMasterLink,
@@ -18,12 +17,13 @@ from msbot.link.can import (
     can_address,
     open_can_bus,
 )
-from msbot.link.can.adapters.interface import CanInterface
-from msbot.link.can.adapters.remedies import Wanted
-from msbot.link.can.can_address import parse_target
-from msbot.link.can.filters import legacy_filters, master_filters, part_filters
-from msbot.link.can.protocol import MemoryNodeIds, NodeIds
-from msbot.link.can.protocol.ids import CanIds
+from msbot_agent.link.can.adapters.interface import CanInterface
+from msbot_agent.link.can.adapters.remedies import Wanted
+from msbot_agent.link.can.can_address import parse_target
+from msbot_agent.link.can.filters import legacy_filters, master_filters, part_filters
+from msbot_agent.link.can.protocol import MemoryNodeIds, NodeIds
+from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_xrce.errors import ConfigError
 
 CODEC = Codec(bytes, bytes)
 SETTINGS = CanSettings(codec=CODEC, is_whole=bool, uid=b"\1\2\3\4\5\6\7\x08", profile_hash=77, random=Random(1))

@@ -7,14 +7,14 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkDown, LocalProtocolError, RemoteProtocolError
-from msbot.link import LinkCounters, Peer
-from msbot.link.can.controller import BusState
-from msbot.link.can.native_link import MASTER
-from msbot.link.can.peer_framing import Codec
-from msbot.link.can.protocol.frames import MTU, Frame
-from msbot.runtime.tally import MOST_NAMES, OTHERS
-from msbot.xrce import compress, decompress
+from msbot_agent.link import LinkCounters, Peer
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.native_link import MASTER
+from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.protocol.frames import MTU, Frame
+from msbot_xrce import compress, decompress
+from msbot_xrce.common.tally import MOST_NAMES, OTHERS
+from msbot_xrce.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from tests.link.can_robot import End, Robot, node_of, play
 
 

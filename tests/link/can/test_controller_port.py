@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
-from msbot.link.can.controller_port import CanPort
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import CanIds, stop_frame
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
+from msbot_agent.link.can.controller_port import CanPort
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import CanIds, stop_frame
+from msbot_xrce.errors import LinkDown, LinkFull
 
 
 class FakeBus:

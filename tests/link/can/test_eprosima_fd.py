@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.agent import Agent
-from msbot.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError
-from msbot.link import Peer, Signal
-from msbot.link.can.can_link_base import BUS_LEFT
-from msbot.link.can.eprosima_fd import GAVE_WAY, MAX_PEERS, WRONG_LENGTH, CanFdEprosimaLink
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import CanIds, stop_frame
-from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce.objects import EndpointQos
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.link import Peer, Signal
+from msbot_agent.link.can.can_link_base import BUS_LEFT
+from msbot_agent.link.can.eprosima_fd import GAVE_WAY, MAX_PEERS, WRONG_LENGTH, CanFdEprosimaLink
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import CanIds, stop_frame
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_agent.space import MemorySpace
+from msbot_xrce.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError
+from msbot_xrce.objects import EndpointQos
 from tests.effort import tries
 from tests.hearing_client import HearingClient
 

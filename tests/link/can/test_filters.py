@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.filters import (
+from msbot_agent.link.can.filters import (
     IdFilter,
     eprosima_filters,
     id_range,
@@ -13,7 +13,7 @@ from msbot.link.can.filters import (
     one_id,
     part_filters,
 )
-from msbot.link.can.protocol.ids import Assign, Beacon, CanIds, assign_frame, beacon_frame, join_frame, stop_frame
+from msbot_agent.link.can.protocol.ids import Assign, Beacon, CanIds, assign_frame, beacon_frame, join_frame, stop_frame
 
 
 def heard(filters: tuple[IdFilter, ...], can_id: int, *, extended: bool = False) -> bool:

@@ -8,21 +8,21 @@ from random import Random
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError
-from msbot.link import Peer, Signal
-from msbot.link.can import CanLegacyLink
-from msbot.link.can.can_link_base import BUS_LEFT
-from msbot.link.can.legacy_link import COMPONENT, MASTER
-from msbot.link.can.protocol import Frame
-from msbot.link.can.protocol.frames import FRAME_LOST
-from msbot.link.can.protocol.ids import CanIds, stop_frame
-from msbot.link.can.sim import SimBus, SimBusDriver
 from msbot.part import ClientSettings
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
-from msbot.xrce import is_whole
-from msbot.xrce.messages import Format, Header, ObjectKind, ObjectVariant, WriteData, encode_message
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.link import Peer, Signal
+from msbot_agent.link.can import CanLegacyLink
+from msbot_agent.link.can.can_link_base import BUS_LEFT
+from msbot_agent.link.can.legacy_link import COMPONENT, MASTER
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.protocol.frames import FRAME_LOST
+from msbot_agent.link.can.protocol.ids import CanIds, stop_frame
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_agent.space import MemorySpace
+from msbot_xrce import is_whole
+from msbot_xrce.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError
+from msbot_xrce.messages import Format, Header, ObjectKind, ObjectVariant, WriteData, encode_message
 from tests.hearing_client import HearingClient
 
 KEY = 0xBA5EBA11

@@ -10,18 +10,27 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.link import Signal
-from msbot.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
-from msbot.link.can.peer_framing import Codec
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import FIRST, LAST, Frame
-from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, NODES, Beacon, CanIds, beacon_frame, join_frame, read_join
-from msbot.link.can.protocol.join_master import HEARD_S, LISTEN_S
-from msbot.link.can.protocol.node_ids import MemoryNodeIds
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.xrce import compress, decompress
+from msbot_agent.link import Signal
+from msbot_agent.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
+from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import FIRST, LAST, Frame
+from msbot_agent.link.can.protocol.ids import (
+    CAN_FD,
+    COMPRESSION,
+    NODES,
+    Beacon,
+    CanIds,
+    beacon_frame,
+    join_frame,
+    read_join,
+)
+from msbot_agent.link.can.protocol.join_master import HEARD_S, LISTEN_S
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_xrce import compress, decompress
+from msbot_xrce.errors import ConfigError
 from tests.effort import tries
 from tests.link.can_robot import End, Robot, node_of, play
 

@@ -9,14 +9,14 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link import Peer, Signal
-from msbot.link.can.controller import BusState, CanBusInfo
-from msbot.link.can.native_link import MASTER, CanMasterLink, CanPartLink
-from msbot.link.can.native_link_base import NOT_SENT, NativeEnd
-from msbot.link.can.peer_framing import Codec
-from msbot.link.can.protocol.frames import Frame, split
-from msbot.link.can.protocol.ids import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Peer, Signal
+from msbot_agent.link.can.controller import BusState, CanBusInfo
+from msbot_agent.link.can.native_link import MASTER, CanMasterLink, CanPartLink
+from msbot_agent.link.can.native_link_base import NOT_SENT, NativeEnd
+from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.protocol.frames import Frame, split
+from msbot_agent.link.can.protocol.ids import (
     CAN_FD,
     COMPRESSION,
     NODES,
@@ -31,9 +31,9 @@ from msbot.link.can.protocol.ids import (
     read_join,
     read_question,
 )
-from msbot.link.can.protocol.join_master import LISTEN_S
-from msbot.link.can.protocol.join_part import FIRST_PAUSE_S, JITTER, LONGEST_PAUSE_S
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link.can.protocol.join_master import LISTEN_S
+from msbot_agent.link.can.protocol.join_part import FIRST_PAUSE_S, JITTER, LONGEST_PAUSE_S
+from msbot_xrce.errors import LinkDown
 
 IDS = CanIds()
 HASH = 0x00C0FFEE

@@ -6,13 +6,13 @@ from itertools import product
 
 import pytest
 
-from msbot.errors import RemoteProtocolError
-from msbot.link import LinkCounters
-from msbot.link.can.controller import CanBusInfo
-from msbot.link.can.legacy_link import _repeat_s
-from msbot.link.can.peer_framing import CanWire, Codec
-from msbot.link.can.protocol.frames import REPEATED
-from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION
+from msbot_agent.link import LinkCounters
+from msbot_agent.link.can.controller import CanBusInfo
+from msbot_agent.link.can.legacy_link import _repeat_s
+from msbot_agent.link.can.peer_framing import CanWire, Codec
+from msbot_agent.link.can.protocol.frames import REPEATED
+from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION
+from msbot_xrce.errors import RemoteProtocolError
 
 
 def refuse(message: bytes) -> bytes:

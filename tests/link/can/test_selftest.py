@@ -8,11 +8,11 @@ from random import Random
 
 import pytest
 
-from msbot.link.can.controller import CanBusInfo
-from msbot.link.can.protocol import Frame
-from msbot.link.can.selftest import CheckResult, selftest
-from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can.controller import CanBusInfo
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.link.can.selftest import CheckResult, selftest
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
 
 
 def check(

@@ -13,9 +13,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link.net import UdpServerLink, batched_receive, udp
-from msbot.link.net.batched_receive import BATCH, BatchedReceiver, batched_receiver
+from msbot_agent.link.net import UdpServerLink, batched_receive, udp
+from msbot_agent.link.net.batched_receive import BATCH, BatchedReceiver, batched_receiver
+from msbot_xrce.errors import LinkDown
 from tests.link.net.test_udp import Inbox, has_ipv6, running
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="recvmmsg is Linux' own")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.net.connection_budget import IDLE_S, ConnectionBudget
+from msbot_agent.link.net.connection_budget import IDLE_S, ConnectionBudget
 from tests.effort import tries
 
 

@@ -7,8 +7,8 @@ import socket
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link.net.host_address import addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
+from msbot_agent.link.net.host_address import addresses_of, cannot_listen, cannot_reach, joined, serve_both_kinds
+from msbot_xrce.errors import LinkDown
 
 
 def test_an_address_is_written_so_that_it_can_be_read_again() -> None:

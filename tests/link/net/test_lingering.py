@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.link.net.lingering import LINGER_S, LOOKS_MAX, WAKING_S, Lingering
+from msbot_agent.link.net.lingering import LINGER_S, LOOKS_MAX, WAKING_S, Lingering
 
 LOOK_S = 1e-6
 

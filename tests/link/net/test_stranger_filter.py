@@ -11,9 +11,9 @@ from itertools import islice
 
 import pytest
 
-from msbot.link import Peer
-from msbot.link.net.flood_watch import CHANCES, LOOK_S, StrangersHeard
-from msbot.link.net.stranger_filter import (
+from msbot_agent.link import Peer
+from msbot_agent.link.net.flood_watch import CHANCES, LOOK_S, StrangersHeard
+from msbot_agent.link.net.stranger_filter import (
     FEW_KNOWN,
     MOST_KNOWN,
     NOT_ANSWERED,
@@ -22,7 +22,7 @@ from msbot.link.net.stranger_filter import (
     attach,
     strangers_program,
 )
-from msbot.runtime.tally import Tally
+from msbot_xrce.common.tally import Tally
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the filter is one of Linux")
 
@@ -151,7 +151,7 @@ def test_a_socket_of_both_kinds_hears_known_peers_of_both() -> None:
 
 
 def test_a_flood_is_filtered_counted_and_let_in_again_when_it_is_over() -> None:
-    from msbot.runtime.virtual_time import run_virtual
+    from msbot.process.virtual_time import run_virtual
 
     async def scene() -> None:
         with listening() as opened:

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import Link, Signal
-from msbot.link.byte_frames import MAX_PACKET, encode_tcp
-from msbot.link.net import TcpClientLink, TcpServerLink, connection_budget, tcp
-from msbot.link.net.tcp import BROKEN_AT_ONCE, MADE_ROOM, SILENT, TOO_MANY, WRITE_LIMIT, TcpStream
+from msbot_agent.link import Link, Signal
+from msbot_agent.link.byte_frames import MAX_PACKET, encode_tcp
+from msbot_agent.link.net import TcpClientLink, TcpServerLink, connection_budget, tcp
+from msbot_agent.link.net.tcp import BROKEN_AT_ONCE, MADE_ROOM, SILENT, TOO_MANY, WRITE_LIMIT, TcpStream
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 from tests.link.ends import End, running
 from tests.link.net.test_udp import has_ipv6

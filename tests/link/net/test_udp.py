@@ -9,11 +9,11 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import Link, Peer, Signal
-from msbot.link.net import UdpClientLink, UdpServerLink
-from msbot.link.net.host_address import cannot_reach
-from msbot.link.net.udp import DRAIN_PACKETS, NOBODY_LISTENS, QUEUE_PACKETS, UDP_MTU
+from msbot_agent.link import Link, Peer, Signal
+from msbot_agent.link.net import UdpClientLink, UdpServerLink
+from msbot_agent.link.net.host_address import cannot_reach
+from msbot_agent.link.net.udp import DRAIN_PACKETS, NOBODY_LISTENS, QUEUE_PACKETS, UDP_MTU
+from msbot_xrce.errors import LinkDown, LinkFull
 
 
 def has_ipv6() -> bool:

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link.net.batched_receive import BATCH
-from msbot.link.net.udp import DRAIN_PACKETS, NOBODY_LISTENS, STAY_S, UdpClientLink, UdpServerLink, _looker
+from msbot_agent.link.net.batched_receive import BATCH
+from msbot_agent.link.net.udp import DRAIN_PACKETS, NOBODY_LISTENS, STAY_S, UdpClientLink, UdpServerLink, _looker
+from msbot_xrce.errors import LinkDown
 
 PEER = ("10.0.0.1", 7)
 

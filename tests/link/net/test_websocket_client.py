@@ -8,10 +8,10 @@ from collections.abc import AsyncIterator
 import pytest
 from websockets.exceptions import ConnectionClosedOK
 
-from msbot.errors import ConfigError, LinkDown, LinkFull
-from msbot.link import Signal
-from msbot.link.net.websocket_client import REFUSED, WRITE_LIMIT, WebSocketClientLink, open_websocket
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Signal
+from msbot_agent.link.net.websocket_client import REFUSED, WRITE_LIMIT, WebSocketClientLink, open_websocket
+from msbot_xrce.errors import ConfigError, LinkDown, LinkFull
 from tests.link.ends import End
 
 

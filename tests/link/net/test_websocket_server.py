@@ -7,11 +7,11 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import Signal
-from msbot.link.byte_frames import MAX_PACKET
-from msbot.link.net.rate_budget import PACKETS_S
-from msbot.link.net.websocket_server import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Signal
+from msbot_agent.link.byte_frames import MAX_PACKET
+from msbot_agent.link.net.rate_budget import PACKETS_S
+from msbot_agent.link.net.websocket_server import (
     FIRST_PACKET_S,
     MOST,
     MOST_OF_ADDRESS,
@@ -21,8 +21,8 @@ from msbot.link.net.websocket_server import (
     SocketPeer,
     WebSocketServerLink,
 )
-from msbot.link.visitor import Visitor
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link.visitor import Visitor
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End, running
 
 ANN = Visitor("ann", "192.168.1.30")

@@ -5,9 +5,8 @@ import contextlib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.link import LinkInfo, Peer
-from msbot.link.relay.forwarder import (
+from msbot_agent.link import LinkInfo, Peer
+from msbot_agent.link.relay.forwarder import (
     FULL_DOWN,
     FULL_UP,
     MOST_PARTS,
@@ -20,7 +19,7 @@ from msbot.link.relay.forwarder import (
     StopSaid,
     Welcomed,
 )
-from msbot.link.relay.messages import (
+from msbot_agent.link.relay.messages import (
     MARK,
     Bye,
     Down,
@@ -38,6 +37,7 @@ from msbot.link.relay.messages import (
     decode,
     encode,
 )
+from msbot_xrce.errors import RemoteProtocolError
 
 BOOT = b"boot 123"
 

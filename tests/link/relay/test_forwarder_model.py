@@ -7,9 +7,9 @@ from random import Random
 
 import pytest
 
-from msbot.link import LinkInfo, Peer
-from msbot.link.relay import forwarder as relay_forwarder
-from msbot.link.relay.forwarder import (
+from msbot_agent.link import LinkInfo, Peer
+from msbot_agent.link.relay import forwarder as relay_forwarder
+from msbot_agent.link.relay.forwarder import (
     FULL_DOWN,
     FULL_UP,
     NOBODY,
@@ -22,7 +22,7 @@ from msbot.link.relay.forwarder import (
     StopSaid,
     Welcomed,
 )
-from msbot.link.relay.messages import (
+from msbot_agent.link.relay.messages import (
     Bye,
     Down,
     Event,

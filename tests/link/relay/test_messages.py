@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import RemoteProtocolError
-from msbot.link.relay.messages import (
+from msbot_agent.link.relay.messages import (
     Bye,
     Down,
     Event,
@@ -22,6 +21,7 @@ from msbot.link.relay.messages import (
     decode,
     encode,
 )
+from msbot_xrce.errors import RemoteProtocolError
 
 BOOT = b"boot 123"
 CARRIED = "02" + b"pi".hex() + "08" + b"can:can0".hex()

@@ -4,12 +4,12 @@ import asyncio
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown
-from msbot.link import BaseLink, LinkInfo, Peer, Signal
-from msbot.link.relay import PartsRelay
 from msbot.part import HelloWorld
 from msbot.part.join.joining import JoinState
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal
+from msbot_agent.link.relay import PartsRelay
+from msbot_xrce.errors import ConfigError, LinkDown
 from tests.link.relay.stage import Stage, play
 
 

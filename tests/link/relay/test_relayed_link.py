@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import BaseLink, LinkInfo, Peer, Signal
-from msbot.link.relay.forwarder import COUNTS, SILENT_S, STOP_TIMES
-from msbot.link.relay.messages import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal
+from msbot_agent.link.relay.forwarder import COUNTS, SILENT_S, STOP_TIMES
+from msbot_agent.link.relay.messages import (
     Down,
     Event,
     Happened,
@@ -24,8 +24,8 @@ from msbot.link.relay.messages import (
     Welcome,
     decode,
 )
-from msbot.link.relay.relayed_link import FORGOTTEN_S, STALE_S, WINDOW, Behind, RelayedLink, RelayGreeting
-from msbot.runtime.virtual_time import run_virtual
+from msbot_agent.link.relay.relayed_link import FORGOTTEN_S, STALE_S, WINDOW, Behind, RelayedLink, RelayGreeting
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End
 
 BOOT = b"boot 123"

@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import Peer, Signal
-from msbot.link.relay import relayed_link
-from msbot.link.relay.messages import Down, Event, Happened, Heard, Message, RelayBeat, Room, Up, Welcome
-from msbot.link.relay.relayed_link import Behind, RelayedLink, RelayGreeting
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Peer, Signal
+from msbot_agent.link.relay import relayed_link
+from msbot_agent.link.relay.messages import Down, Event, Happened, Heard, Message, RelayBeat, Room, Up, Welcome
+from msbot_agent.link.relay.relayed_link import Behind, RelayedLink, RelayGreeting
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 from tests.link.relay.test_relayed_link import BOOT, HELLO, Way
 

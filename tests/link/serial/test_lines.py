@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link import Signal
-from msbot.link.byte_frames import encode_serial
-from msbot.link.serial.lines import WRITE_LIMIT, Line, LineServer
+from msbot_agent.link import Signal
+from msbot_agent.link.byte_frames import encode_serial
+from msbot_agent.link.serial.lines import WRITE_LIMIT, Line, LineServer
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End
 from tests.link.transports import FakeTransport
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link import Signal
-from msbot.link.byte_frames import SerialReceiver, encode_serial
-from msbot.link.serial import PtyServerLink, SerialClientLink
+from msbot_agent.link import Signal
+from msbot_agent.link.byte_frames import SerialReceiver, encode_serial
+from msbot_agent.link.serial import PtyServerLink, SerialClientLink
+from msbot_xrce.errors import LinkDown
 from tests.link.ends import End, running
 from tests.link.ports import readable
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError
 from msbot.part.boards.gpio import PINS, PinDirection, SimGpio
+from msbot_xrce.errors import LocalProtocolError
 
 
 def outputs() -> SimGpio:

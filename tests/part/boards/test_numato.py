@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from msbot.part.boards.gpio import PINS, PinDirection, SimGpio, UsbGpio
 from msbot.part.boards.numato import NumatoGpio, NumatoSimulator, parse_answer
+from msbot_xrce.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 
 
 class Trickle:

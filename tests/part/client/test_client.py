@@ -7,14 +7,14 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkFull, LocalProtocolError, RequestError
-from msbot.link import InprocHub, LossyLink
 from msbot.part.client.client import ServiceNames
 from msbot.part.client.entities import Entity
 from msbot.part.client.settings import ClientSettings, ConnectionState
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce import Status
-from msbot.xrce.messages import (
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocHub, LossyLink
+from msbot_xrce import Status
+from msbot_xrce.errors import LinkFull, LocalProtocolError, RequestError
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
     DeliveryControl,
@@ -22,7 +22,7 @@ from msbot.xrce.messages import (
     ObjectKind,
     ObjectVariant,
 )
-from msbot.xrce.objects import EndpointQos
+from msbot_xrce.objects import EndpointQos
 from tests.effort import tries
 from tests.hearing_client import HearingClient
 from tests.part.wire import STATUS_AGENT_OK, HandLink, QuietLink, start_agent

@@ -5,10 +5,10 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError, RequestError
-from msbot.link import Signal
 from msbot.part.client.settings import ClientSettings, ConnectionState
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import Signal
+from msbot_xrce.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError, RequestError
 from tests.hearing_client import HearingClient
 from tests.part.wire import STATUS_AGENT_OK, HandLink
 

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.agent import DiscoveryResponder
-from msbot.agent.discovery import DISCOVERY_GROUP
-from msbot.errors import LinkDown
 from msbot.part import FoundAgent, find_agents
 from msbot.part.client.discovery import _Search, read_answer
-from msbot.xrce.messages import (
+from msbot_agent.agent import DiscoveryResponder
+from msbot_agent.agent.discovery import DISCOVERY_GROUP
+from msbot_xrce.errors import LinkDown
+from msbot_xrce.messages import (
     OBJECT_AGENT,
     REQUEST_DISCOVERY,
     SESSION_NONE,

@@ -5,10 +5,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from msbot.errors import LocalProtocolError
 from msbot.part.client.entities import MAX_UNANSWERED, Entity, EntityTable, RunningRead
-from msbot.xrce import Status
-from msbot.xrce.messages import DeliveryControl, Format, ObjectKind, ObjectVariant
+from msbot_xrce import Status
+from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.messages import DeliveryControl, Format, ObjectKind, ObjectVariant
 from tests.effort import tries
 
 TOPIC = ObjectVariant(ObjectKind.TOPIC, Format.BINARY, blob=b"x", parent_id=0x0011)

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link import Link, Peer
-from msbot.link.disturbed import DisturbedLink
 from msbot.part.client.settings import ClientSettings
-from msbot.xrce.messages import SESSION_NONE
+from msbot_agent.link import Link, Peer
+from msbot_agent.link.disturbed import DisturbedLink
+from msbot_xrce.messages import SESSION_NONE
 from tests.effort import tries
 from tests.hearing_client import HearingClient
 from tests.part.client.test_client import Bench, make_reader, make_writer, play

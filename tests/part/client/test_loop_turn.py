@@ -4,9 +4,9 @@ import asyncio
 
 import pytest
 
-from msbot.errors import RequestError
 from msbot.part.client.loop_turn import News, Turn
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import RequestError
 
 
 def test_work_is_done_once_per_turn_however_often_it_was_booked() -> None:

@@ -4,8 +4,8 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 
-from msbot.link import LinkInfo
 from msbot.part.client.settings import ClientSettings, ConnectionState
+from msbot_agent.link import LinkInfo
 
 
 def test_a_lost_agent_is_noticed_and_found_again_quickly_enough_for_plug_and_play() -> None:

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
 from msbot.part.join import keys
 from msbot.part.join.uid import kept_file
+from msbot_xrce.errors import ConfigError
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/messages.md").read_text()
 KEY, NONCE, UID = bytes(range(16)), bytes(range(100, 116)), b"12345678"

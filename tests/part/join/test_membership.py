@@ -7,8 +7,8 @@ from msbot.part.client.client import Client
 from msbot.part.join import plug
 from msbot.part.join.joining import Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import (
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
     DeliveryControl,

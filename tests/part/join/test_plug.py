@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.join.plug import (
     MOST_BINDINGS,
     NO_BINDING,
@@ -32,6 +31,7 @@ from msbot.part.join.plug import (
 )
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import uint32
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 
 PROFILE = ProfileMessage(

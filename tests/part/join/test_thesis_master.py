@@ -7,15 +7,15 @@ from functools import partial
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.link.in_process import inproc_pair
 from msbot.part.client.client import Client
 from msbot.part.join import plug, thesis_master
 from msbot.part.join.joining import UNANSWERED_S, AskThesisMaster, Changed, ExpectedRobot, Joining, JoinState, SendClaim
 from msbot.part.join.membership import THESIS_INVENTORY, Membership
 from msbot.pnp import thesis_programs
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import MemorySpace
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.agent import Agent
+from msbot_agent.link.in_process import inproc_pair
+from msbot_agent.space import MemorySpace
 from tests.hearing_client import HearingClient
 
 CLAIM = plug.ClaimMessage(part_number="EFGH", local_name="EFGH-local", uid=bytes(8), session_nonce=1)

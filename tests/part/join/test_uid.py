@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.part.join.uid import parse_uid, stored_uid
+from msbot_xrce.errors import ConfigError
 
 UID = bytes.fromhex("0011223344556677")
 

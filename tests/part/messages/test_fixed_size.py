@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.messages.message import Message, fixed_form
 from msbot.part.messages.wire_types import Exactly, float32, float64, int8, int64, uint8, uint16
-from msbot.xrce.messages.cdr import CdrReader, CdrWriter
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
+from msbot_xrce.messages.cdr import CdrReader, CdrWriter
 from tests.damage import damaged, read_or_refused
 
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
 from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message, fields_of
 from msbot.part.messages.wire_types import AtMost, Octets, float32, int64, uint8, uint16, uint32
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 
 HELLO = bytes.fromhex("01000000 11000000") + b"Hello DDS world!\0"  # DDS-XRCE user data, seen on the wire

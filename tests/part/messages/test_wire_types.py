@@ -20,7 +20,7 @@ from msbot.part.messages.wire_types import (
     uint32,
     uint64,
 )
-from msbot.xrce.messages import CdrReader, CdrWriter
+from msbot_xrce.messages import CdrReader, CdrWriter
 
 
 def codec(annotation: object) -> FieldCodec:

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from msbot.agent import ClientInfo
 from msbot.part.join import plug
 from msbot.pnp import Profile
 from msbot.pnp.fed_agents.agent_end import (
@@ -41,6 +40,7 @@ from msbot.pnp.fed_agents.messages import (
     WhoIsThat,
     encode,
 )
+from msbot_agent.agent import ClientInfo
 
 BOOT = 7
 LIGHT = OpenTopic(topic="light", topic_type="Light", publishes=1, reliable=0)

@@ -9,7 +9,6 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.agent import ClientInfo
 from msbot.config import PartType, Slot
 from msbot.part.join import plug
 from msbot.pnp import Access, Claim, Configuration, Inventory, MemoryStore, Profile, SlotBinding
@@ -17,6 +16,7 @@ from msbot.pnp.fed_agents.agent_end import BEAT_S, SILENT_S, AgentEnd
 from msbot.pnp.fed_agents.master_end import MasterEnd
 from msbot.pnp.fed_agents.messages import AgentHello, Ask, FromAgent, FromMaster, OpenTopic, decode_from_agent, encode
 from msbot.pnp.model import LifeTiming
+from msbot_agent.agent import ClientInfo
 
 AGENT = 0xA6E47
 SLOTS = tuple(Slot(f"slot{number}", "PART") for number in range(4))

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from msbot.errors import LinkFull, LocalProtocolError
 from msbot.pnp import Access, Inventory, Profile
 from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.fed_agents.messages import (
@@ -35,8 +34,9 @@ from msbot.pnp.fed_agents.messages import (
 )
 from msbot.pnp.fed_agents.service import AgentsService, Sayings, goes_at_once
 from msbot.pnp.services import LONGEST_BEST_EFFORT
-from msbot.runtime.virtual_time import run_virtual
-from msbot.xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot.process.virtual_time import run_virtual
+from msbot_xrce.errors import LinkFull, LocalProtocolError
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from tests.pnp.fed_agents.test_ends import TIMING, sample_slots
 
 IDENTITY = bytes(24)

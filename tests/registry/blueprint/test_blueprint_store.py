@@ -21,9 +21,9 @@ from msbot.config import (
     SlotPort,
     Timing,
 )
-from msbot.errors import RegistryError
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.registry.database.tables import bindings, library, metadata, robots, settings, slots
+from msbot_xrce.errors import RegistryError
 from tests.registry.events import CLAIM, UID
 
 PROFILE = RobotProfile("R2", "V1", "007", "today", "us")

@@ -5,8 +5,8 @@ import sqlite3
 import pytest
 from sqlalchemy.exc import IntegrityError, InterfaceError, NoSuchModuleError, OperationalError, ProgrammingError
 
-from msbot.errors import DatabaseBusy, RegistryError
 from msbot.registry.database.database_errors import fault_words, is_about_the_database, refusal, told_as_registry_error
+from msbot_xrce.errors import DatabaseBusy, RegistryError
 
 
 def _sqlite(name: str) -> OperationalError:

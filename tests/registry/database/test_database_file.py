@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine, text
 
-from msbot.errors import RegistryError
 from msbot.registry.database import database_file
 from msbot.registry.database.database_file import DatabaseFile
 from msbot.registry.database.engine import (
@@ -22,6 +21,7 @@ from msbot.registry.database.engine import (
     parse_address,
     use_write_ahead_log,
 )
+from msbot_xrce.errors import RegistryError
 
 FILES = ["robot.db", "robot.db-shm", "robot.db-wal"]
 GONE = "was deleted while the robot ran, and cannot be restored ({}): look at its folder"

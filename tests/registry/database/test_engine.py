@@ -8,7 +8,6 @@ from types import ModuleType
 
 import pytest
 
-from msbot.errors import RegistryError
 from msbot.registry.database.engine import (
     WRITE,
     check_file,
@@ -17,6 +16,7 @@ from msbot.registry.database.engine import (
     use_write_ahead_log,
     without_password,
 )
+from msbot_xrce.errors import RegistryError
 
 
 @pytest.mark.parametrize("text", ["robot.db", Path("robot.db"), "sqlite:///robot.db"])

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from sqlalchemy import URL, create_engine
 
-from msbot.errors import RegistryError
 from msbot.registry.database import engine as engine_module
 from msbot.registry.database.engine import (
     AT_ONCE,
@@ -25,6 +24,7 @@ from msbot.registry.database.engine import (
     parse_address,
     use_write_ahead_log,
 )
+from msbot_xrce.errors import RegistryError
 
 
 @pytest.mark.parametrize("is_reader", [False, True])

@@ -7,8 +7,8 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.errors import RegistryError
 from msbot.registry.database.pending_change import PendingChange
+from msbot_xrce.errors import RegistryError
 
 
 def pending(given_up: list[PendingChange[str]]) -> PendingChange[str]:

@@ -14,12 +14,12 @@ from alembic.migration import MigrationContext
 from sqlalchemy import Engine, create_mock_engine
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.registry import Registry, open_registry
 from msbot.registry.database import schema
 from msbot.registry.database.engine import make_engine, parse_address
 from msbot.registry.database.schema import Migrations, bring_up_to_date, folder_migrations, own_migrations, read_version
 from msbot.registry.database.tables import metadata
+from msbot_xrce.errors import RegistryError
 
 NOW = own_migrations().newest
 NEXT = f"""

@@ -20,12 +20,12 @@ import pytest
 from sqlalchemy import Connection
 
 from msbot.config import Blueprint, Library
-from msbot.errors import DatabaseBusy, RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
 from msbot.registry.database import storage
 from msbot.registry.edits import slot_values
 from msbot.registry.maintenance import upkeep
+from msbot_xrce.errors import DatabaseBusy, RegistryError
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
 from tests.registry.events import CLAIM, UID, changed
 from tests.registry.postgres import MISSING, NEEDED, find_server, running_server

@@ -16,10 +16,10 @@ import pytest
 from sqlalchemy import Connection, text
 from sqlalchemy.exc import OperationalError
 
-from msbot.errors import RegistryError
 from msbot.registry.database import storage as storage_module
 from msbot.registry.database.engine import WAIT_S, WRITE, make_engine, parse_address
 from msbot.registry.database.storage import Storage, StorageHealth
+from msbot_xrce.errors import RegistryError
 
 
 @contextmanager

@@ -15,11 +15,11 @@ import pytest
 from sqlalchemy import Connection
 from sqlalchemy.exc import OperationalError
 
-from msbot.errors import ConfigError, MsbotError, RegistryError
 from msbot.registry.database import writer as writer_module
 from msbot.registry.database.engine import WAIT_S, WRITE
 from msbot.registry.database.pending_change import PendingChange
 from msbot.registry.database.writer import Note, Writer
+from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
 
 _T = TypeVar("_T")
 LOCKED = (

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from msbot.config import Binding, Blueprint, InDds, Library, RosOptions, Scalar, Slot, SlotPort, binding_faults
-from msbot.errors import ConfigError
+from msbot_xrce.errors import ConfigError
 
 ORDER = ("library", "blueprint", "hand")
 LEAST = {"value", "place", "block", "bind", "apply"}

@@ -10,10 +10,10 @@ import pytest
 from sqlalchemy import event
 
 from msbot.config import Library, Scalar, Slot, SlotPort
-from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import Claim
 from msbot.registry import EditRecord, Registry, RobotRecord, RobotStore
 from msbot.registry.edits import wires
+from msbot_xrce.errors import ConfigError, RegistryError
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT, WIRE
 from tests.registry.hand import Hand
 

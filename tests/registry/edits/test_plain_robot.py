@@ -31,7 +31,6 @@ from msbot.config import (
     Timing,
     scalar_text,
 )
-from msbot.errors import ConfigError
 from msbot.pnp import Claim
 from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements
@@ -42,6 +41,7 @@ from msbot.registry.edits import part_places, part_types, slot_values, undo, wir
 from msbot.registry.edits.edit_log import Author, read_edits
 from msbot.registry.records import EditRecord
 from msbot.registry.running.configurations import read_configurations
+from msbot_xrce.errors import ConfigError
 from tests.effort import tries
 from tests.registry.blueprint.test_blueprint_store import EYE, INVERT, LEG, PERIOD, PROFILE
 from tests.registry.edits.plain_robot import Line, PlainRobot, Told, different

@@ -3,8 +3,8 @@
 import pytest
 
 from msbot.config import Blueprint, Library
-from msbot.errors import ConfigError
 from msbot.registry import ROLES, KeyRecord, Registry
+from msbot_xrce.errors import ConfigError
 from tests.registry.events import UID
 from tests.registry.hand import Hand
 

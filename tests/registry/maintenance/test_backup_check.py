@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.registry.maintenance.backup_check import fault_of
+from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
 
 ENDLESS = """

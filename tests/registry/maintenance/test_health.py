@@ -10,10 +10,10 @@ import pytest
 from sqlalchemy import text
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.maintenance.health import MB, look_at_health
+from msbot_xrce.errors import RegistryError
 from tests.registry.database.test_schema import NOW
 from tests.registry.events import CLAIM, UID, changed
 

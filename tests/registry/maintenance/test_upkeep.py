@@ -10,12 +10,12 @@ import pytest
 from sqlalchemy import Table, select, text
 
 from msbot.config import Blueprint, Library
-from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import Group, PartState
 from msbot.registry import ProgramSource, Registry, lesson_ticks, open_registry
 from msbot.registry.database.tables import metadata
 from msbot.registry.maintenance import backup_check, upkeep
-from msbot.runtime.sentence import said
+from msbot_agent.text.sentence import said
+from msbot_xrce.errors import ConfigError, RegistryError
 from tests.registry.database.test_schema import NEXT, NOW, _migrations
 from tests.registry.events import CLAIM, UID, changed
 from tests.registry.hand import Hand

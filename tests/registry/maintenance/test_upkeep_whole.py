@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine
 
-from msbot.errors import RegistryError
 from msbot.registry.database.engine import make_engine
 from msbot.registry.database.schema import own_migrations
 from msbot.registry.maintenance import backup_check, upkeep
 from msbot.registry.maintenance.upkeep import Migrated
+from msbot_xrce.errors import RegistryError
 
 OLD = (Path(__file__).parents[1] / "edits" / "old" / "schema4.sql").read_text()
 NOW = own_migrations().newest

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.registry import Registry, open_registry
 from msbot.registry.maintenance import backup_check, upkeep
 from msbot.registry.maintenance import waiting_restore as held
+from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
 
 

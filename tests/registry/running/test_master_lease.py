@@ -16,11 +16,11 @@ from sqlalchemy import URL, Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
 from msbot.config import Blueprint, Library
-from msbot.errors import ConfigError, RegistryError
 from msbot.pnp import PartState
 from msbot.registry import LeaseLost, MasterLease, Registry, open_registry
 from msbot.registry.database import engine as engine_module
 from msbot.registry.running import master_lease, run_lock
+from msbot_xrce.errors import ConfigError, RegistryError
 from tests.registry.events import changed
 
 PATIENCE_S = 90.0

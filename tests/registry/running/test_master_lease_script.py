@@ -15,11 +15,11 @@ from typing import Any, Self
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from msbot.errors import ConfigError
 from msbot.registry.database.engine import parse_address
 from msbot.registry.records import RobotRecord
 from msbot.registry.running import master_lease
 from msbot.registry.running.master_lease import LeaseLost, MasterLease, check_shareable, is_leased, wait_for_lease
+from msbot_xrce.errors import ConfigError
 
 ROBOT = RobotRecord(7, "R2", "1", "", "", "", 0)
 ADDRESS = parse_address("postgresql://user:secret@host/robots")

@@ -8,11 +8,11 @@ import pytest
 from sqlalchemy import event
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.pnp import PartState, PartStore
 from msbot.registry import Registry, RobotStore, open_registry
 from msbot.registry.running import robot_store
 from msbot.registry.running.robot_memory import read_memory
+from msbot_xrce.errors import RegistryError
 from tests.registry.events import CLAIM, UID, changed
 from tests.registry.hand import Hand
 

@@ -11,13 +11,13 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from msbot.config import Blueprint, Library
-from msbot.errors import RegistryError
 from msbot.pnp import PartState
 from msbot.registry import Registry, open_registry
 from msbot.registry.database.engine import parse_address
 from msbot.registry.running import run_lock
 from msbot.registry.running.master_lease import _LOOK, LOCK_CLASS
 from msbot.registry.running.run_lock import RunLock
+from msbot_xrce.errors import RegistryError
 from tests.registry.events import changed
 
 HOLDER = """

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.space.dds.library import load
+from msbot_agent.space.dds.library import load
+from msbot_xrce.errors import ConfigError
 from tests.ros.genuine.environment import MIDDLEWARES, environment, refuse
 from tests.ros.genuine.node import Node
 from tests.space.own_network import inside, open_network

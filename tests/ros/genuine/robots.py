@@ -9,14 +9,14 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_library, parse_blueprint
-from msbot.lab.recorder.recorder import Recorder
-from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master, robot_space
 from msbot.operations.dispatch import RunningOperations
+from msbot.recording.recorder.recorder import Recorder
 from msbot.registry import open_registry
 from msbot.ros.robot_in_ros import RobotInRos
 from msbot.sim import SimulatedPart, make_simulator
-from msbot.space import SharedSpace, Space, parse_space
+from msbot_agent.link import InprocHub, LinkInfo
+from msbot_agent.space import SharedSpace, Space, parse_space
 from tests.operations.stage import put_database
 
 LIBRARY = load_library()

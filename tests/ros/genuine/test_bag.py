@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from msbot.lab.recorder.batch import Unpacker
-from msbot.lab.recorder.recorder import Recorder
-from msbot.lab.recordings.cutting import write_cut
+from msbot.recording.recorder.batch import Unpacker
+from msbot.recording.recorder.recorder import Recorder
+from msbot.recording.recordings.cutting import write_cut
 from tests.lab.recorded import BEGAN_NS, store
 from tests.ros.genuine.node import Node
 from tests.ros.genuine.robots import LIBRARY, robot

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.space.dds.ros_type_hashes import ROS_TYPE_HASHES
+from msbot_agent.space.dds.ros_type_hashes import ROS_TYPE_HASHES
 from tests.ros.genuine.environment import environment
 from tests.ros.genuine.node import Node, genuine_node
 from tests.ros.genuine.robots import robot

@@ -13,13 +13,13 @@ from struct import pack, unpack_from
 
 import pytest
 
-from msbot.agent import Agent
-from msbot.link import InprocHub
 from msbot.part import ServiceNames
 from msbot.part.client.entities import Entity
-from msbot.ros.graph import RosGraph
-from msbot.space.dds import DdsSpace
-from msbot.xrce.objects.binary import EndpointQos
+from msbot_agent.agent import Agent
+from msbot_agent.link import InprocHub
+from msbot_agent.ros.graph import RosGraph
+from msbot_agent.space.dds import DdsSpace
+from msbot_xrce.objects.binary import EndpointQos
 from tests.hearing_client import HearingClient
 from tests.ros.genuine.node import Node, genuine_node
 from tests.space.dds.foreign_programs import SOURCES

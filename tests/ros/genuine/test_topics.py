@@ -6,8 +6,8 @@ from struct import pack
 
 import pytest
 
-from msbot.space import Qos, Topic
-from msbot.space.dds import DdsSpace
+from msbot_agent.space import Qos, Topic
+from msbot_agent.space.dds import DdsSpace
 from tests.ros.genuine.node import Node
 from tests.space.dds.peers import Inbox, until
 

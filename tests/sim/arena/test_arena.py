@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.world_reader import open_world, shipped_worlds
+from msbot_xrce.errors import ConfigError
 from tests.effort import tries
 from tests.sim.arena.worlds import arena, driving, sensed
 
@@ -218,7 +218,7 @@ def trace(seed: int) -> str:
 
 def test_who_has_no_world_needs_no_engine() -> None:
     """The extra is asked for only when a world is made."""
-    code = "import sys, msbot.demo, msbot.hardware, msbot.cli.run.part\n"
+    code = "import sys, msbot_school.demo, msbot.hardware, msbot.cli.run.part\n"
     code += "import msbot.sim.arena.guest, msbot.sim.arena.world_reader; sys.exit('pymunk' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

@@ -12,16 +12,16 @@ from random import Random
 import pytest
 
 from msbot.config import SAMPLES, Blueprint, load_library, parse_blueprint
-from msbot.demo import DemoRobot
-from msbot.link import InprocHub
 from msbot.part import JoinState, Part
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
 from msbot.sim import make_simulator
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.door import OwnDoor
 from msbot.sim.arena.living_arena import LivingArena
 from msbot.sim.arena.world_reader import open_world
+from msbot_agent.link import InprocHub
+from msbot_school.demo import DemoRobot
 
 EXAMPLE = Path(__file__).parents[3] / "examples/arena/line_follower.py"
 

@@ -9,7 +9,6 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 
 from msbot.cli.run.world import WorldWishes
-from msbot.errors import ConfigError, LinkDown
 from msbot.sim import make_simulator
 from msbot.sim.arena import server as server_module
 from msbot.sim.arena.arena import Arena
@@ -18,6 +17,7 @@ from msbot.sim.arena.living_arena import LivingArena
 from msbot.sim.arena.server import ArenaServer
 from msbot.sim.arena.wire import LONGEST_LINE, from_line, to_line, values_of
 from msbot.sim.arena.world_reader import open_world
+from msbot_xrce.errors import ConfigError, LinkDown
 
 PASSWORD = "maze runner"
 

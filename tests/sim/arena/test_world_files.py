@@ -8,10 +8,10 @@ from xml.etree import ElementTree as ET
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli import msbot
-from msbot.errors import ConfigError
 from msbot.sim.arena.drawing import world_svg
 from msbot.sim.arena.world_reader import open_world, parse_world, shipped_worlds
+from msbot_agent.cli import msbot
+from msbot_xrce.errors import ConfigError
 
 HEAD = '[world]\nname = "W"\nwidth_m = 2\nheight_m = 1\n[[robot]]\nname = "robot"\nstart = [1, 0.5]\n'
 MISTAKES = [

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.space.dds.library import load
+from msbot_agent.space.dds.library import load
+from msbot_xrce.errors import ConfigError
 from tests.space.dds.foreign_programs import refuse
 from tests.space.own_network import own_network
 

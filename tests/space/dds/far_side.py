@@ -14,8 +14,8 @@ import json
 import sys
 from typing import Any
 
-from msbot.space import Qos, Sample, Topic
-from msbot.space.dds import DdsSpace
+from msbot_agent.space import Qos, Sample, Topic
+from msbot_agent.space.dds import DdsSpace
 
 
 def numbered(number: int, size: int) -> bytes:

@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
-from msbot.space import Sample
+from msbot_agent.space import Sample
 
 GENEROUS_S = 30.0
 """Far more than anything here takes; a test that waits so long has failed."""

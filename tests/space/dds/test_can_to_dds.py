@@ -10,12 +10,12 @@ from dataclasses import replace
 from random import Random
 
 from msbot import HelloWorld
-from msbot.agent import Agent
-from msbot.link.can import CanMasterLink, CanPartLink
-from msbot.link.can.sim import SimBus, SimBusDriver
-from msbot.space import Qos, Space, Topic
-from msbot.space.dds import DdsSpace
-from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
+from msbot_agent.agent import Agent
+from msbot_agent.link.can import CanMasterLink, CanPartLink
+from msbot_agent.link.can.sim import SimBus, SimBusDriver
+from msbot_agent.space import Qos, Space, Topic
+from msbot_agent.space.dds import DdsSpace
+from msbot_xrce.messages import Format, ObjectKind, ObjectVariant
 from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import TYPE, command_of, message
 from tests.space.dds.peers import Inbox, program, until

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.space import Qos, Topic, open_space, parse_space
-from msbot.space.dds import DdsSpace
+from msbot_agent.space import Qos, Topic, open_space, parse_space
+from msbot_agent.space.dds import DdsSpace
+from msbot_xrce.errors import ConfigError
 from tests.space.dds.peers import Inbox, until
 
 CHATTER = Topic("rt/chatter", "std_msgs::msg::dds_::String_")

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.space import Qos, Topic
-from msbot.space.dds import DdsSpace
+from msbot_agent.space import Qos, Topic
+from msbot_agent.space.dds import DdsSpace
 from tests.skewed_clock import skewed
 from tests.space.dds.far_side import numbered
 from tests.space.dds.peers import Inbox, arrived, far_side, program, until

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.space import parse_space
-from msbot.space.dds import DdsSpace, library
-from msbot.space.dds.network import NetworkInterface, choose
+from msbot_agent.space import parse_space
+from msbot_agent.space.dds import DdsSpace, library
+from msbot_agent.space.dds.network import NetworkInterface, choose
+from msbot_xrce.errors import ConfigError
 from tests.space.dds.foreign_programs import refuse
 
 
@@ -135,7 +135,7 @@ def test_the_network_is_chosen_by_what_there_is(monkeypatch: pytest.MonkeyPatch)
 
 
 async def test_a_library_that_changes_samples_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    from msbot.space.dds.raw_type import Serialiser
+    from msbot_agent.space.dds.raw_type import Serialiser
 
     genuine = Serialiser.take
     monkeypatch.setattr(

@@ -7,10 +7,10 @@ from ctypes import byref
 
 import pytest
 
-from msbot.space import Qos, Reader, Topic
-from msbot.space.dds import DdsSpace
-from msbot.space.dds.library import Matched
-from msbot.space.dds.reader import DdsReader
+from msbot_agent.space import Qos, Reader, Topic
+from msbot_agent.space.dds import DdsSpace
+from msbot_agent.space.dds.library import Matched
+from msbot_agent.space.dds.reader import DdsReader
 from tests.space.dds.foreign_programs import KINDS, TYPE, Command, command_of, message
 from tests.space.dds.peers import Inbox, program, until
 

@@ -11,14 +11,14 @@ from random import Random
 import pytest
 
 from msbot.config import Library, load_blueprint, load_library
-from msbot.link import InprocHub, LinkInfo
 from msbot.master import Master, robot_space
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.ros.description import read_description
 from msbot.ros.robot_in_ros import RobotInRos
 from msbot.sim import make_simulator
-from msbot.space import SharedSpace, parse_space
+from msbot_agent.link import InprocHub, LinkInfo
+from msbot_agent.space import SharedSpace, parse_space
 from tests.operations.stage import put_database
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import program, until

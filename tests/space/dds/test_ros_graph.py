@@ -9,16 +9,16 @@ from struct import pack
 import pytest
 
 from msbot import ros2
-from msbot.agent import Agent
-from msbot.link import InprocHub
 from msbot.part import ServiceNames
-from msbot.ros import discovery_info
-from msbot.ros.discovery_info import SINCE_IRON, UNTIL_HUMBLE, NodeInfo, decode, encode
-from msbot.ros.graph import LAST_ONE, RosGraph
-from msbot.ros.node_names import NodeName
 from msbot.ros.parameters import parameter_value
-from msbot.space import Owner, Qos, Topic
-from msbot.space.dds import DdsSpace
+from msbot_agent.agent import Agent
+from msbot_agent.link import InprocHub
+from msbot_agent.ros import discovery_info
+from msbot_agent.ros.discovery_info import SINCE_IRON, UNTIL_HUMBLE, NodeInfo, decode, encode
+from msbot_agent.ros.graph import LAST_ONE, RosGraph
+from msbot_agent.ros.node_names import NodeName
+from msbot_agent.space import Owner, Qos, Topic
+from msbot_agent.space.dds import DdsSpace
 from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import Inbox, program, until

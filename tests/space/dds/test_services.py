@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.agent import Agent
-from msbot.link import InprocHub
 from msbot.part import ServiceNames
-from msbot.space import Qos, Topic
-from msbot.space.dds import DdsSpace, services
+from msbot_agent.agent import Agent
+from msbot_agent.link import InprocHub
+from msbot_agent.space import Qos, Topic
+from msbot_agent.space.dds import DdsSpace, services
 from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import SOURCES, TYPE, command_of
 from tests.space.dds.peers import Inbox, program, until

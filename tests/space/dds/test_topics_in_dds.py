@@ -8,11 +8,11 @@ import sys
 import pytest
 
 from msbot.config import Blueprint, load_library, parse_blueprint
-from msbot.errors import ConfigError
 from msbot.master import robot_space
 from msbot.part.messages.standard import Level
-from msbot.space import Qos, Topic, parse_space
-from msbot.space.dds import DdsSpace
+from msbot_agent.space import Qos, Topic, parse_space
+from msbot_agent.space.dds import DdsSpace
+from msbot_xrce.errors import ConfigError
 from tests.space.dds.foreign_programs import SOURCES
 from tests.space.dds.peers import Inbox, program, until
 

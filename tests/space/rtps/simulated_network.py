@@ -6,13 +6,13 @@ import heapq
 from collections.abc import Callable
 from random import Random
 
-from msbot.space.contract import Guid, Qos
-from msbot.space.rtps import wire
-from msbot.space.rtps.descriptions import Address
-from msbot.space.rtps.endpoint import RtpsEndpoint
-from msbot.space.rtps.participant import RtpsParticipant
-from msbot.space.rtps.wire import Inline, RtpsData
-from msbot.space.rtps.writer import RtpsSample
+from msbot_agent.space.contract import Guid, Qos
+from msbot_agent.space.rtps import wire
+from msbot_agent.space.rtps.descriptions import Address
+from msbot_agent.space.rtps.endpoint import RtpsEndpoint
+from msbot_agent.space.rtps.participant import RtpsParticipant
+from msbot_agent.space.rtps.wire import Inline, RtpsData
+from msbot_agent.space.rtps.writer import RtpsSample
 
 GROUP = ("239.255.0.1", 7400)
 

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.space.contract import Qos
-from msbot.space.rtps import participant as room
-from msbot.space.rtps import peers, wire, wire_reader
-from msbot.space.rtps.descriptions import read_endpoint, read_participant
-from msbot.space.rtps.endpoint import RtpsEndpoint
-from msbot.space.rtps.outbox import MAX_OUTBOX
-from msbot.space.rtps.participant import CYCLONE
-from msbot.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
+from msbot_agent.space.contract import Qos
+from msbot_agent.space.rtps import participant as room
+from msbot_agent.space.rtps import peers, wire, wire_reader
+from msbot_agent.space.rtps.descriptions import read_endpoint, read_participant
+from msbot_agent.space.rtps.endpoint import RtpsEndpoint
+from msbot_agent.space.rtps.outbox import MAX_OUTBOX
+from msbot_agent.space.rtps.participant import CYCLONE
+from msbot_agent.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
 from tests.space.rtps.simulated_network import Inbox, Network, reader, write, writer
 
 
@@ -277,7 +277,7 @@ def test_octets_of_strangers_never_raise(data: st.DataObject) -> None:
 
 @given(st.binary(max_size=200))
 def test_no_octets_are_too_odd_to_read(octets: bytes) -> None:
-    from msbot.errors import RemoteProtocolError
+    from msbot_xrce.errors import RemoteProtocolError
 
     for read in (wire_reader.read, read_participant, read_endpoint):
         for front in (b"", b"RTPS\x02\x03\x00\x00" + bytes(12), b"\x00\x03\x00\x00"):

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.space import TlsFiles
-from msbot.space.zenoh import Router
-from msbot.space.zenoh.library import load
+from msbot_agent.space import TlsFiles
+from msbot_agent.space.zenoh import Router
+from msbot_agent.space.zenoh.library import load
+from msbot_xrce.errors import ConfigError
 from tests.space.dds.foreign_programs import refuse
 from tests.space.own_network import inside, open_network
 from tests.space.zenoh.sites import HERE

@@ -7,8 +7,8 @@ from pathlib import Path
 from msbot.doctor.checks.network import check_zenoh
 from msbot.doctor.gather.network import zenoh
 from msbot.doctor.patient import Patient
-from msbot.space import parse_space
-from msbot.space.zenoh import Router
+from msbot_agent.space import parse_space
+from msbot_agent.space.zenoh import Router
 from tests.space.zenoh.sites import HERE, SECURE
 
 

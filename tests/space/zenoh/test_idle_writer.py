@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
-from msbot.runtime.virtual_time import run_virtual
-from msbot.space import Qos
-from msbot.space.zenoh.envelope import read_envelope
-from msbot.space.zenoh.writer import Outlet
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.space import Qos
+from msbot_agent.space.zenoh.envelope import read_envelope
+from msbot_agent.space.zenoh.writer import Outlet
 
 
 def sent_by(

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.space import Qos, SpaceAddress, parse_space
-from msbot.space.zenoh.envelope import Sealer, read_envelope
-from msbot.space.zenoh.keys import data_key, endpoint_of, has_wildcards, partition_of, token_key
-from msbot.space.zenoh.library import load
+from msbot_agent.space import Qos, SpaceAddress, parse_space
+from msbot_agent.space.zenoh.envelope import Sealer, read_envelope
+from msbot_agent.space.zenoh.keys import data_key, endpoint_of, has_wildcards, partition_of, token_key
+from msbot_agent.space.zenoh.library import load
+from msbot_xrce.errors import ConfigError
 
 NAMES = st.text(min_size=1, max_size=20)
 QOS = st.builds(

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.space import DdsTopic, Qos, Topic, open_space, parse_space
-from msbot.space.zenoh import Allowed, Router, ZenohSpace
-from msbot.space.zenoh.library import load
+from msbot_agent.space import DdsTopic, Qos, Topic, open_space, parse_space
+from msbot_agent.space.zenoh import Allowed, Router, ZenohSpace
+from msbot_agent.space.zenoh.library import load
+from msbot_xrce.errors import ConfigError
 from tests.space.dds.peers import Inbox, until
 from tests.space.zenoh.conftest import tls_of
 from tests.space.zenoh.sites import HERE, SECURE

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError, RegistryError
 from msbot.operations.rights import Right, Role, role_named
-from msbot.web.access.accounts import Accounts, NotAllowed, SignedOut
-from msbot.web.access.attempts import FIRST_PAUSE_S, FREE_TRIES, SignInRefused
-from msbot.web.access.sessions import IDLE_S, LONGEST_S, Session
-from msbot.web.access.users import MemoryUsers, User
+from msbot_web.access.accounts import Accounts, NotAllowed, SignedOut
+from msbot_web.access.attempts import FIRST_PAUSE_S, FREE_TRIES, SignInRefused
+from msbot_web.access.sessions import IDLE_S, LONGEST_S, Session
+from msbot_web.access.users import MemoryUsers, User
+from msbot_xrce.errors import ConfigError, RegistryError
 
 
 class PlainHasher:

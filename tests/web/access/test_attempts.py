@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.web.access.attempts import (
+from msbot_web.access.attempts import (
     ADDRESS_BURST,
     ADDRESS_STEP_S,
     FIRST_PAUSE_S,

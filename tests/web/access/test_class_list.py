@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
 from msbot.operations.rights import Role
-from msbot.web.access.class_list import new_password, newcomers, read_people
-from msbot.web.access.passwords import check_password
+from msbot_web.access.class_list import new_password, newcomers, read_people
+from msbot_web.access.passwords import check_password
+from msbot_xrce.errors import ConfigError
 
 
 @given(st.binary(max_size=200))

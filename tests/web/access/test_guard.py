@@ -12,11 +12,11 @@ from starlette.requests import Request
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.cookies import cookie_names
-from msbot.web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessGuard
-from msbot.web.access.sessions import Session
-from msbot.web.access.users import MemoryUsers
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.cookies import cookie_names
+from msbot_web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessGuard
+from msbot_web.access.sessions import Session
+from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 COOKIES = cookie_names("12345678")

@@ -7,14 +7,14 @@ from pathlib import Path
 import httpx
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.operations.rights import Right, Role
 from msbot.registry import ProgramSource
-from msbot.web.access.accounts import Accounts, NotAllowed
-from msbot.web.access.attempts import SignInRefused
-from msbot.web.access.guest_tickets import MOST_GUESTS, MOST_OF_ONE, TICKET_S
-from msbot.web.access.sessions import GUEST_S, Session
-from msbot.web.access.users import MemoryUsers
+from msbot_web.access.accounts import Accounts, NotAllowed
+from msbot_web.access.attempts import SignInRefused
+from msbot_web.access.guest_tickets import MOST_GUESTS, MOST_OF_ONE, TICKET_S
+from msbot_web.access.sessions import GUEST_S, Session
+from msbot_web.access.users import MemoryUsers
+from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 from tests.web.access.test_sign_in_pages import COOKIE, browser
 from tests.web.rig import Rig, show

@@ -7,12 +7,12 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.errors import ConfigError
 from msbot.operations.rights import Role
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.attempts import SignInRefused
-from msbot.web.access.passes import CLASS_TICKET_S, LONGEST_DAYS, Passes
-from msbot.web.access.users import MemoryUsers
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.attempts import SignInRefused
+from msbot_web.access.passes import CLASS_TICKET_S, LONGEST_DAYS, Passes
+from msbot_web.access.users import MemoryUsers
+from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import PlainHasher, user
 
 DAY = 86_400.0

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from starlette.requests import Request
 from starlette.types import Message, Receive, Scope, Send
 
-from msbot.errors import ConfigError
-from msbot.web.access.proxies import UNTRUSTED, BehindProxies, Proxies
-from msbot.web.html import render
-from msbot.web.language import PLAIN
-from msbot.web.place import base_of, root
+from msbot_web.access.proxies import UNTRUSTED, BehindProxies, Proxies
+from msbot_web.html import render
+from msbot_web.language import PLAIN
+from msbot_web.place import base_of, root
+from msbot_xrce.errors import ConfigError
 
 TOLD = {
     "x-forwarded-for": "192.0.2.7", "x-forwarded-proto": "https", "x-forwarded-host": "robots.school:8443",

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from msbot.operations.rights import Role
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.kept_sessions import MOST_FILES, SessionFile, remove_old
-from msbot.web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Ending, Session, Sessions
-from msbot.web.access.users import MemoryUsers
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.kept_sessions import MOST_FILES, SessionFile, remove_old
+from msbot_web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Ending, Session, Sessions
+from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 

@@ -13,12 +13,12 @@ import pytest
 from fastapi import FastAPI
 
 from msbot.operations.rights import Role
-from msbot.web.access.accounts import Accounts
-from msbot.web.access.attempts import FREE_TRIES
-from msbot.web.access.guard import AccessGuard
-from msbot.web.access.passes import CLASS_TICKET_S, Passes
-from msbot.web.access.sign_in_pages import make_forms
-from msbot.web.access.users import MemoryUsers
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.attempts import FREE_TRIES
+from msbot_web.access.guard import AccessGuard
+from msbot_web.access.passes import CLASS_TICKET_S, Passes
+from msbot_web.access.sign_in_pages import make_forms
+from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 from tests.web.access.test_sign_in_pages import COOKIE, COOKIES, HOME
 

@@ -8,14 +8,14 @@ import pytest
 
 from msbot.operations.rights import Role
 from msbot.registry import JournalEntry
-from msbot.runtime.sentence import from_json, said, to_json
-from msbot.web.access.sessions import Session
-from msbot.web.api.bus_lines import FrameLine
-from msbot.web.api.models import Done, EditLine
-from msbot.web.api.private_octets import PrivateOctets
-from msbot.web.api.session import done_for, edits_for, journal_for, parts_for, words_for
-from msbot.web.cards import part_line
-from msbot.web.records import journal_line
+from msbot_agent.text.sentence import from_json, said, to_json
+from msbot_web.access.sessions import Session
+from msbot_web.api.bus_lines import FrameLine
+from msbot_web.api.models import Done, EditLine
+from msbot_web.api.private_octets import PrivateOctets
+from msbot_web.api.session import done_for, edits_for, journal_for, parts_for, words_for
+from msbot_web.cards import part_line
+from msbot_web.records import journal_line
 from tests.pnp.robot import Rig
 
 ADDRESSES = {1: "192.0.2.1:40001", 2: "192.0.2.2:40002", 3: "192.0.2.3:40003", 4: "192.0.2.4:40004"}

@@ -11,10 +11,10 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from msbot.web.access.guard import STOP_PATH
-from msbot.web.api.late_routes import LateRoutes
-from msbot.web.api.stop_call import make_stop_api
-from msbot.web.service import Service
+from msbot_web.access.guard import STOP_PATH
+from msbot_web.api.late_routes import LateRoutes
+from msbot_web.api.stop_call import make_stop_api
+from msbot_web.service import Service
 
 
 async def _answer(request: Request) -> Response:

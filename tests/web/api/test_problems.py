@@ -8,10 +8,10 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from msbot.errors import ConfigError, DatabaseBusy, MsbotError, NotThere, RegistryError
-from msbot.web.access.accounts import NotAllowed, SignedOut
-from msbot.web.access.attempts import SignInRefused
-from msbot.web.api.problems import status_of, tell_problems
+from msbot_web.access.accounts import NotAllowed, SignedOut
+from msbot_web.access.attempts import SignInRefused
+from msbot_web.api.problems import status_of, tell_problems
+from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError, NotThere, RegistryError
 
 ERRORS = [
     (NotThere("no slot"), 404), (NotAllowed("a viewer may not"), 403), (SignedOut("sign in"), 401),

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot.school.access import AccessBook, FarAccess
+from msbot_school.classroom.access import AccessBook, FarAccess
 from tests.e2e.processes import run, running
 from tests.operations.stage import put_database
 from tests.web.browser.accessible import hurdles

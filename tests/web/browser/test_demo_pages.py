@@ -8,7 +8,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, Route, expect
 
-from msbot.lab.explain.quiz import questions
+from msbot_school.quiz import questions
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, again_until, call, click_by_script, go, new_page, told, undo_newest
 

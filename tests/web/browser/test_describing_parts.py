@@ -12,8 +12,8 @@ from typing import NamedTuple
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from msbot.web.pages.program import NEW
-from msbot.web.programs.browser_files import examples
+from msbot_web.pages.program import NEW
+from msbot_web.programs.browser_files import examples
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, free_port, new_page

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from msbot.web.language import languages
+from msbot_web.language import languages
 from tests.web.browser.accessible import hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, go, new_page
 from tests.web.browser.test_demo_pages import FITS, PAGES

@@ -10,14 +10,14 @@ from random import Random
 import pytest
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.demo import DemoRobot, Wire
-from msbot.errors import ConfigError
 from msbot.pnp import MemoryStore
+from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot.runtime.virtual_time import run_virtual
-from msbot.web.assembly import Seen
-from msbot.web.simulated.bench import NoBench
-from msbot.web.simulated.demo_bench import DemoBench, seen_of
+from msbot_school.demo import DemoRobot, Wire
+from msbot_web.assembly import Seen
+from msbot_web.simulated.bench import NoBench
+from msbot_web.simulated.demo_bench import DemoBench, seen_of
+from msbot_xrce.errors import ConfigError
 
 
 def play(

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.web.api.models import PartLine, PortLine, Scalar, SlotCard
-from msbot.web.language import languages
-from msbot.web.svg.drawings import (
+from msbot_web.api.models import PartLine, PortLine, Scalar, SlotCard
+from msbot_web.language import languages
+from msbot_web.svg.drawings import (
     STATE_ICONS,
     beat_ring,
     draw,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.runtime.sentence import said
-from msbot.web.api.models import SpanLine, TimelineLane
-from msbot.web.language import languages
-from msbot.web.svg.plots import STATE_COLOURS, bars_svg, shortened
+from msbot_agent.text.sentence import said
+from msbot_web.api.models import SpanLine, TimelineLane
+from msbot_web.language import languages
+from msbot_web.svg.plots import STATE_COLOURS, bars_svg, shortened
 from tests.web.pictures import names, read, words
 
 WIDTH = 1000.0

@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.web.api.models import TopicLine, WirePort
-from msbot.web.language import languages
-from msbot.web.svg.plots import STATE_COLOURS
-from msbot.web.svg.wiring_graph import wiring_svg
+from msbot_web.api.models import TopicLine, WirePort
+from msbot_web.language import languages
+from msbot_web.svg.plots import STATE_COLOURS
+from msbot_web.svg.wiring_graph import wiring_svg
 from tests.web.pictures import HARMFUL, names, read, words
 
 ENGLISH = languages()["en"]

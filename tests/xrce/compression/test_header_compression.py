@@ -9,11 +9,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce import compress, decompress
-from msbot.xrce.compression.dictionary import DICTIONARY, FIXED
-from msbot.xrce.compression.header_compression import DEFLATED, ESCAPE, LARGEST
-from msbot.xrce.messages import (
+from msbot_xrce import compress, decompress
+from msbot_xrce.compression.dictionary import DICTIONARY, FIXED
+from msbot_xrce.compression.header_compression import DEFLATED, ESCAPE, LARGEST
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import (
     Acknack,
     CreateClient,
     Data,
@@ -35,7 +35,7 @@ from msbot.xrce.messages import (
     read_request_id,
     write_request_id,
 )
-from msbot.xrce.messages.submessage import MAX_LENGTH
+from msbot_xrce.messages.submessage import MAX_LENGTH
 from tests.damage import damaged, read_or_refused
 from tests.xrce.captures import CAPTURES, recorded
 

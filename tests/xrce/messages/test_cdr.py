@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
-from msbot.xrce.messages import CdrReader, CdrWriter
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
+from msbot_xrce.messages import CdrReader, CdrWriter
 
 NUMBERS = [
     ("u8", 1, 0, 0xFF),

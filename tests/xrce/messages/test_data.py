@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import Data, DeliveryControl, ReadData, Submessage, WriteData, iter_submessages
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import Data, DeliveryControl, ReadData, Submessage, WriteData, iter_submessages
 
 U16 = st.integers(0, 0xFFFF)
 OCTET = st.integers(0, 0xFF)

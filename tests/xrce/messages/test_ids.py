@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.xrce import Status
-from msbot.xrce.messages import (
+from msbot_xrce import Status
+from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
     STREAM_RELIABLE,
     ObjectKind,

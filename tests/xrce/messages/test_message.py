@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import (
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import (
     Acknack,
     Create,
     CreateClient,
@@ -24,7 +24,7 @@ from msbot.xrce.messages import (
     encode_message,
     iter_submessages,
 )
-from msbot.xrce.objects import parse_variant
+from msbot_xrce.objects import parse_variant
 from tests.damage import damaged, read_or_refused
 from tests.xrce.captures import HEADERLESS_ANSWER
 from tests.xrce.message_table import BIG_ENDIAN, TABLE, Row

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
-from msbot.xrce.messages import (
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
+from msbot_xrce.messages import (
     Create,
     Delete,
     Format,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import (
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import (
     CreateClient,
     GetInfo,
     Info,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import LocalProtocolError
-from msbot.xrce.messages import Fragment
-from msbot.xrce.messages.submessage import frame
+from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.messages import Fragment
+from msbot_xrce.messages.submessage import frame
 
 
 def test_length_is_little_endian() -> None:

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce import is_whole
-from msbot.xrce.messages import CreateClient, Data, Header, Reset, StatusReply, Submessage, WriteData, encode_message
+from msbot_xrce import is_whole
+from msbot_xrce.messages import CreateClient, Data, Header, Reset, StatusReply, Submessage, WriteData, encode_message
 from tests.xrce.captures import CAPTURES, HEADERLESS_ANSWER, recorded
 from tests.xrce.message_table import TABLE, Row
 

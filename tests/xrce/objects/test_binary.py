@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.messages import Create, Format, ObjectVariant, iter_submessages
-from msbot.xrce.objects import (
+from msbot_xrce.messages import Create, Format, ObjectVariant, iter_submessages
+from msbot_xrce.objects import (
     Definition,
     EndpointQos,
     ParticipantDef,

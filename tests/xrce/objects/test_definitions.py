@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
-from msbot.xrce.objects import (
+from msbot_xrce.messages import Format, ObjectKind, ObjectVariant
+from msbot_xrce.objects import (
     Definition,
     EndpointQos,
     ParticipantDef,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
-from msbot.xrce.objects import ParticipantDef, PublisherDef, ReaderDef, SubscriberDef, TopicDef, WriterDef, named_by
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import Format, ObjectKind, ObjectVariant
+from msbot_xrce.objects import ParticipantDef, PublisherDef, ReaderDef, SubscriberDef, TopicDef, WriterDef, named_by
 
 
 @pytest.mark.parametrize("form", [Format.REFERENCE, Format.XML])

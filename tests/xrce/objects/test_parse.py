@@ -6,10 +6,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import CdrWriter, Create, Format, ObjectKind, ObjectVariant
-from msbot.xrce.messages.objects import KEPT_OCTETS
-from msbot.xrce.objects import (
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import CdrWriter, Create, Format, ObjectKind, ObjectVariant
+from msbot_xrce.messages.objects import KEPT_OCTETS
+from msbot_xrce.objects import (
     Definition,
     ParticipantDef,
     PublisherDef,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import ConfigError, RemoteProtocolError
-from msbot.xrce import References
-from msbot.xrce.messages import Format, ObjectKind, ObjectVariant
-from msbot.xrce.objects import (
+from msbot_xrce import References
+from msbot_xrce.errors import ConfigError, RemoteProtocolError
+from msbot_xrce.messages import Format, ObjectKind, ObjectVariant
+from msbot_xrce.objects import (
     Definition,
     ParticipantDef,
     ReaderDef,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.objects.xml import MAX_DEPTH, MAX_ELEMENTS, MAX_OCTETS, parse_xml
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.objects.xml import MAX_DEPTH, MAX_ELEMENTS, MAX_OCTETS, parse_xml
 from tests.damage import read_or_refused
 
 

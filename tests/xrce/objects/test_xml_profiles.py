@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce.messages import ObjectKind
-from msbot.xrce.objects import (
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import ObjectKind
+from msbot_xrce.objects import (
     Definition,
     ParticipantDef,
     PublisherDef,
@@ -17,8 +17,8 @@ from msbot.xrce.objects import (
     TopicDef,
     WriterDef,
 )
-from msbot.xrce.objects.xml import parse_xml
-from msbot.xrce.objects.xml_profiles import define, domain_of, locate
+from msbot_xrce.objects.xml import parse_xml
+from msbot_xrce.objects.xml_profiles import define, domain_of, locate
 
 QOS = "<qos><reliability><kind>{}</kind></reliability><durability><kind>{}</kind></durability></qos>"
 TOPIC = "<topic><kind>NO_KEY</kind><name>T</name><dataType>Type</dataType>{}</topic>"

@@ -6,10 +6,10 @@ import struct
 
 import pytest
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce import AgentSession, AgentSessionSettings
-from msbot.xrce.messages import DeliveryControl
-from msbot.xrce.sessions import (
+from msbot_xrce import AgentSession, AgentSessionSettings
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import DeliveryControl
+from msbot_xrce.sessions import (
     AgentEvent,
     CreateRequested,
     DataHandler,
@@ -22,7 +22,7 @@ from msbot.xrce.sessions import (
     SessionReset,
     WindowOpened,
 )
-from msbot.xrce.streams.asking_again import GUESSES_MAX
+from msbot_xrce.streams.asking_again import GUESSES_MAX
 
 KEY = 0xAABBCCDD
 MTU = 508

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
-from msbot.errors import LinkFull, LocalProtocolError, RemoteProtocolError
-from msbot.xrce import ClientState
-from msbot.xrce.messages import DeliveryControl
-from msbot.xrce.sessions import (
+from msbot_xrce import ClientState
+from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
+from msbot_xrce.messages import DeliveryControl
+from msbot_xrce.sessions import (
     Connected,
     ConnectFailed,
     DataReceived,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.messages.ids import STREAM_RELIABLE, Status
-from msbot.xrce.messages.message import Heartbeat
-from msbot.xrce.sessions.restart_doubt import RestartDoubt
+from msbot_xrce.messages.ids import STREAM_RELIABLE, Status
+from msbot_xrce.messages.message import Heartbeat
+from msbot_xrce.sessions.restart_doubt import RestartDoubt
 
 
 @dataclass

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.xrce import AgentSession, ClientSession, ClientSessionSettings, ClientState
-from msbot.xrce.messages import DeliveryControl, ObjectVariant
-from msbot.xrce.sessions import (
+from msbot_xrce import AgentSession, ClientSession, ClientSessionSettings, ClientState
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import DeliveryControl, ObjectVariant
+from msbot_xrce.sessions import (
     DataReceived,
     DataWritten,
     Pong,
@@ -22,7 +22,7 @@ from msbot.xrce.sessions import (
     TimeSynchronised,
     WindowOpened,
 )
-from msbot.xrce.streams.stream_state import StreamState
+from msbot_xrce.streams.stream_state import StreamState
 from tests.effort import tries
 from tests.xrce.pair import CLOCK_AHEAD_NS, Pair
 

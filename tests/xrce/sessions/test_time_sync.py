@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.messages.message import Timestamp, TimestampReply
-from msbot.xrce.sessions.events import TimeSynchronised
-from msbot.xrce.sessions.time_sync import answers, compare_clocks
+from msbot_xrce.messages.message import Timestamp, TimestampReply
+from msbot_xrce.sessions.events import TimeSynchronised
+from msbot_xrce.sessions.time_sync import answers, compare_clocks
 
 SECOND = 1_000_000_000
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.xrce.streams.round_trip import MEMORY_S, RoundTrip
+from msbot_xrce.streams.round_trip import MEMORY_S, RoundTrip
 
 
 def patience(trip: RoundTrip, now: float = 0.0, unanswered: int = 0) -> float:

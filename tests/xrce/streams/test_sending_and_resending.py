@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.xrce.messages.envelope import Envelope
-from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.streams.round_trip import RoundTrip
-from msbot.xrce.streams.sending_and_resending import STALE_ACKNACK, ReliableOutput
-from msbot.xrce.streams.sending_best_effort import QUEUE_FULL, TOO_LARGE, BestEffortOutput
-from msbot.xrce.streams.waiting_messages import Outbox
+from msbot_xrce.messages.envelope import Envelope
+from msbot_xrce.sessions.counters import Memory, SessionCounters
+from msbot_xrce.streams.round_trip import RoundTrip
+from msbot_xrce.streams.sending_and_resending import STALE_ACKNACK, ReliableOutput
+from msbot_xrce.streams.sending_best_effort import QUEUE_FULL, TOO_LARGE, BestEffortOutput
+from msbot_xrce.streams.waiting_messages import Outbox
 
 
 class Rig:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.xrce.streams.sequence_numbers import NOTHING_YET, distance, is_after
+from msbot_xrce.streams.sequence_numbers import NOTHING_YET, distance, is_after
 
 numbers = st.integers(0, 0xFFFF)
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.errors import LocalProtocolError
-from msbot.xrce.messages.envelope import Envelope
-from msbot.xrce.sessions.counters import Memory, SessionCounters
-from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.receiving_in_order import ReliableInput
-from msbot.xrce.streams.sending_best_effort import TOO_LARGE
-from msbot.xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, SessionOutput
+from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.messages.envelope import Envelope
+from msbot_xrce.sessions.counters import Memory, SessionCounters
+from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.streams.receiving_in_order import ReliableInput
+from msbot_xrce.streams.sending_best_effort import TOO_LARGE
+from msbot_xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, SessionOutput
 
 
 def make_sender(**changes: int) -> tuple[SessionOutput, SessionCounters]:

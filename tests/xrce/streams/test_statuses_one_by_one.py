@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.xrce.messages.envelope import Envelope, data_submessage
-from msbot.xrce.messages.objects import write_status
-from msbot.xrce.sessions.counters import SessionCounters
-from msbot.xrce.sessions.settings import SessionSettings
-from msbot.xrce.streams.session_output import SessionOutput
+from msbot_xrce.messages.envelope import Envelope, data_submessage
+from msbot_xrce.messages.objects import write_status
+from msbot_xrce.sessions.counters import SessionCounters
+from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.streams.session_output import SessionOutput
 
 RELIABLE = 0x80
 STATUS, DATA = 5, 9

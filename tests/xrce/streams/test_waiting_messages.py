@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from msbot.xrce.sessions.counters import SessionCounters
-from msbot.xrce.streams.waiting_messages import Lane, Outbox
+from msbot_xrce.sessions.counters import SessionCounters
+from msbot_xrce.streams.waiting_messages import Lane, Outbox
 
 
 def test_messages_leave_in_the_order_in_which_they_were_booked() -> None:

@@ -5,8 +5,8 @@ from random import Random
 
 from msbot.doctor import Check, Finding, Patient
 from msbot.hardware import Driver, Values
-from msbot.lab.faults import Acts, Amount, FaultKind, PacketFault
-from msbot.link import Peer
+from msbot_agent.link import Peer
+from msbot_school.faults import Acts, Amount, FaultKind, PacketFault
 
 
 class LoadMeter(Driver):

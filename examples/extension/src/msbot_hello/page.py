@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 from nicegui import ui
 
-from msbot.web import ExtensionPage, Page, Service
+from msbot_web import ExtensionPage, Page, Service
 
 
 def show(page: Page) -> None:

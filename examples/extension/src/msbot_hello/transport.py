@@ -4,8 +4,8 @@ from contextlib import nullcontext
 from random import Random
 
 from msbot.errors import ConfigError
-from msbot.link import Disturbance, DisturbedLink, Link, Scheme, open_link
-from msbot.space import MemorySpace, SpaceKind
+from msbot_agent.link import Disturbance, DisturbedLink, Link, Scheme, open_link
+from msbot_agent.space import MemorySpace, SpaceKind
 
 
 def open_slow(rest: str, serve: bool, can: object) -> Link:

@@ -9,12 +9,19 @@ from contextlib import AsyncExitStack
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link.can.adapters.driver import FRAMES_PER_TURN, MOST_WORDS, RING_FULL, CanDriver, Channel, ChannelOwner
-from msbot.link.can.controller import BusState, CanBusInfo
-from msbot.link.can.protocol.frames import Frame
-from msbot.runtime.tally import Tally
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can.adapters.driver import (
+    FRAMES_PER_TURN,
+    MOST_WORDS,
+    RING_FULL,
+    CanDriver,
+    Channel,
+    ChannelOwner,
+)
+from msbot_agent.link.can.controller import BusState, CanBusInfo
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_xrce.common.tally import Tally
+from msbot_xrce.errors import LinkDown, LinkFull
 
 FRAME = Frame(0x123, b"\1")
 

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.adapters import error_frames as can_errors
-from msbot.link.can.adapters.error_frames import STATE_WORDS, WARNING_WORDS, read_report
-from msbot.link.can.controller import BusState
+from msbot_agent.link.can.adapters import error_frames as can_errors
+from msbot_agent.link.can.adapters.error_frames import STATE_WORDS, WARNING_WORDS, read_report
+from msbot_agent.link.can.controller import BusState
 
 
 @pytest.mark.parametrize(

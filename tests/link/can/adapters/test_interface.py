@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.adapters.interface import (
+from msbot_agent.link.can.adapters.interface import (
     CanInterface,
     CanTotals,
     can_interfaces,
@@ -18,7 +18,7 @@ from msbot.link.can.adapters.interface import (
     parse_interface,
     restart_controller,
 )
-from msbot.link.can.controller import BusState
+from msbot_agent.link.can.controller import BusState
 
 ANSWERS = [
     bytes.fromhex(line.split()[1])

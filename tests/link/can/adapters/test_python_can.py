@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given, settings
 
 import can
-from msbot.errors import LinkDown
-from msbot.link.can.adapters import python_can
-from msbot.link.can.adapters.driver import CanDriver
-from msbot.link.can.adapters.python_can import MAILBOXES, PythonCanAdapter, frame_of, message_of
-from msbot.link.can.controller import BusState, CanBusInfo
-from msbot.link.can.protocol.frames import Frame
+from msbot_agent.link.can.adapters import python_can
+from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.python_can import MAILBOXES, PythonCanAdapter, frame_of, message_of
+from msbot_agent.link.can.controller import BusState, CanBusInfo
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_xrce.errors import LinkDown
 from tests.link.can.adapters.test_socketcan_frames import frames
 
 FRAME = Frame(0x123, b"\1\2\3")

@@ -6,8 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.link.can.adapters.interface import CanInterface
-from msbot.link.can.adapters.remedies import NO_KERNEL_SUPPORT, Wanted, open_error, restart_advice, up_commands, why_not
+from msbot_agent.link.can.adapters.interface import CanInterface
+from msbot_agent.link.can.adapters.remedies import (
+    NO_KERNEL_SUPPORT,
+    Wanted,
+    open_error,
+    restart_advice,
+    up_commands,
+    why_not,
+)
 
 CAN0 = CanInterface("can0", 3, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000)
 FD0 = replace(CAN0, mtu=72, data_bitrate=2_000_000)

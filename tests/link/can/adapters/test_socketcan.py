@@ -12,19 +12,25 @@ from contextlib import AsyncExitStack
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link.can.adapters import socketcan
-from msbot.link.can.adapters.driver import CanDriver
-from msbot.link.can.adapters.error_frames import NO_ACK_WORDS, STATE_WORDS, WARNING_WORDS
-from msbot.link.can.adapters.interface import CanInterface
-from msbot.link.can.adapters.remedies import NO_KERNEL_SUPPORT, Wanted
-from msbot.link.can.adapters.socketcan import KERNEL_FULL, NO_FRAME, SocketCanAdapter, SocketCanChannel, pack_filters
-from msbot.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
-from msbot.link.can.controller import BusState, CanBusInfo
-from msbot.link.can.filters import IdFilter, master_filters, one_id
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import CanIds
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link.can.adapters import socketcan
+from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.error_frames import NO_ACK_WORDS, STATE_WORDS, WARNING_WORDS
+from msbot_agent.link.can.adapters.interface import CanInterface
+from msbot_agent.link.can.adapters.remedies import NO_KERNEL_SUPPORT, Wanted
+from msbot_agent.link.can.adapters.socketcan import (
+    KERNEL_FULL,
+    NO_FRAME,
+    SocketCanAdapter,
+    SocketCanChannel,
+    pack_filters,
+)
+from msbot_agent.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
+from msbot_agent.link.can.controller import BusState, CanBusInfo
+from msbot_agent.link.can.filters import IdFilter, master_filters, one_id
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_xrce.errors import LinkDown
 
 CAN0 = CanInterface("can0", 7, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000)
 FRAME = Frame(0x123, b"\1\2\3")

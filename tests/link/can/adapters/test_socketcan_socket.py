@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from msbot.link.can.adapters.remedies import Wanted
-from msbot.link.can.adapters.socketcan import RECEIVE_BUFFER, SEND_BUFFER, open_socket
-from msbot.link.can.filters import one_id
+from msbot_agent.link.can.adapters.remedies import Wanted
+from msbot_agent.link.can.adapters.socketcan import RECEIVE_BUFFER, SEND_BUFFER, open_socket
+from msbot_agent.link.can.filters import one_id
 
 pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_CAN"), reason="SocketCAN is a part of Linux")
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError
-from msbot.link.can.protocol.bits import (
+from msbot_agent.link.can.protocol.bits import (
     CRC15_POLYNOMIAL,
     CRC17_POLYNOMIAL,
     CRC21_POLYNOMIAL,
@@ -20,7 +19,8 @@ from msbot.link.can.protocol.bits import (
     phase_bits,
     wire_bits,
 )
-from msbot.link.can.protocol.frames import FD_LENGTHS, Frame
+from msbot_agent.link.can.protocol.frames import FD_LENGTHS, Frame
+from msbot_xrce.errors import LocalProtocolError
 from tests.link.wire_receiver import Receiver
 
 

@@ -6,9 +6,9 @@ from random import Random
 
 import pytest
 
-from msbot.link.can.protocol import Frame, Framing, beacon_cost, frame_bits, message_cost
-from msbot.link.can.protocol.frames import split
-from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, Beacon, CanIds, beacon_frame
+from msbot_agent.link.can.protocol import Frame, Framing, beacon_cost, frame_bits, message_cost
+from msbot_agent.link.can.protocol.frames import split
+from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION, Beacon, CanIds, beacon_frame
 
 
 def test_one_packet_costs_its_frames() -> None:

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import RemoteProtocolError
-from msbot.link.can.protocol.decoder import CanDecoder, LegacyDecoder, report_words
-from msbot.link.can.protocol.frames import Frame, split
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link.can.protocol.decoder import CanDecoder, LegacyDecoder, report_words
+from msbot_agent.link.can.protocol.frames import Frame, split
+from msbot_agent.link.can.protocol.ids import (
     CAN_FD,
     COMPRESSION,
     NOBODY,
@@ -24,8 +23,9 @@ from msbot.link.can.protocol.ids import (
     question_frame,
     stop_frame,
 )
-from msbot.link.can.protocol.legacy_frames import split_legacy
-from msbot.link.can.protocol.notation import parse_frame
+from msbot_agent.link.can.protocol.legacy_frames import split_legacy
+from msbot_agent.link.can.protocol.notation import parse_frame
+from msbot_xrce.errors import RemoteProtocolError
 from tests.link.can.protocol.test_bits import frames
 
 IDS = CanIds()

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError
-from msbot.link.can.protocol import frames as can_frames
-from msbot.link.can.protocol.frames import (
+from msbot_agent.link.can.protocol import frames as can_frames
+from msbot_agent.link.can.protocol.frames import (
     FD_LENGTHS,
     FIRST,
     LAST,
@@ -21,7 +20,8 @@ from msbot.link.can.protocol.frames import (
     pad_fd,
     split,
 )
-from msbot.runtime.tally import Tally
+from msbot_xrce.common.tally import Tally
+from msbot_xrce.errors import LocalProtocolError
 from tests.effort import tries
 
 Message = tuple[bytes, list[bytes]]

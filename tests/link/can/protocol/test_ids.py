@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError, LocalProtocolError
-from msbot.link.can.protocol.frames import Frame, check_frame
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link.can.protocol.frames import Frame, check_frame
+from msbot_agent.link.can.protocol.ids import (
     EPOCHS,
     NOBODY,
     Assign,
@@ -31,6 +30,7 @@ from msbot.link.can.protocol.ids import (
     stop_words,
     uid_hash,
 )
+from msbot_xrce.errors import ConfigError, LocalProtocolError
 
 IDS = CanIds()
 UID = bytes.fromhex("0102030405060708")

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link.can.protocol.ids import (
     NODES,
     STARTING,
     Beacon,
@@ -16,9 +16,9 @@ from msbot.link.can.protocol.ids import (
     read_assign,
     read_beacon,
 )
-from msbot.link.can.protocol.join_master import MasterJoin, NodeEvicted, NodeJoined, NodeRefused, OtherMaster
-from msbot.link.can.protocol.join_part import ComponentJoin, ComponentState
-from msbot.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.protocol.join_master import MasterJoin, NodeEvicted, NodeJoined, NodeRefused, OtherMaster
+from msbot_agent.link.can.protocol.join_part import ComponentJoin, ComponentState
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from tests.link.joining import HASH, IDS, UID, assign, beacon, uid
 
 BASE = 64.0

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import (
     CAN_FD,
     NOBODY,
     NODES,
@@ -22,7 +22,7 @@ from msbot.link.can.protocol.ids import (
     read_assign,
     read_beacon,
 )
-from msbot.link.can.protocol.join_master import (
+from msbot_agent.link.can.protocol.join_master import (
     LISTEN_S,
     REPEAT_S,
     UNPROVEN_S,
@@ -32,7 +32,7 @@ from msbot.link.can.protocol.join_master import (
     NodeRefused,
     OtherMaster,
 )
-from msbot.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from tests.effort import tries
 from tests.link.joining import HASH, IDS, UID, any_frame, beacon, uid
 

@@ -15,16 +15,16 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from msbot.link.can.protocol import join_master
-from msbot.link.can.protocol.ids import NOBODY, Assign, join_frame, read_assign
-from msbot.link.can.protocol.join_master import (
+from msbot_agent.link.can.protocol import join_master
+from msbot_agent.link.can.protocol.ids import NOBODY, Assign, join_frame, read_assign
+from msbot_agent.link.can.protocol.join_master import (
     LISTEN_S,
     MasterJoin,
     NodeEvicted,
     NodeJoined,
     NodeRefused,
 )
-from msbot.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from tests.effort import tries
 from tests.link.joining import HASH, IDS, uid
 

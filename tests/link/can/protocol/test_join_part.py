@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import CAN_FD, COMPRESSION, NOBODY, join_frame, read_join
-from msbot.link.can.protocol.join_part import AddressLost, ComponentJoin, ComponentState, Joined
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION, NOBODY, join_frame, read_join
+from msbot_agent.link.can.protocol.join_part import AddressLost, ComponentJoin, ComponentState, Joined
+from msbot_xrce.errors import LocalProtocolError
 from tests.link.joining import HASH, IDS, UID, any_frame, assign, beacon, uid
 
 

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import ConfigError
-from msbot.link.can.protocol.frames import FD_LENGTHS, Frame
-from msbot.link.can.protocol.notation import (
+from msbot_agent.link.can.protocol.frames import FD_LENGTHS, Frame
+from msbot_agent.link.can.protocol.notation import (
     LogLine,
     format_frame,
     format_log_line,
@@ -16,6 +15,7 @@ from msbot.link.can.protocol.notation import (
     parse_log_line,
     show_frame,
 )
+from msbot_xrce.errors import ConfigError
 from tests.link.can.protocol.test_bits import frames
 
 TEXTS = [

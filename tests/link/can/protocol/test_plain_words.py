@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.ids import (
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.ids import (
     NOBODY,
     Assign,
     Beacon,
@@ -16,7 +16,7 @@ from msbot.link.can.protocol.ids import (
     question_frame,
     stop_frame,
 )
-from msbot.link.can.protocol.plain_words import frame_sentence, node_of
+from msbot_agent.link.can.protocol.plain_words import frame_sentence, node_of
 
 IDS = CanIds()
 UID = bytes(range(1, 9))

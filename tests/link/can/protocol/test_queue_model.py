@@ -12,9 +12,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from msbot.link.can.protocol import queue
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.queue import FrameQueue
+from msbot_agent.link.can.protocol import queue
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.queue import FrameQueue
 from tests.effort import tries
 
 LIMIT = 4

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown, LinkFull
-from msbot.link.can.adapters.driver import CanDriver
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim import client as sim_client
-from msbot.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusWish, WhenAbsent
-from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot.link.can.sim.model.messages import BusFrame, FrameSent, Restart, Welcome, encode
-from msbot.link.can.sim.names import NamedBus, existing_bus, find_bus, publish, withdraw
+from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim import client as sim_client
+from msbot_agent.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusWish, WhenAbsent
+from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.messages import BusFrame, FrameSent, Restart, Welcome, encode
+from msbot_agent.link.can.sim.names import NamedBus, existing_bus, find_bus, publish, withdraw
+from msbot_xrce.errors import ConfigError, LinkDown, LinkFull
 from tests.link.sim_programs import Ear, served
 
 WISH = SimBusWish("classroom")

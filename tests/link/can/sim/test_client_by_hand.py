@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown
-from msbot.link.can.controller import BusState, CanBusInfo
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim import client as sim_client
-from msbot.link.can.sim.client import LOST_WORDS, Host, SimAdapter, SimBusClient, SimBusWish, WhenAbsent
-from msbot.link.can.sim.model.messages import (
+from msbot_agent.link.can.controller import BusState, CanBusInfo
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim import client as sim_client
+from msbot_agent.link.can.sim.client import LOST_WORDS, Host, SimAdapter, SimBusClient, SimBusWish, WhenAbsent
+from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -29,8 +28,9 @@ from msbot.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot.link.can.sim.names import NamedBus
-from msbot.link.can.sim.server import SimBusServer
+from msbot_agent.link.can.sim.names import NamedBus
+from msbot_agent.link.can.sim.server import SimBusServer
+from msbot_xrce.errors import ConfigError, LinkDown
 from tests.link.can.sim.virtual import virtually
 from tests.link.can.sim.wire import Wire
 

@@ -9,13 +9,13 @@ from typing import TypeVarTuple, Unpack
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link.can.controller import BusState, CanBus
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.runtime.virtual_time import VirtualTimeLoop, run_virtual
+from msbot.process.virtual_time import VirtualTimeLoop, run_virtual
+from msbot_agent.link.can.controller import BusState, CanBus
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_xrce.errors import LinkDown
 
 RATE = 500_000
 

@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
-from msbot.errors import LinkDown, LinkFull
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim.driver import SimBusDriver, SimCanBus
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.link.can.sim.model.events import Delivered, Sent
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim.driver import SimBusDriver, SimCanBus
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.events import Delivered, Sent
+from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 from tests.link.can.sim.virtual import virtually
 

@@ -13,13 +13,12 @@ from typing import Any
 import pytest
 
 import can
-from msbot.errors import LinkDown
-from msbot.link.can.adapters.python_can import frame_of, message_of
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim import python_can_interface as sim_interface
-from msbot.link.can.sim.client import LOST_WORDS, SimBusWish
-from msbot.link.can.sim.model.messages import (
+from msbot_agent.link.can.adapters.python_can import frame_of, message_of
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim import python_can_interface as sim_interface
+from msbot_agent.link.can.sim.client import LOST_WORDS, SimBusWish
+from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -33,8 +32,9 @@ from msbot.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot.link.can.sim.names import NamedBus
-from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.sim.names import NamedBus
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_xrce.errors import LinkDown
 
 KEY = bytes(range(16))
 BUS = NamedBus("classroom", 4711, KEY.hex(), 99, 500_000, None, fd=False)

@@ -18,16 +18,16 @@ import pytest
 from can.broadcastmanager import ThreadBasedCyclicSendTask
 
 import can
-from msbot.link.can.adapters.python_can import message_of
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.protocol.notation import parse_log_line
-from msbot.link.can.sim import python_can_interface as sim_interface
-from msbot.link.can.sim import server as sim_server
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot.link.can.sim.names import existing_bus, find_bus
-from msbot.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.adapters.python_can import message_of
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.protocol.notation import parse_log_line
+from msbot_agent.link.can.sim import python_can_interface as sim_interface
+from msbot_agent.link.can.sim import server as sim_server
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.names import existing_bus, find_bus
+from msbot_agent.link.can.sim.python_can_interface import MsbotBus
 from tests.link.sim_programs import PATIENCE_S, served
 
 T = TypeVar("T")

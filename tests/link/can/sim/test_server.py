@@ -11,14 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import LinkDown
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim import server as sim_server
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot.link.can.sim.model.messages import (
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim import server as sim_server
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -31,7 +30,8 @@ from msbot.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot.link.can.sim.names import existing_bus, find_bus
+from msbot_agent.link.can.sim.names import existing_bus, find_bus
+from msbot_xrce.errors import LinkDown
 from tests.link.sim_programs import PATIENCE_S, Ear, RawProgram, served
 
 

@@ -7,13 +7,13 @@ import socket
 
 import pytest
 
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim import server as sim_server
-from msbot.link.can.sim.driver import SimBusDriver
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.link.can.sim.model.messages import (
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim import server as sim_server
+from msbot_agent.link.can.sim.driver import SimBusDriver
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -26,7 +26,7 @@ from msbot.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot.link.can.sim.server import SimBusConnection, SimBusServer
+from msbot_agent.link.can.sim.server import SimBusConnection, SimBusServer
 from tests.link.can.sim.virtual import virtually
 from tests.link.can.sim.wire import Wire
 

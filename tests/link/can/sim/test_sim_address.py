@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
-from msbot.errors import ConfigError
-from msbot.link import Signal, open_link
-from msbot.link.can import CanMasterLink, CanPartLink, CanSettings, Codec
-from msbot.link.can.sim.client import SimBusWish
-from msbot.link.can.sim.names import existing_bus, find_bus
-from msbot.link.can.sim.sim_address import open_sim_bus, parse_sim
+from msbot_agent.link import Signal, open_link
+from msbot_agent.link.can import CanMasterLink, CanPartLink, CanSettings, Codec
+from msbot_agent.link.can.sim.client import SimBusWish
+from msbot_agent.link.can.sim.names import existing_bus, find_bus
+from msbot_agent.link.can.sim.sim_address import open_sim_bus, parse_sim
+from msbot_xrce.errors import ConfigError
 from tests.link.can.sim.virtual import virtually
 from tests.link.sim_programs import PATIENCE_S
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from msbot.errors import ConfigError, LinkDown
-from msbot.link.can.sim import thread as sim_thread
-from msbot.link.can.sim.client import SimBusWish
-from msbot.link.can.sim.names import NamedBus, existing_bus, find_bus, publish
-from msbot.link.can.sim.server import SimBusServer
-from msbot.link.can.sim.thread import BusThread, hold, release
+from msbot_agent.link.can.sim import thread as sim_thread
+from msbot_agent.link.can.sim.client import SimBusWish
+from msbot_agent.link.can.sim.names import NamedBus, existing_bus, find_bus, publish
+from msbot_agent.link.can.sim.server import SimBusServer
+from msbot_agent.link.can.sim.thread import BusThread, hold, release
+from msbot_xrce.errors import ConfigError, LinkDown
 
 WISH = SimBusWish("classroom", 125_000)
 

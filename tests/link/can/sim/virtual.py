@@ -6,7 +6,7 @@ from collections.abc import Callable, Coroutine
 from functools import wraps
 from typing import ParamSpec
 
-from msbot.runtime.virtual_time import run_virtual
+from msbot.process.virtual_time import run_virtual
 
 P = ParamSpec("P")
 

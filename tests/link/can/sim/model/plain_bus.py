@@ -1,4 +1,5 @@
-"""A second, plain model of a CAN bus, beside `msbot.link.can.sim.model`: every node decides bit by bit what it drives.
+"""A second, plain model of a CAN bus, beside `msbot_agent.link.can.sim.model`: every node decides bit by bit what it
+drives.
 
 It follows ISO 11898-1:2015, 10.4 and chapter 12, with the simplification that the module says of itself: an
 error-passive node's flag keeps nobody from going on.
@@ -11,9 +12,9 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import repeat
 
-from msbot.link.can.protocol.bits import WireBit
-from msbot.link.can.sim.model.arbitration import Rates
-from msbot.link.can.sim.model.error_counters import is_tail
+from msbot_agent.link.can.protocol.bits import WireBit
+from msbot_agent.link.can.sim.model.arbitration import Rates
+from msbot_agent.link.can.sim.model.error_counters import is_tail
 
 
 class Mode(Enum):

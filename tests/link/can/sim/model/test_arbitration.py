@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from msbot.link.can.protocol.bits import arbitration_rank, frame_bits, wire_bits
-from msbot.link.can.protocol.frames import Frame, pad_fd
-from msbot.link.can.sim.model.arbitration import (
+from msbot_agent.link.can.protocol.bits import arbitration_rank, frame_bits, wire_bits
+from msbot_agent.link.can.protocol.frames import Frame, pad_fd
+from msbot_agent.link.can.sim.model.arbitration import (
     Attempt,
     Mail,
     Rates,
@@ -20,7 +20,7 @@ from msbot.link.can.sim.model.arbitration import (
     plan_attempt,
     plan_shorted,
 )
-from msbot.link.can.sim.model.error_counters import ErrorCounters
+from msbot_agent.link.can.sim.model.error_counters import ErrorCounters
 from tests.effort import tries
 from tests.link.can.sim.model.plain_bus import PlainNode, plain_bus
 

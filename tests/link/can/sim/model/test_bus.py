@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.errors import LinkDown, LinkFull, LocalProtocolError
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError
 from tests.effort import tries
 
 RATE = 500_000

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import pytest
 
-from msbot.errors import LocalProtocolError
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.bits import frame_bits
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim.model.bus import SimBus
-from msbot.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.bits import frame_bits
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from msbot_xrce.errors import LocalProtocolError
 
 FRAME = Frame(0x100, b"1")
 LENGTH = sum(frame_bits(FRAME))

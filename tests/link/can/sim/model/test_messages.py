@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.errors import LocalProtocolError, RemoteProtocolError
-from msbot.link.can.controller import BusState
-from msbot.link.can.protocol.frames import Frame
-from msbot.link.can.sim.model.messages import (
+from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.protocol.frames import Frame
+from msbot_agent.link.can.sim.model.messages import (
     MAX_MESSAGE,
     BusFrame,
     FrameRejected,
@@ -25,6 +24,7 @@ from msbot.link.can.sim.model.messages import (
     decode,
     encode,
 )
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 from tests.link.can.protocol.test_bits import frames
 

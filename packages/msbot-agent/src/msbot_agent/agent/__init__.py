@@ -1,0 +1,97 @@
+"""The agent: serves DDS-XRCE clients on any number of links and acts for them in a data space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot_agent.agent.agent_settings import MOST_OBJECTS, AgentSettings
+    from msbot_agent.agent.discovery import DiscoveryResponder, host_ipv6_addresses
+    from msbot_agent.agent.gate import ClientInfo, Gate, OpenGate
+    from msbot_agent.agent.latency import Acknowledgements, Worst
+    from msbot_agent.agent.logins import client_key_in
+    from msbot_agent.agent.pending_requests import client_key_of
+    from msbot_agent.agent.server import Agent, AgentSignalHandler
+    from msbot_agent.agent.statistics import ClientView, ObjectView, SessionWear, StreamView
+    from msbot_agent.agent.status_reader import (
+        MASTER,
+        AgentStatus,
+        LinkView,
+        RunningProcess,
+        read_statuses,
+        running_processes,
+    )
+    from msbot_agent.agent.status_server import Control, StatusServer
+
+_NAMES = {
+    "msbot_agent.agent.discovery": (
+        "DiscoveryResponder",
+        "host_ipv6_addresses",
+    ),
+    "msbot_agent.agent.gate": (
+        "ClientInfo",
+        "Gate",
+        "OpenGate",
+    ),
+    "msbot_agent.agent.agent_settings": ("MOST_OBJECTS", "AgentSettings"),
+    "msbot_agent.agent.latency": (
+        "Acknowledgements",
+        "Worst",
+    ),
+    "msbot_agent.agent.logins": ("client_key_in",),
+    "msbot_agent.agent.pending_requests": ("client_key_of",),
+    "msbot_agent.agent.server": (
+        "Agent",
+        "AgentSignalHandler",
+    ),
+    "msbot_agent.agent.statistics": (
+        "ClientView",
+        "ObjectView",
+        "SessionWear",
+        "StreamView",
+    ),
+    "msbot_agent.agent.status_reader": (
+        "MASTER",
+        "AgentStatus",
+        "LinkView",
+        "RunningProcess",
+        "read_statuses",
+        "running_processes",
+    ),
+    "msbot_agent.agent.status_server": (
+        "Control",
+        "StatusServer",
+    ),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
+
+__all__ = [
+    "MASTER",
+    "MOST_OBJECTS",
+    "Acknowledgements",
+    "Agent",
+    "AgentSettings",
+    "AgentSignalHandler",
+    "AgentStatus",
+    "ClientInfo",
+    "ClientView",
+    "Control",
+    "DiscoveryResponder",
+    "Gate",
+    "LinkView",
+    "ObjectView",
+    "OpenGate",
+    "RunningProcess",
+    "SessionWear",
+    "StatusServer",
+    "StreamView",
+    "Worst",
+    "client_key_in",
+    "client_key_of",
+    "host_ipv6_addresses",
+    "read_statuses",
+    "running_processes",
+]

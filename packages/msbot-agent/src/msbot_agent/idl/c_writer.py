@@ -1,0 +1,197 @@
+"""Definitions as C99 for the Micro XRCE-DDS client: a struct for each message, and its functions on Micro-CDR's API.
+
+Texts and sequences without a bound in the definition get one here, since a microcontroller has no heap: they become
+arrays inside the struct.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from msbot_agent.idl.model import Array, Basic, Definitions, Enum, Name, Reference, Sequence, StringType, Struct, Type
+from msbot_xrce.errors import ConfigError
+
+TEXT_BOUND = 255
+"""Largest number of characters in a text without a bound."""
+SEQUENCE_BOUND = 64
+"""Largest number of elements in a sequence without a bound."""
+
+_C = {
+    "bool": "bool", "uint8": "uint8_t", "int8": "int8_t", "uint16": "uint16_t", "int16": "int16_t",
+    "uint32": "uint32_t", "int32": "int32_t", "uint64": "uint64_t", "int64": "int64_t", "float32": "float",
+    "float64": "double",
+}  # fmt: skip
+_KEYWORDS = frozenset((
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float",
+    "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof",
+    "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "bool", "true", "false",
+))  # fmt: skip
+
+
+def to_c(definitions: Definitions, source: str, stem: str, *, text_bound: int = TEXT_BOUND,
+         sequence_bound: int = SEQUENCE_BOUND) -> tuple[str, str]:  # fmt: skip
+    """The definitions as a header and its source file.
+
+    Args:
+        definitions: what to write.
+        source: where they come from, for the first line.
+        stem: name of the files without `.h` and `.c`.
+        text_bound: largest number of characters in a text without a bound.
+        sequence_bound: largest number of elements in a sequence without a bound.
+    """
+    return _Writer(definitions, source, stem, text_bound, sequence_bound).write()
+
+
+class _Writer:
+    def __init__(self, definitions: Definitions, source: str, stem: str, text_bound: int, sequence_bound: int) -> None:
+        self._all = definitions
+        self._source = source.replace("*/", "")
+        self._stem = stem
+        self._text_bound = text_bound
+        self._sequence_bound = sequence_bound
+        self._names: Mapping[Name, str] = {name: _c_name(name) for name in definitions.order}
+        if len(set(self._names.values())) < len(self._names):
+            raise ConfigError("two types would get the same name in C: rename one of them")
+
+    def write(self) -> tuple[str, str]:
+        guard = re.sub(r"\W", "_", f"{self._stem}_H_").upper()
+        head = [
+            f"/* Written by msbot idl from {self._source}. */",
+            f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", "#include <stdint.h>", "",
+            "#include <ucdr/microcdr.h>", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
+        ]  # fmt: skip
+        for one in self._all.constants.values():
+            value = f'"{one.value}"' if isinstance(one.value, str) else str(one.value)
+            head.append(f"#define {_c_name(one.name)} {value.lower() if isinstance(one.value, bool) else value}")
+        body = [f'#include "{self._stem}.h"', ""]
+        for name in self._all.order:
+            if name in self._all.enums:
+                head += self._enum(self._all.enums[name])
+            else:
+                struct = self._all.structs[name]
+                head += self._struct(struct)
+                body += self._functions(struct)
+        head += ["#ifdef __cplusplus", "}", "#endif", "", f"#endif /* {guard} */", ""]
+        return "\n".join(head), "\n".join(body)
+
+    def _enum(self, one: Enum) -> list[str]:
+        name = self._names[one.name]
+        members = [f"    {name}_{member} = {number}," for member, number in one.members]
+        return [f"typedef enum {name} {{", *members, f"}} {name};", ""]
+
+    def _struct(self, one: Struct) -> list[str]:
+        name = self._names[one.name]
+        constants = [
+            f"#define {name}_{constant.name[-1]} "
+            + (f'"{constant.value}"' if isinstance(constant.value, str) else str(constant.value).lower())
+            for constant in one.constants
+        ]
+        members = [f"    {self._declare(member.type, _c_field(member.name))}" for member in one.members]
+        return [
+            *constants, f'#define {name}_TYPE_NAME "{one.type_name}"', f"typedef struct {name} {{", *members,
+            f"}} {name};", "", f"bool {name}_serialize(ucdrBuffer* buffer, const {name}* message);",
+            f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message);", "",
+        ]  # fmt: skip
+
+    def _declare(self, kind: Type, name: str) -> str:
+        match kind:
+            case Basic(word):
+                return f"{_C[word]} {name};"
+            case Reference(of):
+                return f"{self._names[of]} {name};"
+            case StringType(bound):
+                return f"char {name}[{(bound or self._text_bound) + 1}];"
+            case Array(element, length):
+                return self._declare(element, f"{name}[{length}]")
+            case Sequence(element, bound):
+                inside = self._declare(element, f"data[{bound or self._sequence_bound}]")
+                return f"struct {{ uint32_t size; {inside} }} {name};"
+
+    def _functions(self, one: Struct) -> list[str]:
+        name = self._names[one.name]
+        writing = [
+            line for member in one.members for line in self._write(member.type, f"message->{_c_field(member.name)}")
+        ]
+        reading = [
+            line for member in one.members for line in self._read(member.type, f"message->{_c_field(member.name)}")
+        ]
+        return [
+            f"bool {name}_serialize(ucdrBuffer* buffer, const {name}* message)", "{", "    bool ok = true;",
+            *("    " + line for line in writing), "    return ok && !buffer->error;", "}", "",
+            f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message)", "{", "    bool ok = true;",
+            *("    " + line for line in reading), "    return ok && !buffer->error;", "}", "",
+        ]  # fmt: skip
+
+    def _write(self, kind: Type, what: str, depth: int = 0) -> list[str]:
+        match kind:
+            case Basic(word):
+                return [f"ok = ok && ucdr_serialize_{_C[word]}(buffer, {what});"]
+            case Reference(of) if of in self._all.enums:
+                return [f"ok = ok && ucdr_serialize_uint32_t(buffer, (uint32_t){what});"]
+            case Reference(of):
+                return [f"ok = ok && {self._names[of]}_serialize(buffer, &{what});"]
+            case StringType():
+                return [f"ok = ok && ucdr_serialize_string(buffer, {what});"]
+            case Array(Basic(word), length):
+                return [f"ok = ok && ucdr_serialize_array_{_C[word]}(buffer, {what}, {length});"]
+            case Array(element, length):
+                return self._loop(depth, str(length), self._write(element, f"{what}[i{depth}]", depth + 1))
+            case Sequence(Basic(word), bound):
+                return [
+                    f"ok = ok && {what}.size <= {bound or self._sequence_bound};",
+                    f"ok = ok && ucdr_serialize_sequence_{_C[word]}(buffer, {what}.data, {what}.size);",
+                ]
+            case Sequence(element, bound):
+                inside = self._write(element, f"{what}.data[i{depth}]", depth + 1)
+                return [
+                    f"ok = ok && {what}.size <= {bound or self._sequence_bound};",
+                    f"ok = ok && ucdr_serialize_uint32_t(buffer, {what}.size);",
+                    *self._loop(depth, f"{what}.size", inside),
+                ]
+
+    def _read(self, kind: Type, what: str, depth: int = 0) -> list[str]:
+        match kind:
+            case Basic(word):
+                return [f"ok = ok && ucdr_deserialize_{_C[word]}(buffer, &{what});"]
+            case Reference(of) if of in self._all.enums:
+                return self._read_enum(self._all.enums[of], what)
+            case Reference(of):
+                return [f"ok = ok && {self._names[of]}_deserialize(buffer, &{what});"]
+            case StringType(bound):
+                return [f"ok = ok && ucdr_deserialize_string(buffer, {what}, {(bound or self._text_bound) + 1});"]
+            case Array(Basic(word), length):
+                return [f"ok = ok && ucdr_deserialize_array_{_C[word]}(buffer, {what}, {length});"]
+            case Array(element, length):
+                return self._loop(depth, str(length), self._read(element, f"{what}[i{depth}]", depth + 1))
+            case Sequence(Basic(word), bound):
+                most = bound or self._sequence_bound
+                return [f"ok = ok && ucdr_deserialize_sequence_{_C[word]}(buffer, {what}.data, {most}, &{what}.size);"]
+            case Sequence(element, bound):
+                inside = self._read(element, f"{what}.data[i{depth}]", depth + 1)
+                return [
+                    f"ok = ok && ucdr_deserialize_uint32_t(buffer, &{what}.size);",
+                    f"ok = ok && {what}.size <= {bound or self._sequence_bound};",
+                    *self._loop(depth, f"{what}.size", inside),
+                ]
+
+    def _read_enum(self, one: Enum, what: str) -> list[str]:
+        name = self._names[one.name]
+        known = " || ".join(f"number == {name}_{member}" for member, _ in one.members)
+        return [
+            "if (ok) {", "    uint32_t number = 0;",
+            "    ok = ucdr_deserialize_uint32_t(buffer, &number);", f"    ok = ok && ({known});",
+            f"    if (ok) {what} = ({name})number;", "}",
+        ]  # fmt: skip
+
+    def _loop(self, depth: int, count: str, inside: list[str]) -> list[str]:
+        head = f"for (uint32_t i{depth} = 0; ok && i{depth} < {count}; ++i{depth}) {{"
+        return [head, *("    " + line for line in inside), "}"]
+
+
+def _c_name(name: Name) -> str:
+    return "_".join(name)
+
+
+def _c_field(name: str) -> str:
+    return f"{name}_" if name in _KEYWORDS else name

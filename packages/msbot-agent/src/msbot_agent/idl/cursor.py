@@ -1,0 +1,148 @@
+"""Walks through the words of an IDL file: the next word, a required word, and whole-number expressions."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+
+from msbot_agent.idl.model import Name, SourcePlace
+from msbot_agent.idl.scanner import TokenKind, Word
+
+DEEPEST = 32
+"""Deepest nesting of brackets and signs in an expression."""
+
+_BINARY: list[dict[str, Callable[[int, int], int]]] = [
+    {"|": operator.or_},
+    {"^": operator.xor},
+    {"&": operator.and_},
+    {"<<": operator.lshift, ">>": operator.rshift},
+    {"+": operator.add, "-": operator.sub},
+    {"*": operator.mul, "/": operator.floordiv, "%": operator.mod},
+]
+"""Operators from the weakest to the strongest."""
+
+
+class Cursor:
+    """The words of one file, one after the other; every method raises ConfigError when it finds something else."""
+
+    def __init__(self, words: list[Word]) -> None:
+        self._words = words
+        self._at = 0
+
+    @property
+    def word(self) -> Word:
+        """The word that comes next."""
+        return self._words[self._at]
+
+    def take(self) -> Word:
+        """Take the next word; at the end of the file this returns the end again."""
+        word = self.word
+        self._at = min(self._at + 1, len(self._words) - 1)
+        return word
+
+    def has(self, text: str) -> bool:
+        """Whether that sign or name comes next."""
+        return self.word.text == text and self.word.kind in (TokenKind.SIGN, TokenKind.NAME)
+
+    def took(self, text: str) -> bool:
+        """Take that sign or name if it comes next; returns whether it did."""
+        if self.has(text):
+            self.take()
+            return True
+        return False
+
+    def need(self, text: str) -> Word:
+        """Take that sign or name, which must come next."""
+        if not self.has(text):
+            raise self.word.place.error(f"{text} is missing before {self.shown()}")
+        return self.take()
+
+    def need_name(self, what: str) -> Word:
+        """Take a name, which must come next."""
+        if self.word.kind is not TokenKind.NAME:
+            raise self.word.place.error(f"the name of {what} is missing before {self.shown()}")
+        return self.take()
+
+    def scoped_name(self) -> tuple[Name, SourcePlace]:
+        """Take a name with its modules: `geometry_msgs::msg::Twist`."""
+        place = self.word.place
+        self.took("::")
+        parts = [self.need_name("a type").text]
+        while self.took("::"):
+            parts.append(self.need_name("a type").text)
+        return tuple(parts), place
+
+    def halve(self) -> None:
+        """Take the first half of a `>>` that closes two brackets."""
+        self._words[self._at] = Word(TokenKind.SIGN, ">", self.word.place)
+
+    def shown(self) -> str:
+        """The next word for a person."""
+        return self.word.text or TokenKind.END.value
+
+
+class Expressions:
+    """Whole numbers, written as expressions.
+
+    Args:
+        words: where they are.
+        constant: gives the value of a constant by its name, or None when there is none.
+    """
+
+    def __init__(self, words: Cursor, constant: Callable[[Name], int | None]) -> None:
+        self._words = words
+        self._constant = constant
+        self._depth = 0
+
+    def number(self, level: int = 0, *, shifts: bool = True) -> int:
+        """Take the next expression; without shifts where a `>>` would close two brackets."""
+        if level == len(_BINARY):
+            return self._unary(shifts=shifts)
+        value = self.number(level + 1, shifts=shifts)
+        while self._words.word.kind is TokenKind.SIGN and self._words.word.text in _BINARY[level]:
+            if self._words.word.text in ("<<", ">>") and not shifts:
+                break
+            word = self._words.take()
+            other = self.number(level + 1, shifts=shifts)
+            if (word.text in "/%" and other == 0) or (word.text in ("<<", ">>") and not 0 <= other < 64):
+                raise word.place.error(f"{word.text} {other} cannot be worked out")
+            value = _BINARY[level][word.text](value, other)
+            if value.bit_length() > 64:
+                raise word.place.error("this number needs more than 64 bits")
+        return value
+
+    def _unary(self, *, shifts: bool) -> int:
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise self._words.word.place.error(f"an expression is nested more than {DEEPEST} deep")
+        try:
+            return self._operand(shifts=shifts)
+        finally:
+            self._depth -= 1
+
+    def _operand(self, *, shifts: bool) -> int:
+        words = self._words
+        if words.took("-"):
+            return -self._unary(shifts=shifts)
+        if words.took("~"):
+            return ~self._unary(shifts=shifts)
+        if words.took("+"):
+            return self._unary(shifts=shifts)
+        if words.took("("):
+            value = self.number()
+            words.need(")")
+            return value
+        word = words.word
+        if word.kind is TokenKind.NUMBER:
+            words.take()
+            try:
+                return int(word.text, 16 if word.text[:2].lower() == "0x" else 10)
+            except ValueError:
+                raise word.place.error(f"a whole number is needed, not {word.text}") from None
+        if word.kind is TokenKind.NAME:
+            name, place = words.scoped_name()
+            found = self._constant(name)
+            if found is None:
+                raise place.error(f"there is no whole-number constant {'::'.join(name)}")
+            return found
+        raise word.place.error(f"a number is missing before {words.shown()}")

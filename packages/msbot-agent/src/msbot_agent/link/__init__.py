@@ -1,0 +1,51 @@
+"""Links carry whole, opaque packets between this process and its peers; `contract.py` says what a link is."""
+
+from msbot_agent.link.base import BaseLink
+from msbot_agent.link.contract import (
+    ChoosyLink,
+    KnownPeers,
+    Link,
+    LinkCounters,
+    LinkInfo,
+    PacketHandler,
+    Peer,
+    RoomHandler,
+    Signal,
+    SignalHandler,
+    Tap,
+)
+from msbot_agent.link.disturbed import Disturbance, DisturbedLink, Treatment
+from msbot_agent.link.in_process import InprocEnd, InprocHub, inproc_pair
+from msbot_agent.link.link_schemes import Scheme, bound_name, link_kinds, open_link, parse_host_and_port
+from msbot_agent.link.lossy import LossyLink
+from msbot_agent.link.visitor import Visitor, pupil_behind, visitor_behind
+
+__all__ = [
+    "BaseLink",
+    "ChoosyLink",
+    "Disturbance",
+    "DisturbedLink",
+    "InprocEnd",
+    "InprocHub",
+    "KnownPeers",
+    "Link",
+    "LinkCounters",
+    "LinkInfo",
+    "LossyLink",
+    "PacketHandler",
+    "Peer",
+    "RoomHandler",
+    "Scheme",
+    "Signal",
+    "SignalHandler",
+    "Tap",
+    "Treatment",
+    "Visitor",
+    "bound_name",
+    "inproc_pair",
+    "link_kinds",
+    "open_link",
+    "parse_host_and_port",
+    "pupil_behind",
+    "visitor_behind",
+]

@@ -1,0 +1,51 @@
+"""The protocol on a CAN bus, without I/O: frames, addresses, costs, and their form for people."""
+
+from msbot_agent.link.can.protocol.bits import FrameBits, WireBit, busy_seconds, frame_bits, phase_bits, wire_bits
+from msbot_agent.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
+from msbot_agent.link.can.protocol.decoder import CanDecoder, LegacyDecoder
+from msbot_agent.link.can.protocol.frames import Frame, check_frame
+from msbot_agent.link.can.protocol.ids import NODES, CanIds, is_joining
+from msbot_agent.link.can.protocol.legacy_frames import DOWN, UP
+from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds, NodeIds
+from msbot_agent.link.can.protocol.notation import (
+    LogLine,
+    format_frame,
+    format_log_line,
+    parse_frame,
+    parse_log_line,
+    show_frame,
+)
+from msbot_agent.link.can.protocol.plain_words import frame_sentence, node_of
+
+__all__ = [
+    "BEACONS_HZ",
+    "DOWN",
+    "NODES",
+    "UP",
+    "CanDecoder",
+    "CanIds",
+    "Cost",
+    "Frame",
+    "FrameBits",
+    "Framing",
+    "LegacyDecoder",
+    "LogLine",
+    "MemoryNodeIds",
+    "NodeIds",
+    "WireBit",
+    "beacon_cost",
+    "busy_seconds",
+    "check_frame",
+    "format_frame",
+    "format_log_line",
+    "frame_bits",
+    "frame_sentence",
+    "is_joining",
+    "message_cost",
+    "node_of",
+    "parse_frame",
+    "parse_log_line",
+    "phase_bits",
+    "show_frame",
+    "wire_bits",
+]

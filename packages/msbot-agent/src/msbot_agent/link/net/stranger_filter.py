@@ -1,0 +1,246 @@
+"""Keeps a flood of strangers away from a UDP socket: in the kernel, before it takes room in the socket's buffer.
+
+While there is a flood (`msbot_agent.link.net.flood_watch`), a filter of classic BPF, which needs no privileges, is
+attached to the socket. It lets the datagrams of known peers through, and those of the strangers whose turn it is. What
+is not let through costs some hundred nanoseconds, and cannot push a known peer's datagrams out of the buffer. Where the
+system has no such filters, what a stranger sends is dropped here, after it was read.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ctypes
+import errno
+import logging
+import socket
+import struct
+import sys
+from collections.abc import Hashable
+from ipaddress import IPv4Address, IPv6Address, ip_address
+
+from msbot_agent.link.contract import KnownPeers, Peer
+from msbot_agent.link.net.flood_watch import CHANCES, LOOK_S, FloodWatch, StrangersHeard
+from msbot_xrce.common.tally import Tally
+
+NOT_READ = "datagram of a stranger during a flood: not read"
+NOT_ANSWERED = "datagram of a stranger during a flood: not answered at once"
+MOST_KNOWN = 800
+"""Known peers that the filter lets through."""
+FEW_KNOWN = 200
+"""Where the kernel has little memory for filters (net.core.optmem_max)."""
+LONGEST_PROGRAM = 4096
+"""Instructions that Linux takes (BPF_MAXINSNS)."""
+TOLD_S = 60.0
+
+_SALT = 0x9E3779B1
+_ATTACH, _DETACH, _MEMINFO, _DROPS = 26, 27, 55, 8
+"""SO_ATTACH_FILTER, SO_DETACH_FILTER, SO_MEMINFO, and SK_MEMINFO_DROPS of linux/sock_diag.h."""
+_NETWORK, _RANDOM = 0xFFF00000, 0xFFFFF000 + 56
+"""Where the header of IP begins (SKF_NET_OFF), and a random number (SKF_AD_OFF + SKF_AD_RANDOM)."""
+_WORD, _HALF, _OCTET = 0x20, 0x28, 0x30
+_EQUAL, _AT_LEAST, _JUMP, _RETURN = 0x15, 0x35, 0x05, 0x06
+_AND, _SHIFT, _MULTIPLY, _MODULO, _XOR_X, _TO_X = 0x54, 0x74, 0x24, 0x94, 0xAC, 0x07
+_WHOLE = 0xFFFFFFFF
+_PORT = 0
+"""A filter of UDP begins at its header, with the sender's port."""
+
+_log = logging.getLogger(__name__)
+
+_Ports = dict[IPv4Address | IPv6Address, list[int]]
+Instruction = tuple[int, int, int, int]
+"""Code, how many to skip if true, if not, value."""
+
+
+class StrangerFilter:
+    """See the module's docstring.
+
+    Args:
+        opened: a socket of UDP.
+        name: the link's name, for the log.
+        known: who the link's owner knows.
+        dropped: where what is not read is counted.
+    """
+
+    def __init__(self, opened: socket.socket, name: str, known: KnownPeers, dropped: Tally) -> None:
+        self.next_at = 0.0
+        """When `look` is to be called."""
+        self._socket = opened
+        self._name = name
+        self._known = known
+        self._dropped = dropped
+        self._watch = FloodWatch()
+        self._read = 0
+        self._strangers = known.strangers
+        self._drops = _drops(opened)
+        self._set: tuple[StrangersHeard, tuple[Peer, ...]] | None = None
+        self._told_at: float | None = None
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether there is a flood, and `takes` decides."""
+        return self._watch.admission is not None
+
+    def look(self, now: float) -> None:
+        """Look at the counts, and set the filter accordingly."""
+        was_on = self.is_on
+        heard, self._strangers = self._known.strangers - self._strangers, self._known.strangers
+        drops = _drops(self._socket)
+        # While it is calm, the kernel drops only what a full buffer has no room for, whoever has sent it.
+        dropped = (drops - self._drops) & _WHOLE if was_on else 0
+        read, self._read, self._drops = self._read if was_on else heard, 0, drops
+        if dropped:
+            self._dropped.count(NOT_READ, dropped)
+        admission = self._watch.look(read, dropped, now)
+        self.next_at = now + LOOK_S
+        if admission is None:
+            if was_on:
+                self._detach()
+            return
+        self._attach(admission)
+        if not was_on:
+            self._tell(now)
+        self._timer = asyncio.get_running_loop().call_later(LOOK_S, self._look_again)
+
+    def takes(self, peer: Peer, now: float) -> bool:
+        """Whether a datagram that was read during a flood goes on to the owner."""
+        if self._known.knows(peer):
+            return True
+        self._read += 1
+        origin: Hashable = peer[0] if isinstance(peer, tuple) else peer
+        if self._watch.answers(origin, now):
+            return True
+        self._dropped.count(NOT_ANSWERED)
+        return False
+
+    def stop(self) -> None:
+        """Look no more; the socket is about to be closed."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _look_again(self) -> None:
+        self._timer = None
+        now = asyncio.get_running_loop().time()
+        if self.is_on and now >= self.next_at - LOOK_S / 2:
+            self.look(now)
+
+    def _tell(self, now: float) -> None:
+        if self._told_at is None or now - self._told_at >= TOLD_S:
+            self._told_at = now
+            _log.warning(
+                "%s: %.0f packets a second come from strangers: known parts go first, newcomers are heard in turns",
+                self._name, self._watch.per_s,
+            )  # fmt: skip
+
+    def _attach(self, admission: StrangersHeard) -> None:
+        wanted = (admission, tuple(self._known.first(MOST_KNOWN)))
+        if wanted == self._set or sys.platform != "linux":
+            return
+        is_ipv6 = self._socket.family == socket.AF_INET6
+        for most, by_port in ((MOST_KNOWN, True), (MOST_KNOWN, False), (FEW_KNOWN, False)):
+            program = strangers_program(admission, wanted[1][:most], is_ipv6=is_ipv6, by_port=by_port)
+            try:
+                attach(self._socket, program)
+            except OSError as error:  # too long; no memory for it; or no such filters
+                _log.debug("%s: no filter of %d instructions: %s", self._name, len(program), error)
+            else:
+                self._set = wanted
+                return
+
+    def _detach(self) -> None:
+        if self._set is not None:
+            self._set = None
+            self._socket.setsockopt(socket.SOL_SOCKET, _DETACH, 0)
+
+
+def strangers_program(
+    admission: StrangersHeard, known: tuple[Peer, ...], *, is_ipv6: bool = False, by_port: bool = True
+) -> list[Instruction]:  # fmt: skip
+    """The filter, in classic BPF.
+
+    Args:
+        admission: which strangers are let through.
+        known: addresses of peers that always are, as `recvfrom` gives them.
+        is_ipv6: whether the socket is one of IPv6, which has datagrams of IPv4 as well.
+        by_port: whether a known peer is known by its port as well; if not, the program is shorter, and all programs of
+            its computer come through.
+    """
+    ports: _Ports = {}
+    for peer in known:
+        match peer:
+            case (str() as host, int() as port, *_):
+                address = ip_address(host.partition("%")[0])
+                mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+                ports.setdefault(mapped or address, []).append(port)
+    if not by_port:
+        ports = {one: [] for one in ports}
+    four = _section(4, admission, {one: found for one, found in ports.items() if one.version == 4})
+    if not is_ipv6:
+        return four
+    six = _section(6, admission, {one: found for one, found in ports.items() if one.version == 6})
+    version = [(_OCTET, 0, 0, _NETWORK), (_SHIFT, 0, 0, 4), (_EQUAL, 1, 0, 6), (_JUMP, 0, 0, len(six))]
+    return [*version, *six, *four]
+
+
+def attach(opened: socket.socket, program: list[Instruction]) -> None:
+    """Have the kernel filter what comes to a socket.
+
+    Raises:
+        OSError: it does not.
+    """
+    if len(program) > LONGEST_PROGRAM:
+        raise OSError(errno.EINVAL, "the filter is too long")
+    octets = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *one) for one in program))
+    what = struct.pack("@HP", len(program), ctypes.addressof(octets))
+    opened.setsockopt(socket.SOL_SOCKET, _ATTACH, what)
+
+
+def _section(version: int, admission: StrangersHeard, ports: _Ports) -> list[Instruction]:
+    """The filter for one version of IP: first each known address with its ports, then the strangers."""
+    source = [_NETWORK + 12] if version == 4 else [_NETWORK + 8 + 4 * number for number in range(4)]
+    program: list[Instruction] = [(_WORD, 0, 0, source[0])] if version == 4 else []
+    for address, found in ports.items():
+        then = [(_HALF, 0, 0, _PORT), *_ports(found), (_WORD, 0, 0, source[0])] if found else [(_RETURN, 0, 0, _WHOLE)]
+        parts = struct.unpack(f">{len(source)}I", address.packed)
+        # If a part of the address is another one, on to the next address: by one jump at the end of the comparison,
+        # since a comparison itself skips 255 instructions at most.
+        if version == 4:
+            program += [(_EQUAL, 1, 0, parts[0])]
+        else:
+            for number, (at, part) in enumerate(zip(source, parts, strict=True)):
+                is_last = number == len(source) - 1
+                away = 0 if is_last else 2 * (len(source) - number) - 2
+                program += [(_WORD, 0, 0, at), (_EQUAL, int(is_last), away, part)]
+        program += [(_JUMP, 0, 0, len(then)), *then]
+    return [*program, *_strangers(source, admission)]
+
+
+def _ports(ports: list[int]) -> list[Instruction]:
+    return [one for port in sorted(set(ports)) for one in ((_EQUAL, 0, 1, port), (_RETURN, 0, 0, _WHOLE))]
+
+
+def _strangers(source: list[int], admission: StrangersHeard) -> list[Instruction]:
+    program: list[Instruction] = [(_WORD, 0, 0, source[0])]
+    for at in source[1:]:
+        program += [(_TO_X, 0, 0, 0), (_WORD, 0, 0, at), (_XOR_X, 0, 0, 0)]
+    program += [
+        (_MULTIPLY, 0, 0, _SALT), (_SHIFT, 0, 0, 12), (_MODULO, 0, 0, admission.turns),
+        (_EQUAL, 1, 0, admission.turn), (_RETURN, 0, 0, 0),
+    ]  # fmt: skip
+    if admission.chance < CHANCES:
+        program += [
+            (_WORD, 0, 0, _RANDOM), (_AND, 0, 0, CHANCES - 1), (_AT_LEAST, 0, 1, admission.chance), (_RETURN, 0, 0, 0),
+        ]  # fmt: skip
+    return [*program, (_RETURN, 0, 0, _WHOLE)]
+
+
+def _drops(opened: socket.socket) -> int:
+    """How many datagrams the kernel has dropped for this socket, modulo 2 ** 32; 0 where it does not say."""
+    if sys.platform != "linux":
+        return 0
+    try:
+        found = opened.getsockopt(socket.SOL_SOCKET, _MEMINFO, 64)
+    except OSError:
+        return 0
+    return int.from_bytes(found[4 * _DROPS : 4 * _DROPS + 4], sys.byteorder)

@@ -1,0 +1,1 @@
+"""How programs log: to a terminal, to the journal, as JSON, and bounded."""

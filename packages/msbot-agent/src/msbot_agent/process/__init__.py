@@ -1,0 +1,1 @@
+"""The process and its system: event loop, signals, streams, folders of the user."""

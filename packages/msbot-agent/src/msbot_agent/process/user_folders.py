@@ -1,0 +1,113 @@
+"""The folders of this user: for state that survives a restart, for what running programs leave each other, and for
+settings.
+
+`platformdirs` knows the rules of each system (XDG base directories on Linux). If an earlier version kept its files
+elsewhere, they are still found there.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import stat
+import sys
+import tempfile
+from pathlib import Path
+
+from msbot_xrce.errors import ConfigError
+
+APP = "msbot"
+
+_log = logging.getLogger(__name__)
+_told: set[Path] = set()
+"""Folders of which a warning was given."""
+
+
+def state_folder() -> Path:
+    """Where this user's programs keep the state that must survive a restart: `$XDG_STATE_HOME/msbot` on Linux."""
+    from platformdirs import user_state_path  # `msbot --help` needs no folder
+
+    folder = user_state_path(APP, appauthor=False)
+    earlier = _earlier_state_folder()
+    if earlier == folder or folder.is_dir():
+        return folder
+    # Sockets of an earlier version may be there, too; only other files are a reason to keep using it.
+    return earlier if any(path.is_file() for path in earlier.glob("*/*")) else folder
+
+
+def settings_folder(program: str) -> Path:
+    """Where another program looks for this user's settings: `$XDG_CONFIG_HOME/PROGRAM` on Linux."""
+    from platformdirs import user_config_path  # as above
+
+    return user_config_path(program, appauthor=False)
+
+
+def running_folder() -> Path:
+    """Where this user's running programs leave information for each other: `$XDG_RUNTIME_DIR/msbot`.
+
+    If that variable is not set, it is a folder among the temporary files. The choice of `platformdirs` would not do: it
+    depends on who is logged in at the moment, so programs could miss each other. Anybody can make a folder of that name
+    first: then it is one in the user's home, for this computer (homes may be shared), and stays so, that programs which
+    start when the other one is gone find those that run.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / APP
+    owner = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    usual = Path(tempfile.gettempdir()) / f"{APP}-{owner}"
+    instead = Path.home() / ".local" / "state" / APP / f"running-{platform.node() or 'here'}"
+    if not _is_somebody_elses(usual):
+        return instead if instead.is_dir() else usual
+    try:
+        instead.mkdir(mode=0o700, parents=True, exist_ok=True)
+        check_owner(instead)
+    except (OSError, ConfigError) as error:
+        _log.warning("%s is not yours alone, and there is no other place: %s", usual, error)
+        return usual
+    if usual not in _told:
+        _told.add(usual)
+        _log.warning("%s is not yours alone: %s is used in its place", usual, instead)
+    return instead
+
+
+def _is_somebody_elses(folder: Path) -> bool:
+    try:
+        check_owner(folder)
+    except FileNotFoundError:
+        return False
+    except (OSError, ConfigError):
+        return True
+    return False
+
+
+def check_owner(folder: Path) -> None:
+    """Make sure that a folder is the user's own; if others can write to it, a file in it may be anybody's.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    if not hasattr(os, "getuid"):
+        return
+    info = folder.lstat()
+    if not stat.S_ISDIR(info.st_mode) or info.st_uid != os.getuid() or info.st_mode & 0o077:
+        raise ConfigError(f"{folder} is not a folder that belongs to you alone: remove it")
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is a process with that number; True where the system cannot tell."""
+    if os.name != "posix":
+        return True  # on this system, signal 0 would do more than ask
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def _earlier_state_folder() -> Path:
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / APP
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / APP

@@ -1,0 +1,6 @@
+"""DDS through Cyclone's C library (extra `msbot[dds]`, or Debian's libddsc0debian)."""
+
+from msbot_agent.space.dds.library import load
+from msbot_agent.space.dds.space import DdsSpace
+
+__all__ = ["DdsSpace", "load"]

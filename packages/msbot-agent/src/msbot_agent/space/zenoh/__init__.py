@@ -1,0 +1,8 @@
+"""Zenoh through Eclipse's library (extra `msbot[zenoh]`): the data space for wide networks, and its router."""
+
+from msbot_agent.space.zenoh.library import load
+from msbot_agent.space.zenoh.reachability import check_files, unreachable
+from msbot_agent.space.zenoh.router import Allowed, Router
+from msbot_agent.space.zenoh.space import ZenohSpace
+
+__all__ = ["Allowed", "Router", "ZenohSpace", "check_files", "load", "unreachable"]

@@ -1,0 +1,1 @@
+"""What makes programs start quickly, and what other packages add to them."""

@@ -1,0 +1,1 @@
+"""Teaching with MsBOT: lessons, missions, the fault lab, a class of robots, the sample robots."""

@@ -1,0 +1,106 @@
+"""`msbot fault`: let something go wrong on purpose in the robot that runs here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+
+import click
+
+from msbot.cli.change.robot_access import perform, say
+from msbot.cli.robot_options import answer_options, robot_options
+from msbot_agent.cli.numbers import FiniteRange, WholeRange
+from msbot_agent.cli.options import json_option
+
+
+@click.group("fault")
+def command() -> None:
+    """Faults on purpose: plant one, see what is planted, end it.
+
+    A fault ends by itself after a minute, or --for; STOP and a restart of the master end all. Cards and `msbot why` say
+    that it is planted, unless it is --hidden.
+    """
+
+
+@command.command("add")
+@click.argument("kind")
+@click.argument("at", required=False, default="", metavar="[SLOT|PART]")
+@click.option(
+    "--amount", type=FiniteRange(), metavar="NUMBER", help="How strong: percent, ms, s; see `msbot fault kinds`."
+)
+@click.option("--jitter", type=FiniteRange(), metavar="MS", help="delay: up to so many milliseconds more, by chance.")
+@click.option("--port", default="", metavar="PORT", help="stuck, drift: only this port of the part.")
+@click.option("--number", default="", metavar="NUMBER", help="wrong-number: the part number of the wrong part.")
+@click.option("--after", type=FiniteRange(0, 3600), default=0.0, metavar="SECONDS", help="Not before that time.")
+@click.option("--for", "for_s", type=FiniteRange(0.1, 3600), metavar="SECONDS",
+              help="How long it is there; 60 if left out.")  # fmt: skip
+@click.option("--when", default="", metavar="CONDITION",
+              help="Begin when this holds: 'fan is active', 'knob.level > 60', 'load > 40'.")  # fmt: skip
+@click.option("--chance", type=FiniteRange(0, 1), metavar="P", help="Begin in each second with this probability.")
+@click.option("--seed", type=WholeRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
+@click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
+@answer_options
+def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: object) -> None:
+    """Plant a fault of a KIND at the part in a slot; some kinds concern the whole robot and take no SLOT."""
+    say(db, robot, "plant_fault", {**wish, "for": for_s})
+
+
+@command.command("list")
+@click.option("--answers", is_flag=True, help="Also what a mission wants to be found; its report says who has looked.")
+@json_option
+@robot_options
+def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bool) -> None:
+    """Show what is planted, also what is hidden; what a mission wants to be found only with --answers."""
+    found = perform(db, robot, "faults", {"answers": answers})
+    if as_json:
+        click.echo(json.dumps(found))
+        return
+    faults = found.get("faults")
+    lines = list(_lines(faults if isinstance(faults, list) else []))
+    click.echo("\n".join(lines) if lines else "No fault is planted: `msbot fault kinds` says what there is.")
+
+
+@command.command("clear")
+@click.argument("fault", type=WholeRange(min=1), required=False, metavar="[ID]")
+@answer_options
+def clear(fault: int | None, db: str | None, robot: str | None) -> None:
+    """End the fault with that number, or all."""
+    say(db, robot, "clear_fault", {"fault": fault})
+
+
+@command.command("kinds")
+@json_option
+def kinds(*, as_json: bool) -> None:
+    """List what can go wrong, and what --amount means for it."""
+    from msbot_school.faults.kinds import KINDS
+
+    if as_json:
+        click.echo(json.dumps({"kinds": [
+            {"kind": kind.name, "words": kind.words, "acts": kind.acts.value, "at_part": kind.at_part,
+             "amount": None if kind.amount is None else
+             {"default": kind.amount.default, "least": kind.amount.least, "most": kind.amount.most,
+              "unit": kind.amount.unit, "words": kind.amount.words}, "options": sorted(kind.options)}
+            for kind in KINDS.values()
+        ]}))  # fmt: skip
+        return
+    for kind in KINDS.values():
+        where = " SLOT" if kind.at_part else ""
+        amount = kind.amount
+        strength = "" if amount is None else f"; --amount {amount.default:g} {amount.unit} {amount.words}"
+        more = "".join(f", --{option}" for option in sorted(kind.options))
+        click.echo(f"{kind.name + where:<26}{kind.words}{strength}{more}\n{'':<26}{kind.acts.value}")
+
+
+def _lines(faults: Iterable[Mapping[str, object]]) -> Iterable[str]:
+    for fault in faults:
+        if fault.get("concealed"):
+            yield f"{fault['number']:>3}  {fault['words']}"
+            continue
+        if fault["active"]:
+            state = f"there since {fault['since_s']:.0f} s, {fault['left_s']:.0f} s left"
+        elif fault["begins_in_s"] is not None:
+            state = f"begins in {fault['begins_in_s']:.0f} s"
+        else:
+            state = f"waits{' until ' + str(fault['when']) if fault['when'] else ' for its chance'}"
+        hidden = ", hidden" if fault["hidden"] else ""
+        yield f"{fault['number']:>3}  {fault['words']}\n     {state}; planted by {fault['who']}{hidden}"

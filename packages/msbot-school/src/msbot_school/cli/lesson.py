@@ -1,0 +1,135 @@
+"""`msbot lesson`: lessons that check themselves, at the robot that runs here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import click
+
+from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
+from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
+from msbot_agent.cli.group import complain
+from msbot_agent.cli.options import json_option
+from msbot_school.cli.teaching import lessons_option
+from msbot_xrce.common.amount import amount
+
+
+@click.group("lesson")
+def command() -> None:
+    """Lessons of 45 minutes, with checks that tick by themselves while somebody works at the robot.
+
+    `msbot demo --lesson NAME` runs a robot for one; the page Learn shows it. Teachers add their own: one Markdown file
+    each, in a folder that --lessons names.
+    """
+
+
+@command.command("list")
+@lessons_option
+@json_option
+def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
+    """List the lessons that there are."""
+    from msbot_school.lessons.shelf import LessonShelf
+
+    found, wrong = LessonShelf(lessons).all()
+    if as_json:
+        click.echo(json.dumps({"lessons": [
+            {"lesson": one.name, "title": one.title, "minutes": one.minutes, "checks": len(one.checks),
+             "robot": one.robot or str(one.blueprint)} for one in found
+        ], "wrong": wrong}))  # fmt: skip
+        return
+    for one in found:
+        click.echo(f"{one.name:<18}{one.title} ({amount(one.minutes, 'minute')}, {amount(len(one.checks), 'check')})")
+    for words in wrong:
+        complain(f"not read: {words}")
+
+
+@command.command("check")
+@click.argument("path", type=click.Path(path_type=Path))
+@json_option
+def check(path: Path, *, as_json: bool) -> None:
+    """Check the file of a lesson: every mistake with its line and what would be right."""
+    from msbot_school.lessons.reading import read_lesson
+
+    with mistakes_told(as_json=as_json):
+        lesson = read_lesson(path)
+    if as_json:
+        click.echo(json.dumps({"problems": []}))
+        return
+    click.echo(f"{path}: {lesson.title}: {amount(len(lesson.steps), 'section')}, {amount(len(lesson.checks), 'check')}")
+
+
+@command.command("start")
+@click.argument("lesson")
+@answer_options
+def start(lesson: str, db: str | None, robot: str | None) -> None:
+    """Set the robot that runs here up for a lesson, and begin it.
+
+    Its slots and wires become those of the lesson, and simulated parts take the empty slots; `msbot lesson stop` puts
+    everything back. Where no robot runs: `msbot demo --lesson NAME`.
+    """
+    say(db, robot, "start_lesson", {"lesson": lesson})
+
+
+@command.command("stop")
+@answer_options
+def stop(db: str | None, robot: str | None) -> None:
+    """End the lesson, and put the robot back to what it was before."""
+    say(db, robot, "stop_lesson", {})
+
+
+@command.command("status")
+@json_option
+@robot_options
+def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """Show what has ticked in the lesson that runs, and what is missing."""
+    found = perform(db, robot, "lesson", {})
+    if as_json:
+        click.echo(json.dumps(found))
+        return
+    if found.get("lesson") is None:
+        click.echo("No lesson runs: `msbot lesson start NAME` begins one, `msbot lesson list` shows them.")
+        return
+    click.echo("\n".join(_lines(found)))
+
+
+@command.command("report")
+@click.option("--csv", "as_csv", is_flag=True, help="Print a table for a spreadsheet.")
+@json_option
+@robot_options
+@lessons_option
+def report(db: str | None, robot: str | None, *, lessons: tuple[Path, ...], as_csv: bool, as_json: bool) -> None:
+    """Show how far everybody is in every lesson that they have begun."""
+    from msbot.registry import open_registry
+    from msbot_school.lessons.progress import csv_of, progress_of
+    from msbot_school.lessons.shelf import LessonShelf
+
+    path = database_to_read(db, robot)
+    until_stored(path)
+    with open_registry(path, create=False) as registry:
+        rows = progress_of(registry.lesson_ticks.all(), LessonShelf(lessons).all()[0])
+    if as_json:
+        click.echo(json.dumps({"people": [row.as_json() for row in rows]}))
+    elif as_csv:
+        click.echo(csv_of(rows), nl=False)
+    elif rows:
+        for row in rows:
+            done = "done" if row.is_done else f"{row.ticked} of {row.checks}"
+            click.echo(f"{row.person:<20}{row.title:<28}{done}")
+    else:
+        click.echo("Nobody has begun a lesson yet.")
+
+
+def _lines(found: Mapping[str, object]) -> Iterable[str]:
+    yield f"{found['title']}: begun by {found['who']}, {found['since_s']:.0f} s ago"
+    checks = found.get("checks")
+    for one in checks if isinstance(checks, list) else []:
+        yield f"  {'[x]' if one['ticked'] else '[ ]'} {one['check']}  {one['says']}"
+    people = found.get("people")
+    yield f"taking part: {', '.join(people) if isinstance(people, list) and people else 'nobody'}"
+    hint = found.get("hint")
+    if isinstance(hint, dict):
+        yield f"stuck at {hint['check']}: {hint['seen']}. {hint['look']}"
+    if found.get("done"):
+        yield "All done. `msbot lesson stop` puts the robot back."

@@ -1,0 +1,46 @@
+"""The service `teaching` of `msbot master`: faults on purpose, missions and lessons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from msbot_agent.cli.services import Beside, CommandService
+
+if TYPE_CHECKING:
+    from msbot.cli.run.master_context import MasterContext
+    from msbot_school.lessons.shelf import LessonShelf
+
+lessons_option = click.option(
+    "--lessons", "lessons", multiple=True, type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER",
+    help="A folder with more lessons (Markdown files), besides those that MsBOT brings; may be given several times.",
+)  # fmt: skip
+
+
+class Teaching(CommandService["LessonShelf", "MasterContext"]):
+    """Offers the robot's `LessonDesk`."""
+
+    options = (lessons_option,)
+
+    def check(self, given: Mapping[str, Any]) -> LessonShelf:
+        """The lessons that there are."""
+        from msbot_school.lessons.shelf import LessonShelf
+
+        return LessonShelf(given["lessons"])
+
+    def beside(self, wanted: LessonShelf, context: MasterContext) -> Iterable[Beside]:
+        """Faults, missions and lessons."""
+        from msbot_school.faults.fault_lab import FaultLab
+        from msbot_school.lessons.lesson_desk import LessonDesk
+        from msbot_school.missions.mission_lab import MissionLab
+
+        faults = FaultLab(context.operations)
+        desk = LessonDesk(context.operations, wanted)
+        context.offers["teaching"] = desk
+        return [faults.run(), MissionLab(context.operations, faults).run(), desk.run()]
+
+
+TEACHING = Teaching()

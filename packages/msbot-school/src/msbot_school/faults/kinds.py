@@ -1,0 +1,164 @@
+"""The kinds of faults: what each one is, where it acts, what can be said about it, and which contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from enum import Enum
+from random import Random
+from typing import Final
+
+from msbot_agent.startup.extensions import extensions
+from msbot_agent.text.sentence import said
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError
+
+
+class Acts(Enum):
+    """Where a fault acts."""
+
+    EDGE = "at the agent's edge: on real and on simulated parts"
+    GUEST = "a part that the fault lab plugs in itself"
+    SENSOR = "in a part that is simulated in the master's process"
+    BUS = "on a CAN bus that is simulated in the master's process"
+    MASTER = "in the master"
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """How strong a fault is."""
+
+    default: float
+    least: float
+    most: float
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """One kind of fault."""
+
+    name: str
+    words: str
+    """What it is, after "a fault is planted: "."""
+    acts: Acts
+    at_part: bool = True
+    """Whether it is planted at a part; else at the robot as a whole."""
+    amount: Amount | None = None
+    options: frozenset[str] = frozenset()
+    """What else can be said: `jitter`, `port`, `number`."""
+    cuts_off: bool = False
+    """Whether nothing comes from the part any more."""
+
+
+_PERCENT = {"least": 0.1, "most": 100.0, "unit": "%"}
+
+_ROWS = (
+    FaultKind("unplug", said("the part is pulled out"), Acts.EDGE, cuts_off=True),
+    FaultKind("late", said("what the part sends comes late, all at once"), Acts.EDGE,
+              amount=Amount(3.5, 0.1, 60.0, "s", said("longest time that a beat is held back"))),
+    FaultKind("loss", said("packets are lost"), Acts.EDGE,
+              amount=Amount(30.0, words=said("of the packets are lost"), **_PERCENT)),  # type: ignore[arg-type]
+    FaultKind("delay", said("packets come late"), Acts.EDGE, options=frozenset({"jitter"}),
+              amount=Amount(300.0, 1.0, 10_000.0, "ms", said("that each packet takes longer"))),
+    FaultKind("duplicates", said("packets come twice"), Acts.EDGE,
+              amount=Amount(50.0, words=said("of the packets come twice"), **_PERCENT)),  # type: ignore[arg-type]
+    FaultKind("reordering", said("packets overtake each other"), Acts.EDGE,
+              amount=Amount(50.0, words=said("of the packets are overtaken"), **_PERCENT)),  # type: ignore[arg-type]
+    FaultKind("slow-consumer", said("the part takes what is for it too slowly"), Acts.EDGE,
+              amount=Amount(1.0, 0.1, 1000.0, "/s", said("packets that it takes"))),
+    FaultKind("duplicate-identity", said("a second part has the same identity"), Acts.GUEST),
+    FaultKind("wrong-number", said("a part with a wrong number is in its place"), Acts.GUEST,
+              options=frozenset({"number"}), cuts_off=True),
+    FaultKind("wrong-key", said("a part with a wrong key is in its place"), Acts.GUEST, cuts_off=True),
+    FaultKind("stuck", said("its sensor is stuck"), Acts.SENSOR, options=frozenset({"port"})),
+    FaultKind("drift", said("its sensor drifts"), Acts.SENSOR, options=frozenset({"port"}),
+              amount=Amount(60.0, -1e6, 1e6, "/min", said("that its values move"))),
+    FaultKind("bus-off", said("its controller sends broken frames until it leaves the bus"), Acts.BUS, cuts_off=True),
+    FaultKind("bit-errors", said("bits on the bus are inverted"), Acts.BUS, at_part=False,
+              amount=Amount(500.0, 1.0, 100_000.0, "/million", said("of the bits are inverted"))),
+    FaultKind("babbling", said("a node fills the bus with frames before all others"), Acts.BUS, at_part=False,
+              amount=Amount(60.0, words=said("of the bus time is its own"), **_PERCENT)),  # type: ignore[arg-type]
+    FaultKind("master-frozen", said("the master neither hears nor answers any part"), Acts.MASTER, at_part=False),
+    FaultKind("database-gone", said("the database cannot be reached"), Acts.MASTER, at_part=False),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PacketFault:
+    """A kind of fault that an extension brings: it disturbs the packets of a part at the agent's edge."""
+
+    kind: FaultKind
+    """Its name is that of the entry point, and it acts at `Acts.EDGE`."""
+    treat: Callable[[float, Random], object]
+    """`(amount, chance)`: what happens to the packets, as `msbot_school.faults.PacketTreatment` says."""
+
+
+class _Kinds(Mapping[str, FaultKind]):
+    """MsBOT's own, then those of extensions."""
+
+    def __init__(self, own: Iterable[FaultKind]) -> None:
+        self._own = {row.name: row for row in own}
+
+    def __getitem__(self, name: str) -> FaultKind:
+        found = self._own.get(name)
+        if found is None:
+            return self.brought()[name].kind
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._own
+        yield from self.brought()
+
+    def __len__(self) -> int:
+        return len(self._own) + len(self.brought())
+
+    def brought(self) -> dict[str, PacketFault]:
+        """Those of extensions."""
+        found = extensions().all("faults", PacketFault, self._own)
+        for name, one in tuple(found.items()):
+            if one.kind.name != name or one.kind.acts is not Acts.EDGE:
+                why = (
+                    f"its kind is {one.kind.name!r} and acts {one.kind.acts.value}; it needs the name {name!r} and EDGE"
+                )
+                extensions().leave_out_named("faults", name, why)
+                del found[name]
+        return found
+
+
+KINDS: Final = _Kinds(_ROWS)
+"""Every kind by its name, in the order of the reference."""
+
+_BOTH_SAY = ({"late", "delay"}, {"stuck", "drift"})
+"""Kinds that say something different about the same thing."""
+
+
+def kind_named(name: str) -> FaultKind:
+    """The kind of that name.
+
+    Raises:
+        ConfigError: there is none; the text lists them.
+    """
+    kind = KINDS.get(name)
+    if kind is None:
+        raise ConfigError(said("there is no fault {name!r}; there are {kinds}", name=name, kinds=", ".join(KINDS)))
+    return kind
+
+
+def contradiction(one: FaultKind, one_at: str, other: FaultKind, other_at: str) -> str:
+    """Why two faults cannot be there at the same time, as the second half of a sentence; empty: they can."""
+    if one.name == other.name and one_at == other_at:
+        return said("the same fault cannot be there twice")
+    frozen = [kind for kind in (one, other) if kind.name == "master-frozen"]
+    if frozen:
+        second = other if frozen[0] is one else one
+        if second.acts is Acts.EDGE and second.name != "unplug":
+            return said("while the master is frozen nothing comes or goes that could be disturbed")
+        return ""
+    if one_at != other_at or not one_at:
+        return ""
+    if one.cuts_off or other.cuts_off:
+        return said("while {at} is cut off there is nothing of it that could be disturbed", at=one_at)
+    if {one.name, other.name} in _BOTH_SAY:
+        return said("both say something different about the same thing")
+    return ""

@@ -1,0 +1,81 @@
+"""How far people are in lessons, worked out from what has ticked for them. Pure."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+
+from msbot.registry.lesson_ticks import BEGUN, Tick
+from msbot_agent.text.table_cell import as_cell
+from msbot_school.lessons.lesson import Lesson
+from msbot_xrce.common.lazy_dataclass import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class PersonInLesson:
+    """One person in one lesson."""
+
+    person: str
+    lesson: str
+    title: str
+    ticked: int
+    checks: int
+    """How many checks the lesson has; 0: there is no such lesson any more."""
+    begun_ms: int
+    """When the person began it, milliseconds since 1970."""
+    last_ms: int
+    """When something ticked last; as `begun_ms` when nothing has."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether every check has ticked."""
+        return 0 < self.checks <= self.ticked
+
+    def as_json(self) -> dict[str, object]:
+        """For programs."""
+        return {
+            "person": self.person, "lesson": self.lesson, "title": self.title, "ticked": self.ticked,
+            "checks": self.checks, "done": self.is_done, "begun_ms": self.begun_ms, "last_tick_ms": self.last_ms,
+        }  # fmt: skip
+
+
+def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[PersonInLesson]:
+    """How far everybody is, by person and then in the order of the lessons.
+
+    Args:
+        ticks: all of them, the oldest first.
+        lessons: the lessons that there are; checks that a lesson has no more do not count.
+    """
+    known = {lesson.name: lesson for lesson in lessons}
+    places = {lesson.name: place for place, lesson in enumerate(lessons)}
+    by_pair: dict[tuple[str, str], list[Tick]] = {}
+    for tick in ticks:
+        by_pair.setdefault((tick.person, tick.lesson), []).append(tick)
+    rows = []
+    for (person, name), own in by_pair.items():
+        lesson = known.get(name)
+        names = set() if lesson is None else {check.name for check in lesson.checks}
+        counted = [tick for tick in own if tick.check != BEGUN and tick.check in names]
+        rows.append(
+            PersonInLesson(
+                person,
+                name,
+                name if lesson is None else lesson.title,
+                len(counted),
+                len(names),
+                own[0].at_ns // 1_000_000,
+                max(tick.at_ns for tick in [own[0], *counted]) // 1_000_000,
+            )
+        )
+    return sorted(rows, key=lambda row: (row.person, places.get(row.lesson, len(places)), row.lesson))
+
+
+def csv_of(rows: Iterable[PersonInLesson]) -> str:
+    """The same as a table for a spreadsheet."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["person", "lesson", "ticked", "checks", "begun_ms", "last_tick_ms"])
+    for row in rows:
+        writer.writerow([as_cell(row.person), as_cell(row.lesson), row.ticked, row.checks, row.begun_ms, row.last_ms])
+    return out.getvalue()

@@ -1,0 +1,30 @@
+"""The web pages of a robot and their JSON API (the thesis' Manual Configuration Management System, 5.4.2).
+
+Heavy to import (NiceGUI), so only commands that serve a page import it, and only when they run.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot.process.late_modules import leave_out, load_late
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot_web.pages.extension_page import ExtensionPage
+    from msbot_web.pages.layout import Page
+    from msbot_web.service import Service
+
+load_late("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here
+load_late("ifaddr")  # for NiceGUI's list of its addresses, which asks a program of the system for a library
+leave_out("pydantic.v1")  # FastAPI asks of each argument whether it is of pydantic 1, which is loaded for it
+
+_NAMES = {
+    "msbot_web.pages.extension_page": ("ExtensionPage",),
+    "msbot_web.pages.layout": ("Page",),
+    "msbot_web.service": ("Service",),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
+
+__all__ = ["ExtensionPage", "Page", "Service"]

@@ -1,0 +1,378 @@
+"""What API (`/openapi.json`) and pages say of a robot: one model per thing, with meaning and unit of every field.
+
+Ages and rates are worked out at the moment of asking, so nobody has to share a clock.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from msbot_web.api.model import Model as Model  # noqa: PLC0414 - others look for it here
+from msbot_web.api.said import Said
+from msbot_web.api.says import Offer, Says
+from msbot_web.api.wear import Wear
+
+Scalar = bool | int | float | str
+
+
+class Done(Model):
+    """A change was made."""
+
+    words: Said
+    """What happened, for people."""
+    edit: int | None = None
+    """Its number, for undo; absent when it cannot be undone."""
+    offers: list[Offer] = Field(default_factory=list)
+    """Wires that would fit the new slot of a part that described itself."""
+
+
+class StopDone(Done):
+    """STOP was said."""
+
+    stop: int
+    """Its number, for GO."""
+    stored: bool
+    """Whether it survives a restart of the master."""
+    trouble: Said = ""
+    """Why it would not; empty: it would."""
+
+
+class Me(Model):
+    """Who is signed in."""
+
+    name: str
+    role: str
+    rights: list[str]
+    csrf: str
+    """What a changing request shows in the header `X-CSRF-Token` when it comes with the cookie."""
+
+
+class Value(Model):
+    """One parameter of a slot."""
+
+    name: str
+    kind: str
+    """`bool`, `int`, `float` or `text`."""
+    value: Scalar
+    default: Scalar
+    origin: str
+    """`library`, `blueprint` or `hand`: where the value comes from."""
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    description: str = ""
+    who: str = ""
+    """Who set it by hand."""
+
+
+class PortLine(Model):
+    """One port of a slot and its topic."""
+
+    port: str
+    topic: str
+    type_name: str
+    publishes: bool
+    reliable: bool
+    rate_hz: float = 0.0
+    count: int = 0
+    """Samples on the topic since the server began to listen."""
+    age_s: float | None = None
+    """Since the latest sample."""
+    fields: dict[str, Scalar] = Field(default_factory=dict)
+    """The latest sample, by field."""
+    stale: bool = False
+    """Whether the latest sample is older than three periods, or its sender is not there any more."""
+    held: str = ""
+    """Why an actuator does not do what the sample says: `stopped` (it has confirmed STOP), `unconfirmed` (it has been
+    told STOP and has not answered: what it does is not known), `partner lost`, `by hand` (somebody drives it instead of
+    the wire; the fields are theirs), `gone` (no part is there to do it); empty: it does."""
+    safe: dict[str, Scalar] = Field(default_factory=dict)
+    """What the part applies to itself while it is held; empty: it keeps on."""
+
+
+class PartLine(Model):
+    """A part as the inventory shows it."""
+
+    part: str
+    part_number: str
+    local_name: str
+    uid: str
+    """16 hexadecimal digits, empty when it has none."""
+    slot: str
+    """The slot it holds or held, empty when none."""
+    state: str
+    """`new`, `checking`, `active`, `late`, `lost`, `refused`, `standby` or `left`."""
+    reason: Said
+    state_age_s: float
+    life: int
+    beat_age_s: float | None
+    beats: int
+    plug_in_to_active_ms: float | None
+    client_key: str
+    address: str
+    refused_claims: int
+    duplicates: list[str]
+    ignored: bool = False
+    nature: str = ""
+    """`real` or `simulated`, as the part itself says; empty when it does not."""
+    says: Says | None = None
+    """What it says of itself, while the library does not know its part number."""
+    refusal: str = ""
+    """Why it was refused or stands by, in a word for programs, as `blocked` or `no_slot`; empty: it is let in."""
+
+
+class SlotCard(Model):
+    """One slot of the robot with the part in it."""
+
+    name: str
+    part_number: str
+    type_name: str
+    """What `shown_number` is, in words; empty when the library does not know it."""
+    category: str = ""
+    description: str
+    state: str
+    """The part's state, or `empty`."""
+    reason: Said
+    part: PartLine | None
+    ports: list[PortLine]
+    next_beat_s: float | None
+    """Until the next beat is expected; negative: overdue."""
+    spares: list[str] = Field(default_factory=list)
+    """Parts that stand by and fit, by name: one of them takes over when the slot becomes free."""
+    simulated: bool
+    """Whether the part runs in this process and can be operated here."""
+    plugged: bool | None
+    """For a simulated part: whether it is on the wire."""
+    faults: list[Said] = Field(default_factory=list, description="What may be told of planted faults.")
+    wear: Wear | None = None
+
+    @property
+    def shown_number(self) -> str:
+        """The part number that people read: that of the part in the slot, else that which the slot is for."""
+        return (self.part.part_number if self.part is not None else "") or self.part_number
+
+
+class ControlLine(Model):
+    """Something a person can do to a simulated part."""
+
+    name: str
+    kind: str
+    """`bool`, `number`, `choice` or `text`."""
+    least: float | None = None
+    most: float | None = None
+    unit: str = ""
+    choices: list[str] = Field(default_factory=list)
+    words: str = ""
+    value: Scalar | None = None
+    momentary: bool = False
+    """Goes back by itself when it is let go, as a push button does."""
+
+
+class Simulated(Model):
+    """A simulated part: what can be done to it and what one would see of it."""
+
+    slot: str
+    plugged: bool
+    controls: list[ControlLine]
+    readings: dict[str, Scalar]
+
+
+class StopConfirmed(Model):
+    """A part that has said it is in its safe state."""
+
+    part: str
+    ms: float
+    """From STOP to its confirmation."""
+
+
+class StopState(Model):
+    """The state of STOP."""
+
+    stopped: bool = False
+    number: int = 0
+    """The STOP that was said last; a GO names it."""
+    by: str = ""
+    also_by: list[str] = Field(default_factory=list)
+    """Who else has said STOP while it held."""
+    reason: Said = ""
+    since_s: float | None = None
+    """How long it has held."""
+    confirmed: list[StopConfirmed] = Field(default_factory=list)
+    silent: list[str] = Field(default_factory=list)
+    """Parts that have not confirmed it: they may still move."""
+    trouble: Said = ""
+    """Why it would not survive a restart of the master; empty: it would."""
+
+
+class Robot(Model):
+    """The robot as a whole."""
+
+    name: str
+    version: str
+    serial_number: str
+    released: str
+    manufacturer: str
+    links: list[str]
+    beat_s: float
+    tick_s: float
+    life: int
+    stopped: bool
+    """Whether STOP was pressed and nobody has said go on."""
+    stop: StopState = Field(default_factory=StopState)
+    """Who said it, and which parts have confirmed it."""
+    window_s: float
+    """Seconds the adoption window is still open; 0 = closed."""
+    trouble: Said
+    """Why changes are not being stored, empty when all is well."""
+    slots: list[SlotCard]
+    arrivals: int
+    """Parts that wait in the arrivals tray."""
+    faults: list[Said] = Field(default_factory=list)
+    """Faults of the robot as a whole."""
+
+
+class TopicLine(Model):
+    """One topic with who writes and reads it."""
+
+    topic: str
+    type_name: str
+    publishers: list[str]
+    subscribers: list[str]
+    rate_hz: float
+    count: int
+    fields: dict[str, Scalar]
+
+
+class WirePort(Model):
+    """A port of a slot, wired or not."""
+
+    slot: str
+    port: str
+    type_name: str
+    publishes: bool
+    topic: str = ""
+    """What it is wired to; empty: nothing."""
+
+
+class SpanLine(Model):
+    """A state of a slot, from its begin to the next one's."""
+
+    begin_age_s: float
+    end_age_s: float
+    """0 = it still holds."""
+    state: str
+    part: str
+    reason: Said
+
+
+class TimelineLane(Model):
+    """A slot's states over time."""
+
+    slot: str
+    spans: list[SpanLine]
+
+
+class JournalLine(Model):
+    """One line of the journal."""
+
+    number: int
+    at_ms: int
+    """Milliseconds since 1970."""
+    part: str
+    slot: str
+    from_state: str
+    to_state: str
+    reason: Said
+    evidence: list[tuple[Said, Said]]
+
+
+class EditLine(Model):
+    """A change that a person made."""
+
+    number: int
+    at_ms: int
+    who: str
+    kind: str
+    slot: str
+    words: Said
+    undone: bool
+    undoable: bool = False
+    """Whether it can be undone: a STOP cannot."""
+
+
+class TypeLine(Model):
+    """An entry of the part library."""
+
+    number: str
+    name: str
+    manufacturer: str
+    description: str
+    category: str
+    ports: list[str]
+
+
+class UserLine(Model):
+    """A person who may sign in."""
+
+    name: str
+    role: str
+    tokens: list[str]
+    """What their API tokens are for."""
+    tickets: list[str] = Field(default_factory=list)
+    """For which relays and agents they have made tickets."""
+
+
+class RelayTicket(Model):
+    """A ticket with which a relay or an agent brings parts."""
+
+    name: str
+    """The teacher who answers for them."""
+    purpose: str
+    """Which relay or agent it is for."""
+
+
+class NewUser(Model):
+    """A person who is to be able to sign in."""
+
+    name: str
+    role: str
+    password: str
+
+
+class UserChange(Model):
+    """What to change about a user; what is absent stays."""
+
+    role: str | None = None
+    password: str | None = None
+    old_password: str | None = None
+    """The present password, which people have to say to change their own."""
+
+
+class NewToken(Model):
+    """A new API token: shown once."""
+
+    token: str
+
+
+class Words(Model):
+    """A text from a person."""
+
+    words: str = Field(default="", max_length=1000)
+
+
+class Wish(Model):
+    """What a control of a simulated part is put to."""
+
+    value: Scalar | None = None
+
+
+class BlueprintText(Model):
+    """A `robot.toml`."""
+
+    toml: str = Field(max_length=256 * 1024)
+
+
+class BlueprintDiff(Model):
+    """What applying a blueprint would change, a line each; empty: nothing."""
+
+    changes: list[Said]

@@ -1,0 +1,95 @@
+"""The calls that do something to the robot, made from the table of operations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Awaitable, Callable
+from inspect import Parameter, Signature
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path
+from pydantic import Field, create_model
+
+from msbot.operations.operation import Argument, ArgumentKind, Operation
+from msbot.operations.table import OPERATIONS
+from msbot_web.api.models import Done, Model, Scalar
+from msbot_web.api.session import SignedIn, done_for
+from msbot_web.api.stop_call import STOP
+from msbot_web.service import Service, done_of
+
+_TYPES: dict[ArgumentKind, object] = {
+    ArgumentKind.TEXT: str,
+    ArgumentKind.TEXTS: list[str],
+    ArgumentKind.NUMBER: float,
+    ArgumentKind.WHOLE: int,
+    ArgumentKind.FLAG: bool,
+    ArgumentKind.VALUE: Scalar,
+}
+
+
+PREFIX = "/api"
+
+
+def add_operations(router: APIRouter, service: Service) -> None:
+    """Add every other operation that has a call: names in the path, the other arguments in the body."""
+    for operation in OPERATIONS.values():
+        if operation.call and operation is not STOP:  # `stop_call`
+            _add(router, service, operation)
+
+
+def _add(router: APIRouter, service: Service, operation: Operation) -> None:
+    method, path = operation.call.split()
+    router.add_api_route(
+        path, _call_of(operation, path, service), methods=[method], name=operation.name, response_model=Done
+    )
+
+
+def _call_of(operation: Operation, path: str, service: Service) -> Callable[..., Awaitable[Done]]:
+    in_path = re.findall(r"{(\w+)}", path)
+    in_body = [argument for argument in operation.arguments if argument.name not in in_path]
+
+    async def call(**given: Any) -> Done:  # noqa: ANN401 - its signature is made below
+        body: Model | None = given.pop("body", None)
+        session = given.pop("session")
+        who = service.asker(session)
+        named = {} if body is None else {argument.name: getattr(body, argument.passed_as) for argument in in_body}
+        return done_for(session, done_of(await service.operations.do(operation.name, who=who, **given, **named)))
+
+    parameters = [_parameter("session", SignedIn)]
+    for name in in_path:
+        argument = operation.argument(name)
+        assert argument is not None
+        text = Annotated[str, Path(max_length=argument.longest, description=argument.help)]
+        parameters.append(_parameter(name, text))
+    if in_body:
+        is_optional = not any(argument.is_needed for argument in in_body)
+        model = _body(operation.name, in_body)
+        parameters.append(_parameter("body", model | None, None) if is_optional else _parameter("body", model))
+    call.__signature__ = Signature(parameters, return_annotation=Done)  # type: ignore[attr-defined]
+    call.__doc__ = operation.summary
+    return call
+
+
+def _parameter(name: str, annotation: object, default: object = Parameter.empty) -> Parameter:
+    return Parameter(name, Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+
+def _body(name: str, arguments: list[Argument]) -> type[Model]:
+    """The body of a call: one field for each argument, with the bounds of the table."""
+    fields: dict[str, Any] = {argument.passed_as: _field(argument) for argument in arguments}
+    return create_model(f"{name.title().replace('_', '')}Body", __base__=Model, **fields)
+
+
+def _field(argument: Argument) -> tuple[object, object]:
+    kind: Any = _TYPES[argument.kind]
+    longest = argument.longest if argument.kind is ArgumentKind.TEXT else None
+    known: dict[str, Any] = {
+        "alias": argument.name, "description": argument.help,
+        "max_length": longest, "ge": argument.least, "le": argument.most,
+    }  # fmt: skip
+    given = {name: value for name, value in known.items() if value is not None}
+    if argument.is_needed:
+        return kind, Field(**given)
+    if argument.default is None:
+        return kind | None, Field(default=None, **given)
+    return kind, Field(default=argument.default, **given)

@@ -1,0 +1,247 @@
+"""Puts the web room onto a running robot: what is seen, what is done, who may, and where it is served."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from urllib.parse import urlsplit
+
+from msbot.config import Library
+from msbot.doctor.patient import PAGE_PORT, Patient
+from msbot.master import Master
+from msbot.metrics import Collecting, DatabaseFigures, MomentFigures, Noting, PageFigures
+from msbot.operations.bus_objects import known_object
+from msbot.operations.dispatch import RunningOperations
+from msbot.part import Message
+from msbot.registry import Registry, RobotRecord, RobotStore
+from msbot.sim import message_class
+from msbot.sim.arena.living_arena import LivingArena
+from msbot_agent.agent import read_statuses
+from msbot_agent.link import bound_name
+from msbot_agent.space import SpaceAddress
+from msbot_school.lessons.lesson_desk import LessonDesk
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.kept_sessions import session_file
+from msbot_web.access.users import MemoryUsers, UserStore
+from msbot_web.api.models import Robot
+from msbot_web.cards import stop_state
+from msbot_web.examining import Examining
+from msbot_web.frames import FrameRing
+from msbot_web.learning import Learning
+from msbot_web.live import Live
+from msbot_web.local_masters import LocalMasters
+from msbot_web.programs.program_shelf import RegistryShelf
+from msbot_web.records import RegistryUsers, no_records, registry_records
+from msbot_web.server import WebServer, WebSettings
+from msbot_web.service import Service
+from msbot_web.simulated.bench import Bench
+from msbot_web.simulated.simulated_bench import SimulatedBench
+from msbot_web.timeline import Timeline
+from msbot_web.views import BusMeter, Views
+from msbot_xrce.common.lazy_dataclass import dataclass
+
+SESSIONS_S = 1.0
+"""Period in which to check who may still be signed in."""
+LOOK_S = 0.25
+"""Period in which the robot is observed, even if no page is open: for beat intervals and newly bound topics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What can be shown of a robot in addition to its master."""
+
+    frames: FrameRing
+    """Fed by the bus, or never."""
+    bus: BusMeter | None = None
+    bench: Bench | None = None
+    arena: LivingArena | None = None
+    """The world that its simulated parts are in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Database:
+    """Where a robot is kept."""
+
+    registry: Registry
+    robot: RobotRecord
+    address: str
+    """As it was opened."""
+
+    @property
+    def memory(self) -> RobotStore:
+        """The robot as its database has it, without asking the database."""
+        return self.registry.runs.store(self.robot)
+
+
+class WebRoom:
+    """The pages of one robot, ready to run.
+
+    Args:
+        master: the robot.
+        operations: what can be done to it.
+        library: where part numbers are looked up.
+        database: its database; None: neither journal nor users are stored.
+        seen: its bus and its simulated parts.
+        settings: where the pages are served.
+        lessons: its lesson desk.
+        space: where its topics are, for the doctor.
+        entry_link: a link signs people in as administrator, without a password: for the demo.
+
+    Raises:
+        ConfigError: the port cannot be had, or the certificate cannot be used.
+    """
+
+    def __init__(
+        self, master: Master, operations: RunningOperations, library: Library, *,
+        database: Database | None, seen: Seen, settings: WebSettings, entry_link: bool = False,
+        lessons: LessonDesk | None = None, space: SpaceAddress | None = None,
+    ) -> None:  # fmt: skip
+        self._master = master
+        self._space = space or SpaceAddress()
+        self._frames = seen.frames
+        clock = asyncio.get_running_loop().time
+        timeline = Timeline()
+        master.inventory.on_event(timeline.note)
+        self._views = Views(
+            master,
+            blueprint=lambda: master.blueprint if database is None else database.memory.blueprint,
+            library=library,
+            live=Live(master.space, self._class_of, clock),
+            frames=seen.frames,
+            timeline=timeline,
+            bench=seen.bench or SimulatedBench(operations.stand_ins),
+            clock=clock,
+            ignored=operations.showing.is_ignored,
+            by_hand=operations.by_hand.said,
+            planted=operations.faults.told,
+            bus=seen.bus,
+            stop=lambda: stop_state(master.stop),
+        )
+        self._noting = Noting(master.agent, master)
+        self._is_noting = asyncio.Event()
+        self._collecting = Collecting(
+            master.agent, master=master, page=self.figures, noting=self._noting,
+            database=None if database is None else partial(_database_figures, database.registry),
+        )  # fmt: skip
+        self._use_library(library)
+        operations.on_library(self._use_library)
+        self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
+        self._accounts = accounts = Accounts(self._users, clock=clock)
+        if entry_link:
+            accounts.entry_token()
+        describe = _describer(master, operations)
+        records = (
+            no_records(describe)
+            if database is None
+            else registry_records(
+                database.registry, database.robot, operations, lambda: self._views.library, address=database.address
+            )
+        )
+        self.service = Service(
+            views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
+            programs=None if database is None else RegistryShelf(database.registry),
+            doctor=Examining(partial(self._patient, master, database), clock),
+            figures=self._read_figures, arena=seen.arena, neighbours=LocalMasters.of_group(lambda: master.stop_group),
+            learning=Learning(lessons, None if database is None else database.registry, accounts),
+        )  # fmt: skip
+        self.server = WebServer(self.service, settings)
+        master.add_link(self.server.parts)
+        self._sessions = session_file(accounts, self.server.mark)
+
+    def _patient(self, master: Master, database: Database | None) -> Patient:
+        """Whom the doctor of the page examines; it asks the running masters, so it belongs in a thread."""
+        return Patient(
+            database=None if database is None else database.address,
+            robot=master.profile.name,
+            links=tuple(map(bound_name, master.links)),
+            space=self._space,
+            page_port=urlsplit(self.server.own_address).port or PAGE_PORT,
+            masters=tuple(read_statuses()),
+        )
+
+    def _use_library(self, library: Library) -> None:
+        """Look part numbers and messages up in this library from now on."""
+        self._views.use_library(library)
+        classes = (message_class(message) for message in library.messages.values())
+        self._frames.know(classes, partial(known_object, self._master), library.units)
+
+    def _class_of(self, type_name: str) -> type[Message] | None:
+        message = self._views.library.messages.get(type_name)
+        return None if message is None else message_class(message)
+
+    def _read_figures(self) -> MomentFigures:
+        self._is_noting.set()  # from the first question on
+        return self._collecting()
+
+    async def _note_figures(self) -> None:
+        await self._is_noting.wait()
+        await self._noting.run()
+
+    def figures(self) -> PageFigures:
+        """How the page and its bus are, for Prometheus."""
+        bus = self._views.bus()
+        return PageFigures(
+            sessions=self._accounts.sessions.count,
+            connections=len(self.server.connections),
+            bus=bus.name,
+            bus_load=bus.load_percent / 100,
+            bus_bitrate=bus.bitrate,
+        )
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        self._sessions.bring_back()
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._keep_looking())
+                tasks.create_task(self._keep_sessions())
+                tasks.create_task(self._note_figures())
+                tasks.create_task(self._views.curves.measure())
+                tasks.create_task(self.server.run())
+        finally:
+            await asyncio.shield(self._sessions.keep())
+
+    async def _keep_sessions(self) -> None:
+        """Follow what other programs change about people, and keep the sessions."""
+        await self._sessions.tidy_up()
+        while True:
+            await asyncio.sleep(SESSIONS_S)
+            self._accounts.load(self._users.users())
+            self._accounts.sessions.end_old()
+            await self._sessions.keep()
+
+    async def _keep_looking(self) -> None:
+        while True:
+            self._views.look()
+            await asyncio.sleep(LOOK_S)
+
+
+def _database_figures(registry: Registry) -> DatabaseFigures:
+    health = registry.storage.health
+    return DatabaseFigures(health.waiting, health.lost, health.is_well)
+
+
+def _describer(master: Master, operations: RunningOperations) -> Callable[[], Robot]:
+    def describe() -> Robot:
+        profile, timing = master.profile, master.inventory.timing
+        return Robot(
+            name=profile.name,
+            version=profile.version,
+            serial_number=profile.serial_number,
+            released=profile.released,
+            manufacturer=profile.manufacturer,
+            links=[bound_name(link) for link in master.links],
+            beat_s=timing.beat_s,
+            tick_s=timing.tick_s,
+            life=timing.life,
+            stopped=master.stop.stopped,
+            stop=stop_state(master.stop),
+            window_s=operations.placement.window_s,
+            trouble="",
+            slots=[],
+            arrivals=0,
+            faults=list(operations.faults.told("")),
+        )
+
+    return describe

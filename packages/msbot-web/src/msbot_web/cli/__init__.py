@@ -1,0 +1,1 @@
+"""The commands with a page: the demo, and who may sign in."""

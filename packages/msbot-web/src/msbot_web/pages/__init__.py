@@ -1,0 +1,43 @@
+"""The pages: one file each; they are thin, because `Service` provides what they show and do."""
+
+from __future__ import annotations
+
+from msbot_web.pages import (
+    admin,
+    api_docs,
+    arena,
+    arrivals,
+    bus,
+    classroom,
+    doctor,
+    extension_pages,
+    faults,
+    help,
+    journal,
+    learn,
+    library,
+    missions,
+    plots,
+    program,
+    projector,
+    pupil_program,
+    pupils,
+    quiz,
+    robot,
+    settings,
+    timeline,
+    wires,
+)
+from msbot_web.service import Service
+
+
+def register_pages(service: Service) -> None:
+    """Make the pages of one robot known to NiceGUI; to be called once in a process."""
+    for page in (
+        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, quiz, library, journal, missions,
+        faults, doctor, classroom, pupils, pupil_program, projector, admin, api_docs, help, extension_pages,
+    ):  # fmt: skip
+        page.register(service)
+
+
+__all__ = ["register_pages"]

@@ -1,0 +1,61 @@
+"""What everybody must know of the present, on every page: STOP and who has confirmed it, and what is not being stored."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from msbot.operations.rights import Right
+from msbot_web.api.models import StopState
+from msbot_web.html import Markup, render
+from msbot_web.pages.page_elements import set_html
+
+if TYPE_CHECKING:
+    from msbot_web.pages.layout import Page
+
+
+def show_banner(page: Page, banner: ui.column) -> None:
+    """Show it in this place, and keep it true."""
+    shown: list[object] = []
+
+    def show() -> None:
+        robot = page.service.robot()
+        wanted: list[object] = [page.is_past, robot.stop.stopped, robot.trouble, robot.stop.trouble, *robot.faults]
+        if wanted != shown:
+            shown[:] = wanted
+            banner.clear()
+            with banner:
+                if page.is_past and any(wanted[1:]):
+                    ui.label(page.say("At present:")).classes("soft")
+                if robot.stop.stopped:
+                    with ui.element("div").classes("ms-banner bad row spread").props("role=alert"):
+                        stop_words.append(ui.html("", sanitize=False).style("flex:1;min-width:min(18rem,100%)"))
+                        if page.may(Right.ARRANGE):
+                            ui.button(page.say("Go on"), on_click=go_on).props("outline dense")
+                for words in (robot.trouble, robot.stop.trouble, *robot.faults):
+                    if words:
+                        with ui.element("div").classes("ms-banner warn").props("role=alert"):
+                            ui.label(page.say(words))
+        if robot.stop.stopped and stop_words:
+            set_html(stop_words[-1], stop_html(page, robot.stop))
+            seen[0] = robot.stop.number
+
+    async def go_on() -> None:
+        await page.act("go", stop=seen[0])  # not a STOP that came since this person has looked
+
+    seen = [0]
+    stop_words: list[ui.html] = []
+    page.every_look(show)
+
+
+def stop_html(page: Page, stop: StopState) -> Markup:
+    """The state of STOP: who said it, who has confirmed it in how long, and who has not."""
+    slowest = max((one.ms for one in stop.confirmed), default=0.0)
+    return render(
+        "stop_state",
+        say=page.say,
+        stop=stop,
+        slowest=page.number(slowest, ".0f"),
+        told=len(stop.confirmed) + len(stop.silent),
+    )

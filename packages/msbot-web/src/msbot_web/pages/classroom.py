@@ -1,0 +1,212 @@
+"""The class view: one tile per robot, of the database, of the masters here and of those elsewhere; one STOP for all."""
+
+from __future__ import annotations
+
+import re
+from urllib.parse import urlsplit
+
+from fastapi import Request
+from nicegui import ui
+
+from msbot.operations.rights import Right
+from msbot_web.api.class_models import RobotTile
+from msbot_web.html import Markup, render
+from msbot_web.pages.class_rollout import RollOutPanel
+from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.page_elements import set_html
+from msbot_web.service import Service
+from msbot_xrce.errors import MsbotError
+
+MOST_NAMED = 30
+"""Robots that are named in one message."""
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/class")
+    def classroom(request: Request) -> None:
+        with page_frame(service, request, "/class", "Class") as page:
+            _tiles(page, request.url.hostname or "127.0.0.1")
+
+
+def _tiles(page: Page, hostname: str) -> None:
+    with ui.element("div").classes("row spread w-full"):
+        find = ui.input(page.say("Search"), placeholder=page.say("name, serial number, state, blueprint")).props(
+            "outlined dense clearable"
+        )
+        count = ui.label("").classes("soft num").props("aria-live=polite")
+        ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None).classes("ms-stop").props(
+            f'unelevated aria-label="{page.say("STOP all robots of the class")}"'
+        )
+    ui.label(
+        page.say(
+            "The robots of this database, of every master on this computer, and those elsewhere that there is an access "
+            "to. Click one to go to its page."
+        )
+    ).classes("soft")
+    trouble = ui.label("").classes("ms-banner warn")
+    nobody = ui.label(page.say("No robot fits. Try part of its name, or clear the search."))
+    above = ui.column().classes("w-full")
+    grid = ui.element("div").classes("grid")
+    shown = _Shown(page, grid, hostname)
+    if page.may(Right.DESIGN):
+        with above:
+            RollOutPanel(page, lambda: shown.fitting)
+
+    async def show() -> None:
+        try:
+            tiles = await page.service.whole_class.robots()
+        except MsbotError as error:
+            trouble.set_text(page.say(str(error)))
+            trouble.set_visibility(True)
+            return
+        trouble.set_text(page.say(page.service.whole_class.trouble))
+        trouble.set_visibility(bool(page.service.whole_class.trouble))
+        fitting = shown.update(tiles, str(find.value or "").casefold().split())
+        well = sum(_state_of(tile)[0] == "active" for tile in fitting)
+        words = page.say("Robots that are well: {well} of {all}", well=well, all=len(fitting))
+        marks = {tile.blueprint for tile in fitting if tile.blueprint}
+        more = page.say("{count} different blueprints", count=len(marks))
+        count.set_text(f"{words} · {more}" if len(marks) > 1 else words)
+        nobody.set_visibility(not fitting)
+
+    page.every_look(show)
+    find.on_value_change(show)
+
+
+class _Shown:
+    """The tiles on a page: each is an element of its own, and only those that have changed are sent."""
+
+    def __init__(self, page: Page, grid: ui.element, hostname: str) -> None:
+        self._page = page
+        self._grid = grid
+        self._hostname = hostname
+        self._elements: list[ui.html] = []
+        self._tiles: list[RobotTile] = []
+        self._source: object = None
+        self.fitting: list[RobotTile] = []
+        """Those that the search shows."""
+
+    def update(self, tiles: list[RobotTile], words: list[str]) -> list[RobotTile]:
+        """Show these robots as far as all words are found in what is said of them; returns those."""
+        if tiles is not self._source:  # else nobody has looked at the robots since
+            self._source = tiles
+            self._tiles = sorted(tiles, key=lambda tile: (_natural(tile.name), _natural(tile.serial_number)))
+            with self._grid:
+                self._elements += [
+                    ui.html("", sanitize=False).style("display:grid;min-width:0;grid-template-columns:minmax(0,1fr)")
+                    for _ in self._tiles[len(self._elements) :]
+                ]
+            while len(self._elements) > len(self._tiles):
+                self._elements.pop().delete()
+            for tile, element in zip(self._tiles, self._elements, strict=True):
+                set_html(element, _tile(self._page, tile, self._hostname))
+        fitting = []
+        for tile, element in zip(self._tiles, self._elements, strict=True):
+            text = _searched(self._page, tile)
+            fits = all(word in text for word in words)
+            if element.visible != fits:
+                element.set_visibility(fits)
+            if fits:
+                fitting.append(tile)
+        self.fitting = fitting
+        return fitting
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    """By this, robot 10 comes after robot 9."""
+    return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"([0-9]+)", text.casefold())]
+
+
+async def _stop_all(page: Page) -> None:
+    school = page.service.whole_class
+    try:
+        done = await school.stop_all(page.session)
+        unreached = [
+            f"{tile.name} {tile.serial_number}"
+            for tile in await school.robots()
+            if tile.running and not (tile.reachable or tile.here or tile.elsewhere)
+        ]
+    except MsbotError as error:
+        ui.notify(page.say(str(error)), type="negative", multi_line=True)
+        return
+    told = page.language.count(len(done.told), "STOP: {count} robot was told", "STOP: {count} robots were told")
+    confirmed = page.language.count(
+        done.parts, "{confirmed} of {count} part has confirmed it so far.",
+        "{confirmed} of {count} parts have confirmed it so far.", confirmed=done.confirmed,
+    )  # fmt: skip
+    words = f"{told}; {confirmed}"
+    ui.notify(words, type="warning", multi_line=True, timeout=8000)
+    if done.waiting:
+        words = page.say("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+    if done.not_stored:
+        words = page.say("Not stored, it ends with their masters: {robots}", robots=", ".join(done.not_stored))
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+    if done.silent:
+        words = page.language.count(
+            done.silent, "NOT delivered to {count} master that runs here: cut its power.",
+            "NOT delivered to {count} masters that run here: cut their power.",
+        )  # fmt: skip
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+    if done.not_told:
+        names = ", ".join(page.say(one) for one in done.not_told[:MOST_NAMED])
+        words = page.language.count(
+            len(done.not_told), "NOT stopped: {count} robot on another computer does not answer: {robots}. Cut its power.",
+            "NOT stopped: {count} robots on other computers do not answer: {robots}. Cut their power.", robots=names,
+        )  # fmt: skip
+        ui.notify(words, type="negative", multi_line=True, timeout=30_000)
+    if unreached:
+        names = ", ".join(unreached)
+        words = page.say("NOT told, their masters run on other computers: {names}. Press STOP there.", names=names)
+        ui.notify(words, type="negative", multi_line=True, timeout=15_000)
+
+
+def _state_of(tile: RobotTile) -> tuple[str, str]:
+    """The colour of a tile, and the word for it."""
+    if tile.trouble:
+        return "late", "its master does not answer"
+    if not tile.running:
+        return "empty", "no master runs it"
+    if not (tile.here or tile.reachable):
+        return "late", "its master does not answer on this computer"
+    if tile.stopped:
+        return "lost", "STOP is in force"
+    return ("active", "all well") if tile.active == tile.slots else ("late", "parts are missing")
+
+
+def _searched(page: Page, tile: RobotTile) -> str:
+    state = page.say(_state_of(tile)[1])
+    return (
+        f"{tile.name} {tile.serial_number} {tile.owner} {tile.version} {tile.blueprint} {tile.msbot} {tile.address} {state}"
+    ).casefold()
+
+
+def _tile(page: Page, tile: RobotTile, hostname: str) -> Markup:
+    state, word = _state_of(tile)
+    return render(
+        "tile",
+        tile=tile,
+        state=state,
+        word=word,
+        sign={"active": "●", "late": "◐", "lost": "■", "empty": "○"}[state],
+        place="" if tile.here else urlsplit(tile.address).netloc,
+        where="/" if tile.here else _for_visitor(tile.address, hostname),
+        age="" if tile.last_event_age_s is None else _age(tile.last_event_age_s),
+        say=page.say,
+    )
+
+
+def _for_visitor(address: str, hostname: str) -> str:
+    """Where a page is for somebody who has come by that name of this computer; empty when it has none."""
+    found = urlsplit(address)
+    if found.hostname not in ("0.0.0.0", "::"):
+        return address
+    return f"{found.scheme}://{f'[{hostname}]' if ':' in hostname else hostname}:{found.port}"
+
+
+def _age(seconds: float) -> str:
+    if seconds < 60:
+        return "< 1 min"  # by the second, all tiles would be sent anew all the time
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.0f} h"

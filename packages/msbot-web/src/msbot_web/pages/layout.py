@@ -1,0 +1,358 @@
+"""What surrounds every page: the robot's name, links to the other pages, STOP, and who is signed in."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import logging
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import field
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+from fastapi import Request
+from nicegui import Client, ui
+
+from msbot.operations.rights import Right
+from msbot_agent.text.sentence import said
+from msbot_school.lessons.shelf import SIMPLE
+from msbot_web.access.accounts import SignedOut
+from msbot_web.access.sessions import Session
+from msbot_web.api.bus_lines import FrameLine
+from msbot_web.api.models import Done
+from msbot_web.api.private_octets import PrivateOctets
+from msbot_web.api.session import octets_for, words_for
+from msbot_web.html import render
+from msbot_web.language import COOKIE as LANGUAGE_COOKIE
+from msbot_web.language import Language, language_of, languages
+from msbot_web.pages.banner import show_banner
+from msbot_web.pages.class_strip import hand_button, show_class_strip
+from msbot_web.pages.easy import is_easy, read_easily
+from msbot_web.pages.help import help_button, offer_tour
+from msbot_web.pages.looking_back import PATHS, LookingBack
+from msbot_web.pages.menu import show_menu
+from msbot_web.place import root
+from msbot_web.service import Service, done_of
+from msbot_web.sight import LiveSight, Sight
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError, MsbotError, NotThere
+
+_log = logging.getLogger(__name__)
+
+LOOK_S = 0.5
+"""Period in which pages are refreshed."""
+BUILD_S = 30.0
+"""Longest time in which a page that waits while it is laid out must be there.
+
+NiceGUI's own 3 s were an error page on a slow computer.
+"""
+CHECK_S = 3.0
+"""Longest time that a page stays open after its person was signed out elsewhere, or removed."""
+
+
+Refresh = Callable[[], object]
+"""Shows the present state; waits only if it gives a coroutine."""
+
+
+@dataclass(slots=True)
+class Page:
+    """One opened page: for whom, in which language, and how its actions are done."""
+
+    service: Service
+    session: Session
+    language: Language
+    easy: bool = False
+    """Whether the person wants it easy to read."""
+    refreshers: list[tuple[Refresh, ui.element | None]] = field(default_factory=list)
+    reading: set[Refresh] = field(default_factory=set)
+    """Refreshers that wait for what they show."""
+    trouble: str = ""
+    """What could not be shown lately."""
+    client: Client | None = None
+    """The browser's page, for what is shown after waiting."""
+    tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    """What waits."""
+    at_s: float | None = None
+    """Which moment it shows, seconds since 1970; None: the present."""
+    looking_back: LookingBack | None = None
+    """Its time slider; None: it shows the present only."""
+    sight: Sight = field(init=False)
+    """What it looks at."""
+
+    def __post_init__(self) -> None:
+        self.sight = LiveSight(self.service)
+
+    @property
+    def reads(self) -> str:
+        """In which language, and how, the person reads lessons, as in RFC 5646: `de`, or `de-simple`."""
+        return self.language.code + (SIMPLE if self.easy else "")
+
+    @property
+    def is_past(self) -> bool:
+        """Whether it shows the past: then nothing can be done to the robot but STOP."""
+        return self.at_s is not None
+
+    def say(self, text: str, **values: object) -> str:
+        """A text in the person's language; students read no addresses of parts in it."""
+        return self.language.say(words_for(self.session, text), **values)
+
+    def private_octets(self) -> PrivateOctets:
+        """What the person does not see of frames."""
+        return octets_for(self.session, self.service, self.sight.robot())
+
+    def frame_lines(self, limit: int) -> list[FrameLine]:
+        """The newest frames, oldest first, as the person may see them."""
+        return self.private_octets().frames(self.sight.frame_lines(0, limit))
+
+    def number(self, value: float, form: str = "") -> str:
+        """A number as the person's language writes it; `form` as in `format`."""
+        return self.language.number(value, form)
+
+    def when(self, at_ms: int) -> str:
+        """A moment, milliseconds since 1970, on the clock of the robot's computer."""
+        return datetime.fromtimestamp(at_ms / 1000).strftime("%Y-%m-%d %H:%M:%S")
+
+    def may(self, right: Right) -> bool:
+        """Whether to offer something at all; whether it may be done is checked again when it is done."""
+        return self.session.may(right)
+
+    async def act(self, operation: str, *, quiet: bool = False, **arguments: Any) -> Done | None:  # noqa: ANN401 - as the table has them
+        """Have an operation of the table done for the person, and say what came of it; None when it was refused."""
+
+        async def deed(session: Session) -> Done:
+            who = self.service.asker(session)
+            return done_of(await self.service.operations.do(operation, who=who, **arguments))
+
+        return await self.do(deed, quiet=quiet)
+
+    async def do(self, deed: Callable[[Session], Done | Awaitable[Done]], *, quiet: bool = False) -> Done | None:
+        """Do something for the person and say what came of it; None when it was refused."""
+        try:
+            self._check_present()
+            result = deed(self.session)
+            done = await result if inspect.isawaitable(result) else result
+        except MsbotError as error:
+            self._refused(error)
+            return None
+        return self._done(done, quiet=quiet)
+
+    def do_now(self, deed: Callable[[Session], Done], *, quiet: bool = False) -> Done | None:
+        """Do something that waits for nothing, before any refresh could show what was so before it."""
+        try:
+            self._check_present()
+            done = deed(self.session)
+        except MsbotError as error:
+            self._refused(error)
+            return None
+        return self._done(done, quiet=quiet)
+
+    def _check_present(self) -> None:
+        if self.is_past:
+            raise ConfigError(said("this page shows the past: go back to now before you change the robot"))
+
+    def _refused(self, error: MsbotError) -> None:
+        if self.is_gone:
+            return
+        if isinstance(error, SignedOut):
+            ui.run_javascript("msbotSignIn()")
+        else:
+            ui.notify(
+                self.say(str(error)), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000
+            )
+
+    def _done(self, done: Done, *, quiet: bool) -> Done:
+        if self.is_gone:
+            return done
+        with self.here():
+            if not quiet:
+                ui.notify(self.say(done.words), type="positive", multi_line=True)
+        self.refresh()
+        return done
+
+    def every_look(self, refresh: Refresh, owner: ui.element | None = None) -> None:
+        """Call something now, twice a second, and at once after each action, as long as page and owner are there."""
+        self._call(refresh)
+        self.refreshers.append((refresh, owner))
+
+    def later(self, work: Coroutine[object, object, None]) -> None:
+        """Show something as soon as what it shows has been read."""
+
+        async def in_page() -> None:
+            with self.here():
+                await work
+
+        task = asyncio.get_running_loop().create_task(in_page())
+        self.tasks.add(task)
+        task.add_done_callback(self.tasks.discard)
+
+    def every(self, seconds: float, act: Callable[[], object]) -> None:
+        """Do something periodically while the page is connected: what is said meanwhile would pile up."""
+
+        def look() -> object:
+            return act() if self.is_connected else None
+
+        ui.timer(seconds, look)
+
+    def _call(self, refresh: Refresh) -> None:
+        if refresh in self.reading:
+            return
+        waiting = refresh()
+        if not inspect.isawaitable(waiting):
+            return
+        self.reading.add(refresh)
+
+        async def finish() -> None:
+            try:
+                await waiting
+            except MsbotError as error:
+                self._say_once(str(error))
+            finally:
+                self.reading.discard(refresh)
+
+        self.later(finish())
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether the browser's page was closed: nothing can be shown on it any more."""
+        return self.client is not None and self.client.is_deleted
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the browser hears at once what it is told."""
+        return self.client is None or self.client.has_socket_connection
+
+    def closed(self) -> None:
+        """Show nothing any more: the browser's page was closed, maybe while something was being read for it."""
+        self.refreshers.clear()
+        for task in self.tasks:
+            task.cancel()
+
+    def here(self) -> AbstractContextManager[object]:
+        """Show what follows in the page itself, because the element that was clicked may be gone by now."""
+        return self.client or nullcontext()
+
+    def refresh(self) -> None:
+        """Look again now."""
+        with self.here():
+            self._refresh()
+
+    def _refresh(self) -> None:
+        self.refreshers = [
+            (refresh, owner) for refresh, owner in self.refreshers if owner is None or not owner.is_deleted
+        ]
+        for refresher in tuple(self.refreshers):
+            refresh, owner = refresher
+            if owner is not None and owner.is_deleted:
+                continue  # by a refresher before it
+            try:
+                self._call(refresh)
+            except NotThere:
+                self.refreshers = [one for one in self.refreshers if one is not refresher]
+            except MsbotError as error:
+                self._say_once(str(error))
+
+    def check_session(self) -> None:
+        """Leave the page when its session has ended."""
+        if not self.service.accounts.holds(self.session):
+            self.refreshers.clear()
+            ui.run_javascript("msbotSignIn()")
+
+    def _say_once(self, words: str) -> None:
+        """Log once that something cannot be shown; the next refresh tries again."""
+        if words != self.trouble:
+            self.trouble = words
+            _log.warning("the page of %s shows what it showed before: %s", self.session.name, words)
+
+
+@contextmanager
+def page_frame(service: Service, request: Request, path: str, title: str) -> Iterator[Page]:
+    """Everything around a page's content.
+
+    Args:
+        service: what the page is about.
+        request: who opens it; the guard has put the session there.
+        path: which entry of the menu it is.
+        title: its heading.
+    """
+    session = request.scope["state"]["session"]
+    page = Page(service, session, language_of(request), is_easy(request), client=ui.context.client)
+    ui.context.client.on_delete(page.closed)
+    ui.add_head_html(str(render("head", language=page.language.code, easy=page.easy)))
+    # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
+    # Its script runs after socket.io and NiceGUI are there and before they connect.
+    channel = f'<script defer src="{root()}/web/channel.js"></script>'
+    ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)) + channel)
+    ui.page_title(f"{page.say(title)} · {service.robot_name}")
+    dark = ui.dark_mode(_dark_of(request))
+    ui.colors(
+        primary="#0b6e99",
+        positive="#1b7a3d",
+        negative="#b3261e",
+        warning="#8a5a00",
+        dark="#17212a",
+        dark_page="#0e151b",
+    )
+    with ui.header().classes("ms-header").props("role=banner"):
+        menu = (
+            ui.button(icon="menu")
+            .props(f'flat round dense color=primary aria-label="{page.say("Menu")}"')
+            .classes("ms-menu")
+        )
+        ui.label(service.robot_name).classes("ms-robot")
+        hand_button(page)
+        help_button(page, path)
+        _who(page, dark)
+    show_menu(page, path, menu)
+    with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
+        banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
+        show_banner(page, banner)
+        show_class_strip(page, ui.column().classes("w-full ms-banners"))
+        if path == "/":
+            offer_tour(page, request)
+        ui.html(render("title", words=page.say(title)), sanitize=False)
+        if path in PATHS:
+            page.looking_back = LookingBack(page, request.query_params.get("at", ""), reads=path != "/plots")
+        yield page
+    page.every(LOOK_S, page.refresh)
+    page.every(CHECK_S, page.check_session)
+
+
+def _who(page: Page, dark: ui.dark_mode) -> None:
+    with (
+        ui.button(icon="account_circle").props(f'flat round dense color=primary aria-label="{page.say("You")}"'),
+        ui.menu(),
+    ):
+        ui.label(f"{page.session.name} · {page.say(page.session.role.word)}").classes("soft").style(
+            "padding:.5rem 1rem"
+        )
+        for mode, title in ((None, "As the device"), (False, "Light"), (True, "Dark")):
+            ui.menu_item(page.say(title), partial(_set_dark, dark, mode))
+        ui.separator()
+        easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
+        ui.menu_item(easy, partial(read_easily, easy=not page.easy))
+        ui.separator()
+        for language in languages().values():
+            ui.menu_item(language.name, partial(_set_language, language.code))
+        ui.separator()
+        ui.menu_item(page.say("API"), lambda: ui.navigate.to("/api-docs"))
+        ui.menu_item(page.say("Sign out"), lambda: ui.run_javascript(
+            "const f=document.createElement('form');f.method='post';f.action=msbotAt('/logout');document.body.append(f);f.submit()"
+        ))  # fmt: skip
+
+
+def _dark_of(request: Request) -> bool | None:
+    return {"light": False, "dark": True}.get(request.cookies.get("msbot_look", ""))
+
+
+def _set_dark(dark: ui.dark_mode, mode: bool | None) -> None:
+    dark.value = mode
+    word = {None: "", False: "light", True: "dark"}[mode]
+    ui.run_javascript(f"document.cookie = 'msbot_look={word};path=/;max-age=31536000;samesite=lax'")
+
+
+def _set_language(code: str) -> None:
+    ui.run_javascript(
+        f"document.cookie = '{LANGUAGE_COOKIE}={code};path=/;max-age=31536000;samesite=lax'; location.reload()"
+    )

@@ -1,0 +1,122 @@
+"""The part library as a catalogue with search; every entry has a page with pins, ports, and a code to stick on the part."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from fastapi import Request
+from nicegui import ui
+
+from msbot.config import PartType
+from msbot.hardware.wiring_picture import wiring_picture
+from msbot.operations.rights import Right
+from msbot_web.html import Markup, render
+from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.page_elements import ask_first
+from msbot_web.pages.slots_by_hand import ask_for_slot
+from msbot_web.pages.type_search import types_found
+from msbot_web.place import base_of
+from msbot_web.service import Service
+from msbot_web.svg.drawings import value_words
+from msbot_web.svg.passport import picture_of, qr_svg
+
+
+def register(service: Service) -> None:
+    """Make the pages known."""
+
+    @ui.page("/library")
+    def library(request: Request, search: str = "") -> None:
+        with page_frame(service, request, "/library", "Library") as page:
+            _catalogue(page, search)
+
+    @ui.page("/library/{number}")
+    def entry(request: Request, number: str) -> None:
+        with page_frame(service, request, "/library", "Library") as page:
+            found = service.views.library.get(number)
+            if found is None:
+                ui.label(page.say("There is no part type {number} in the library.", number=number))
+                ui.link(page.say("Library"), "/library")
+            else:
+                _entry(page, found, base_of(request))
+                if page.may(Right.DESIGN):
+                    make = partial(ask_for_slot, page, found.number)
+                    ui.button(page.say("New slot for this type"), icon="add", on_click=make).classes("self-start")
+
+
+def _catalogue(page: Page, search: str) -> None:
+    find = ui.input(page.say("Search"), value=search, placeholder=page.say("servo, light, I2C …")).props(
+        "outlined clearable autofocus"
+    )
+    find.classes("w-full")
+    grid = ui.html("", sanitize=False).classes("w-full")
+
+    def show() -> None:
+        entries = []
+        for line in types_found(page, str(find.value or "")):
+            found = page.service.views.library.get(line.number)
+            entries.append((line, "" if found is None else picture_of(found)))
+        grid.set_content(render("catalogue", say=page.say, counted=page.language.count, entries=entries))
+
+    find.on_value_change(show)
+    show()
+
+
+def _range_words(page: Page, least: float | None, most: float | None) -> str:
+    """What a parameter may be: "0 … 180", "≥ 0", "≤ 180", or "–" for anything."""
+    if least is not None and most is not None:
+        return f"{page.number(least, 'g')} … {page.number(most, 'g')}"
+    if least is not None:
+        return f"≥ {page.number(least, 'g')}"
+    return "–" if most is None else f"≤ {page.number(most, 'g')}"
+
+
+def _entry(page: Page, found: PartType, base: str) -> None:
+    say = page.say
+    facts = [
+        (say("part number"), found.number),
+        (say("manufacturer"), say(found.manufacturer) or "–"),
+        (say("supply"), say(str(found.supply)) if found.supply else say(found.specification) or "–"),
+        (say("resolution"), say(found.resolution) or "–"),
+        (say("connector"), say(found.connector) or "–"),
+        (say("fits slots for"), ", ".join((found.number, *found.compatible_with))),
+        (say("driver"), found.driver.entry_point or say(found.driver.none) or say("has a controller of its own")),
+        (say("file"), found.source.rpartition("/")[2]),
+    ]
+    if found.origin:
+        facts.append((say("origin"), say(found.origin)))
+    address = f"{base.rstrip('/')}/library/{found.number}"
+    ui.html(
+        render("passport", say=say, type=found, facts=facts, picture=picture_of(found), code=qr_svg(address)),
+        sanitize=False,
+    ).classes("w-full")
+    if found.driver.entry_point:
+        ui.html(render("wiring", say=say, picture=Markup(wiring_picture(found, say=say))), sanitize=False).classes(
+            "w-full"
+        )
+    _table(page, "Ports", ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"), [
+        (port.name, say(port.direction.value), port.type_name, f"{page.number(port.rate_hz, 'g')} Hz" if port.rate_hz else say("when it happens"),
+         ", ".join(f"{name} = {value_words(value, page.language)}" for name, value in port.safe.items()) if port.safe else "–", say(port.description))
+        for port in found.ports
+    ])  # fmt: skip
+    _table(page, "Parameters", ("Name", "Kind", "Default", "Range", "Unit", "Meaning"), [
+        (one.name, one.kind.value, value_words(one.default, page.language),
+         _range_words(page, one.least, one.most),
+         one.unit or "–", say(one.description))
+        for one in found.parameters
+    ])  # fmt: skip
+    _table(page, "Pins", ("Pin", "Name", "Kind", "Meaning"), [
+        (str(number), pin.name, say(pin.kind.value), say(pin.description)) for number, pin in enumerate(found.pins, 1)
+    ])  # fmt: skip
+    if found.origin and page.may(Right.DESIGN):
+        words = page.say("Forget {number}? A part may describe it anew then.", number=found.number)
+        forget = partial(page.act, "forget_type", number=found.number)
+        ui.button(page.say("Forget"), icon="delete", on_click=partial(ask_first, page, words, forget)).props("flat")
+    ui.link(page.say("All part types"), "/library")
+
+
+def _table(page: Page, title: str, heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    if rows:
+        titles = [page.say(name) for name in heads]
+        ui.html(render("titled_table", title=page.say(title), heads=titles, rows=rows), sanitize=False).classes(
+            "w-full"
+        )

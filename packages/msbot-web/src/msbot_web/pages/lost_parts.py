@@ -1,0 +1,32 @@
+"""Parts that are lost: their number in the menu, and a word on every page when it happens."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from msbot.pnp import PartState
+from msbot_web.api.models import Robot
+
+if TYPE_CHECKING:
+    from msbot_web.pages.layout import Page
+
+
+def lost_slots(robot: Robot) -> list[str]:
+    """The slots whose part is lost."""
+    return [card.name for card in robot.slots if card.state == PartState.LOST.value]
+
+
+def tell_lost(page: Page) -> None:
+    """Say it on every page when a part is lost while the page is open."""
+    known: set[str] | None = None
+
+    def look() -> None:
+        nonlocal known
+        lost = set(lost_slots(page.service.robot()))
+        for name in sorted(lost - known) if known is not None else ():
+            ui.notify(page.say("The part in slot {name} is lost.", name=name), type="negative", timeout=8000)
+        known = lost
+
+    page.every_look(look)

@@ -1,0 +1,67 @@
+"""What the script of the page Program says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msbot.part import JoinState
+from msbot.part.join.refusal import STANDBY, Refusal
+from msbot_web.pages.part_sentences import part_sentences
+
+
+def program_words(say: Callable[[str], str]) -> dict[str, object]:
+    """What the script says, in the person's language; the states as the part calls them."""
+    titles = {
+        JoinState.LOOKING: say("looking for the robot"), JoinState.RECOGNISING: say("recognising the robot"),
+        JoinState.CLAIMING: say("registering"), JoinState.CONFIGURING: say("being configured"),
+        JoinState.ACTIVE: say("active"), JoinState.REFUSED: say("refused"), JoinState.LOST: say("lost"),
+        JoinState.WRONG_ROBOT: say("wrong robot"), JoinState.ENDED: say("ended"),
+    }  # fmt: skip
+    states = {state.value: words for state, words in titles.items()}
+    states |= {STANDBY: say(STANDBY)}
+    states |= {"not running": say("not running"), "starting": say("starting"), "busy": say("busy")}
+    return {
+        "states": states,
+        "said": part_sentences(say),
+        "reloaded": say("{name} ended when this page was left or loaded anew: press Run, and it runs again."),
+        "no_slot": Refusal.NO_SLOT.words,
+        "slot": say("In slot {slot}"),
+        "unwired": say("not wired in this robot"),
+        "stopped": say("STOP holds: messages do not reach the program"),
+        "adopt": say("Under Arrivals a teacher can let {number} in."),
+        "describes": say("It tells the robot what it is: a teacher can adopt it."),
+        "line": say("line {number}"),
+        "block": say("the block"),
+        "left": say("… left out, too many lines at once: {number}"),
+        "tooFast": say("Messages not sent: {number}. The program sends more than the robot takes: send less often."),
+        "stuck": say(
+            "A function of the program does not end: the part cannot beat meanwhile. Press Stop, and end the loop in it."
+        ),
+        "stuckFor": say("For {seconds} s in one function."),
+        "killed": say("The program did not answer and was ended."),
+        "noFiles": say("The robot's computer does not answer: the program cannot start."),
+        "tilt": say("Tilt:"),
+        "noTilt": say("No tilt from this device (yet)."),
+        "boardNoPort": say("No port was chosen."),
+        "boardAsks": say("Asking the board …"),
+        "boardWrites": say("{done} of {all} kB are written"),
+        "boardRuns": say(
+            "{name} runs on the board now, and whenever it starts; {count} files were written. The console shows what "
+            "it says."
+        ),
+        "board_busy": say("The port cannot be opened: does another program use it? ({detail})"),
+        "board_silent": say(
+            "The board does not answer, not even to Ctrl-C: press its RESET button and try again, or put MicroPython "
+            "on it."
+        ),
+        "board_garbage": say("What is at this port does not answer as MicroPython does: {detail}"),
+        "board_unplugged": say("The board was unplugged. Plug it in and write again: it goes on from there."),
+        "board_other": say("The board runs {detail}: it needs MicroPython 1.22 or newer."),
+        "board_old": say("The board has MicroPython {detail}: it needs 1.22 or newer."),
+        "board_noSpace": say("The board has no space: {detail} kB more are needed. Nothing was written."),
+        "board_full": say("The board has no space left: {detail}"),
+        "board_failed": say("The board says: {detail}"),
+        "board_noWay": say("The board does not know its way to the master yet: write it into the field above."),
+        "board_noFiles": say("The robot's computer does not answer: nothing was written."),
+        "tiltNeedsTls": say("Browsers tell the tilt only on pages with https: start the robot with --certificate."),
+    }

@@ -1,0 +1,139 @@
+"""A pupil's program, for the teacher: to look at while it is being typed, to take over, to hand back."""
+
+from __future__ import annotations
+
+from fastapi import Request
+from nicegui import ui
+
+from msbot.operations.rights import Right
+from msbot_web.access.sessions import Session
+from msbot_web.api.models import Done
+from msbot_web.pages.layout import Page, page_frame
+from msbot_web.service import Service
+from msbot_xrce.errors import MsbotError
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/pupil")
+    def pupil(request: Request, name: str = "") -> None:
+        with page_frame(service, request, "/pupils", "A pupil's program") as page:
+            if not page.may(Right.ARRANGE):
+                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                return
+            _Desk(page, name)
+
+
+class _Desk:
+    """One pupil's program."""
+
+    def __init__(self, page: Page, pupil: str) -> None:
+        from msbot_web.pages.editor import Editor  # with CodeMirror, which the first page does not need
+
+        self._page = page
+        self._pupil = pupil
+        self._name = ""
+        """Of the program."""
+        self._seen: str | None = None
+        """Its text, as it was read or shown to the pupil last; None: not yet."""
+        self._kept = ""
+        """Its text, as the pupil has it or as it was kept for the pupil last."""
+        say = page.say
+        ui.link(say("Back to the pupils"), "/pupils")
+        with ui.element("div").classes("row spread w-full"):
+            self._title = ui.label(pupil).classes("ms-pupil-name").style("font-weight:600;font-size:1.2rem")
+            with ui.element("div").classes("row"):
+                self._take = ui.button(say("Take over"), icon="front_hand", on_click=self._take_over)
+                self._run = ui.button(say("Run"), icon="play_arrow", on_click=self._start).props("color=positive")
+                self._hold = ui.button(say("Stop"), icon="stop", on_click=self._end).props("outline")
+                self._back = ui.button(say("Hand back"), icon="undo", on_click=self._hand_back).props("outline")
+        self._state = ui.label("").classes("soft").props("role=status")
+        self._editor = Editor("", language="Python", family="github").classes("ms-prog-editor w-full")
+        self._editor.set_enabled(False)
+        page.every_look(self._look)
+
+    @property
+    def _is_mine(self) -> bool:
+        taken = self._page.service.operations.pupils.taken_by(self._pupil)
+        return taken is not None and taken.by == self._page.session.name
+
+    async def _look(self) -> None:
+        page, say, mine = self._page, self._page.say, self._is_mine
+        self._take.set_visibility(not mine)
+        for button in (self._run, self._hold, self._back):
+            button.set_visibility(mine)
+        if self._editor.enabled is not mine:
+            self._editor.set_enabled(mine)
+        try:
+            name, source, is_open = await page.service.pupils.program(page.session, self._pupil)
+            if mine and self._seen is not None:
+                self._show()
+        except MsbotError as error:
+            self._state.set_text(say(str(error)))
+            return
+        self._title.set_text(f"{self._pupil} · {name}")
+        taken = page.service.operations.pupils.taken_by(self._pupil)
+        words = say("as it is being typed") if is_open else say("as it was kept last: the page is not open")
+        if mine:
+            words = say("You have this program: what you write is shown to the pupil.")
+        elif taken is not None:
+            words = say("taken over by {by}", by=taken.by)
+        self._state.set_text(words)
+        if not mine or self._seen is None:
+            self._name = name
+            if source.text != self._seen:
+                self._editor.value = self._seen = self._kept = source.text
+
+    def _show(self) -> None:
+        """Let the pupil see what is written here."""
+        text = str(self._editor.value or "")
+        if text != self._seen:
+            self._page.service.pupils.show(self._page.session, self._pupil, self._name, text)
+            self._seen = text
+
+    async def _take_over(self) -> None:
+        page = self._page
+        await self._look()
+        if await page.act("take_over", pupil=self._pupil) is not None:
+            await page.do(lambda session: page.service.pupils.keep_as_it_is(session, self._pupil), quiet=True)
+
+    async def _hand_back(self) -> None:
+        await self._write()
+        await self._page.act("hand_back", pupil=self._pupil)
+
+    async def _write(self) -> bool:
+        """Keep for the pupil what is written here, if that is something else."""
+        page, text = self._page, str(self._editor.value or "")
+        if text == self._kept:
+            return True
+        done = await page.do(
+            lambda session: page.service.pupils.write(session, self._pupil, self._name, text), quiet=True
+        )
+        if done is None:
+            return False
+        self._seen = self._kept = text
+        return True
+
+    async def _start(self) -> None:
+        if (
+            await self._write()
+            and await self._page.act("take_over", quiet=True, pupil=self._pupil, run=True) is not None
+        ):
+            await self._steer(run=True)
+
+    async def _end(self) -> None:
+        await self._page.act("take_over", quiet=True, pupil=self._pupil)
+        await self._steer(run=False)
+
+    async def _steer(self, *, run: bool) -> None:
+        page = self._page
+
+        def deed(session: Session) -> Done:
+            page.service.pupils.steer(session, self._pupil, run=run)
+            say, name = page.say, self._pupil
+            if run:
+                return Done(words=say("The program runs in the browser of {name}.", name=name))
+            return Done(words=say("The program of {name} has ended.", name=name))
+
+        await page.do(deed)

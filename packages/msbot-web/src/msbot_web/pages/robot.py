@@ -1,0 +1,179 @@
+"""The home page: every slot as a card with its state, its beat and its value; a click opens the drawer.
+
+All cards are one element: a robot of a thousand slots opens in a moment, and only cards that have changed are sent.
+"""
+
+from __future__ import annotations
+
+import json
+
+from fastapi import Request
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from msbot.operations.rights import Right
+from msbot_web.api.models import PartLine, PortLine, Robot, SlotCard
+from msbot_web.html import Markup, render
+from msbot_web.pages.drawer import open_drawer
+from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.page_elements import set_html
+from msbot_web.service import Service
+from msbot_web.svg.drawings import (
+    HELD_WORDS,
+    beat_ring,
+    done_fields,
+    draw,
+    fields_html,
+    main_port,
+    sparkline,
+    state_chip,
+)
+
+
+def register(service: Service) -> None:
+    """Make the page known."""
+
+    @ui.page("/")
+    def home(request: Request, slot: str = "") -> None:
+        with page_frame(service, request, "/", "Robot") as page:
+            _summary(page)
+            _Grid(page)
+            if slot:
+                open_drawer(page, slot)
+
+
+def _summary(page: Page) -> None:
+    line = ui.html("", sanitize=False).classes("soft w-full")
+
+    def show() -> None:
+        robot = page.sight.robot()
+        counts: dict[str, int] = {}
+        for card in robot.slots:
+            counts[card.state] = counts.get(card.state, 0) + 1
+        chips = [state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items()]
+        links = [page.say(link) for link in robot.links]  # one of them is no address: "simulated here"
+        words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *links) if word]
+        hint = ""
+        if robot.slots and set(counts) == {"empty"} and not page.is_past:
+            hint = page.say("Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
+                            "card and let a simulated part stand in.",
+                            command=f"msbot part {robot.slots[0].part_number}")  # fmt: skip
+        content = render("summary", words=" · ".join(words), chips=chips, hint=hint)
+        set_html(line, content)
+
+    page.every_look(show)
+
+
+class _Grid:
+    """The cards of all slots."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._places: object = None
+        """Whether it is the past, and which slots there are."""
+        self._shown: dict[str, object] = {}
+        self._element = ui.html("", sanitize=False).classes("w-full")
+        self._element.on("click", self._clicked, js_handler=_CLICKED)
+        self._element.on("keydown", self._clicked, js_handler=_KEY)
+        page.every_look(self._show)
+
+    def _show(self) -> None:
+        robot = self._page.sight.robot()
+        places = (self._page.is_past, [card.name for card in robot.slots])
+        looks = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+        if places != self._places:
+            self._places, self._shown = places, dict(looks)
+            self._element.set_content(self._whole(robot))
+            return
+        changed = {
+            card.name: [card_html(self._page, card, robot), card.plugged, self._plug_words(card)]
+            for card in robot.slots
+            if self._shown[card.name] != looks[card.name]
+        }
+        if changed:
+            self._shown.update({name: looks[name] for name in changed})
+            ui.run_javascript(f"msbotCards('{self._element.html_id}', {json.dumps(changed)})")
+
+    def _whole(self, robot: Robot) -> Markup:
+        may_plug = self._page.may(Right.OPERATE)
+        places = [
+            {
+                "name": card.name, "html": card_html(self._page, card, robot), "is_plugged": card.plugged,
+                "open_words": self._page.say("Open slot {name}", name=card.name),
+                "plug_words": self._plug_words(card) if may_plug else "",
+            }
+            for card in robot.slots
+        ]  # fmt: skip
+        return render("grid", say=self._page.say, places=places)
+
+    def _plug_words(self, card: SlotCard) -> str:
+        if card.plugged is None:
+            return ""
+        return self._page.say("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
+
+    async def _clicked(self, event: GenericEventArguments) -> None:
+        name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
+        if not is_plug:
+            open_drawer(self._page, name)
+            return
+        is_plugged = self._page.service.views.bench.is_plugged(name)
+        await self._page.do(lambda session: self._page.service.plug(session, name, plugged=not is_plugged), quiet=True)
+
+
+_FIND = (
+    "const plug = event.target.closest('[data-plug]'), card = event.target.closest('[data-slot]');"
+    "if (plug) emit({slot: plug.dataset.plug, plug: true}); else if (card) emit({slot: card.dataset.slot, plug: false});"
+)
+_CLICKED = f"(event) => {{ {_FIND} }}"
+_KEY = (
+    "(event) => { if ((event.key !== 'Enter' && event.key !== ' ') || event.target.closest('[data-plug]')) return;"
+    f" event.preventDefault(); {_FIND} }}"
+)
+
+
+def look_of(card: SlotCard, beat_s: float) -> object:
+    """What a card's picture depends on; between two beats the browser turns the ring by itself."""
+    part, port = card.part, main_port(card)
+    return (
+        card.state,
+        card.reason,
+        card.shown_number,
+        card.type_name,
+        card.simulated,
+        card.plugged,
+        tuple(card.spares),
+        None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
+        None if port is None else (port.topic, port.port, port.publishes, port.held, _stale_age(port),
+                                   tuple(port.fields.items())),
+    )  # fmt: skip
+
+
+def _age(part: PartLine, beat_s: float) -> str:
+    """Seconds since the last beat, as they are shown: exact as soon as one is overdue."""
+    if part.beat_age_s is None or part.state not in ("active", "late"):
+        return ""
+    return f"< {beat_s:g}" if part.beat_age_s < beat_s else f"{part.beat_age_s:.1f}"
+
+
+def _stale_age(port: PortLine) -> str:
+    """How old a stale value is, as it is shown; nothing for a fresh one."""
+    if not port.stale or port.age_s is None:
+        return ""
+    return f"{port.age_s:.0f} s" if port.age_s < 120 else f"{port.age_s / 60:.0f} min"
+
+
+def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
+    """One slot as a card."""
+    part, port = card.part, main_port(card)
+    age = "" if part is None else _age(part, robot.beat_s)
+    fields = {} if port is None else done_fields(port)
+    is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
+    return render(
+        "card", say=page.say, card=card, look=card.state, port=port,
+        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language), chip=state_chip(card.state, page.say(card.state)),
+        drawing="" if port is None else draw(port.type_name, fields, page.language), values=fields_html(fields, page.language),
+        spark="" if port is None or is_gone else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
+        held="" if port is None or is_gone or not port.held else page.say(HELD_WORDS[port.held]),
+        stale_age="" if port is None or port.held else _stale_age(port),
+        beat=age and page.say("beat {age} s ago", age=page.language.digits(age)),
+    )  # fmt: skip

@@ -1,0 +1,92 @@
+"""Simulated parts by mouse: press the button, turn the knob, warm the air, pull the plug."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from nicegui import ui
+
+from msbot_web.access.sessions import Session
+from msbot_web.api.models import ControlLine, Done, Scalar
+from msbot_web.pages.layout import Page
+from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page_elements import END_WITH_MASTER, heading
+from msbot_web.svg.drawings import fields_html
+
+
+def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
+    """The controls of a simulated part and what one would see of it."""
+    service = page.service
+    with ui.element("div").classes("panel").style("background:var(--accent-soft)"):
+        heading(title or page.say("Simulated part"))
+        plugged = ui.switch(page.say("Plugged in"), value=service.views.bench.is_plugged(slot))
+        controls = ui.element("div").classes("w-full")
+        seen = ui.html("", sanitize=False)
+        if slot in service.operations.stand_ins.names:
+            ui.label(page.say(END_WITH_MASTER)).classes("soft")
+
+    def plug() -> None:
+        wanted = bool(plugged.value)
+        if wanted != service.views.bench.is_plugged(slot):  # otherwise the refresh below has set the switch
+            page.do_now(lambda session: service.plug(session, slot, plugged=wanted), quiet=True)
+
+    shown: list[str] = []
+
+    def show() -> None:
+        simulated = service.views.simulated(slot)
+        plugged.value = simulated.plugged  # somebody else may have pulled it out
+        names = [control.name for control in simulated.controls]
+        if names != shown:  # a part that is not plugged in has none
+            shown[:] = names
+            controls.clear()
+            with controls:
+                for control in simulated.controls:
+                    _control(page, slot, control)
+        content = fields_html(simulated.readings, page.language, limit=16)
+        if seen.content != content:
+            seen.set_content(content)
+
+    page.every_look(show, seen)
+    plugged.on_value_change(plug)
+
+
+_HELD = '(event) => { if ([" ", "Enter"].includes(event.key) && !event.repeat) emit(); }'
+"""A button that is pressed as long as its key is."""
+
+
+def _control(page: Page, slot: str, control: ControlLine) -> None:
+    title = page.say(control.words) or control.name
+    unit = f" [{control.unit}]" if control.unit else ""
+
+    async def changed(value: Scalar | None) -> None:
+        await page.do(partial(_operate, page, slot, control.name, value), quiet=True)
+
+    if control.kind == "bool" and control.momentary:
+        button = ui.button(title, icon="touch_app").props("outline")
+        button.on("pointerdown", lambda: changed(not control.value)).on("pointerup", lambda: changed(control.value))
+        button.on("pointerleave", lambda: changed(control.value))
+        button.on("keydown", lambda: changed(not control.value), js_handler=_HELD)
+        button.on("keyup", lambda: changed(control.value), js_handler=_HELD)
+        button.on("blur", lambda: changed(control.value))
+    elif control.kind == "bool":
+        ui.switch(title, value=bool(control.value), on_change=lambda event: changed(event.value))
+    elif control.kind == "number" and control.least is not None and control.most is not None:
+        ui.label(f"{title}{unit}")
+        value = float(control.value) if isinstance(control.value, int | float) else control.least
+        step = max((control.most - control.least) / 200, 1e-6)
+        slider = ui.slider(
+            min=control.least, max=control.most, step=step, value=value, on_change=lambda event: changed(event.value)
+        ).props("label debounce=100")
+        slider.props["aria-label"] = title
+        # It stays where it was put: an answer that comes late would take the next key presses back.
+        slider.LOOPBACK = slider.props["loopback"] = False
+    elif control.kind == "number":
+        NumberField(page, f"{title}{unit}", number=float(control.value or 0), on_number=changed)
+    elif control.kind == "choice":
+        ui.select(control.choices, label=title, value=control.value, on_change=lambda event: changed(event.value))
+    else:
+        ui.input(title, value=str(control.value or ""), on_change=lambda event: changed(event.value))
+
+
+def _operate(page: Page, slot: str, control: str, value: Scalar | None, session: Session) -> Done:
+    return page.service.operate(session, slot, control, "" if value is None else value)

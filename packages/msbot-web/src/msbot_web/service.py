@@ -1,0 +1,412 @@
+"""What a signed-in person can see and do: the pages and the API both go through here, so rights are checked once.
+
+Every action names the session it is done for. The right is checked at that moment, not when the page was opened: a
+role that was taken away, or a session that has ended, counts at once, also for a page that is still open.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from msbot.metrics import MomentFigures
+from msbot.operations.dispatch import RunningOperations
+from msbot.operations.outcome import Outcome
+from msbot.operations.rights import Asker, Right, role_named
+from msbot.registry import EditRecord
+from msbot.sim.arena.living_arena import LivingArena
+from msbot_agent.text.sentence import counted, said
+from msbot_web.access.accounts import Accounts, NotAllowed
+from msbot_web.access.class_list import Newcomer
+from msbot_web.access.passes import Passes
+from msbot_web.access.sessions import Session
+from msbot_web.access.users import User
+from msbot_web.api.models import (
+    BlueprintDiff,
+    Done,
+    EditLine,
+    JournalLine,
+    Me,
+    RelayTicket,
+    Robot,
+    Scalar,
+    UserLine,
+    Value,
+)
+from msbot_web.arena_sight import ArenaSight
+from msbot_web.examining import Examining
+from msbot_web.far_robots import FarRobots
+from msbot_web.learning import Learning
+from msbot_web.local_masters import LocalMasters
+from msbot_web.past import RecordedPast
+from msbot_web.programs.program_deeds import ProgramDeeds
+from msbot_web.programs.program_shelf import NoShelf, ProgramShelf
+from msbot_web.pupils import PupilDesk
+from msbot_web.records import Backup, Records
+from msbot_web.simulated.held_controls import HeldControls
+from msbot_web.views import Views
+from msbot_web.whole_class import WholeClass
+from msbot_xrce.errors import ConfigError, NotThere
+
+if TYPE_CHECKING:
+    from msbot.doctor import Examination, Finding
+
+SHARED_S = 0.2
+"""How long one snapshot of the robot serves every page."""
+MAX_BLUEPRINT = 256 * 1024
+"""Octets of a blueprint."""
+BACKUP = "backup"
+"""What the doctor mends that is no operation."""
+
+
+class Service:
+    """See the module's docstring.
+
+    Args:
+        views: what can be seen.
+        operations: what can be done to the robot.
+        accounts: who is signed in.
+        records: what the database knows.
+        robot: the robot's description for `robot()`, without its slots.
+        clock: the robot's clock.
+        neighbours: the masters of this computer.
+        programs: where people's programs are kept; None: nowhere.
+        doctor: examines robot and computer; None: nobody does.
+        arena: the world that its parts are in; None: none that is here.
+        figures: reads the figures for Prometheus; None: there are none.
+        learning: the lessons; None: there are none.
+        far: the robots on other computers; None: those that this user has an access to.
+    """
+
+    def __init__(
+        self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
+        robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
+        programs: ProgramShelf | None = None, doctor: Examining | None = None,
+        figures: Callable[[], MomentFigures] | None = None, arena: LivingArena | None = None,
+        learning: Learning | None = None, far: FarRobots | None = None,
+    ) -> None:  # fmt: skip
+        self.views = views
+        self.accounts = accounts
+        self.operations = operations
+        self._records = records
+        self._robot = robot
+        self._clock = clock
+        self._doctor = doctor
+        self._figures = figures
+        self.whole_class = WholeClass(
+            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters(),
+            library=lambda: views.library, far=far, asker=self.asker,
+        )  # fmt: skip
+        """All robots of the class."""
+        self.past = RecordedPast(
+            lambda: str(operations.recording.recording().answer.get("folder") or ""), lambda: views.library,
+            views.endpoints,
+        )  # fmt: skip
+        """What the recorder has."""
+        self.arena = ArenaSight(arena)
+        self.learning = learning or Learning(None, None, accounts)
+        shelf = programs or NoShelf()
+        self.pupils = PupilDesk(accounts, operations, Passes(accounts, clock, time.time), shelf, self.learning)
+        """The class."""
+        self.programs = ProgramDeeds(shelf, accounts, self.pupils.check_writing)
+        self._seen_robot: tuple[float, int, Robot] | None = None
+        self._held = HeldControls(lambda: views.bench)
+        operations.pupils.use_holds(self._held.end_where)
+        accounts.sessions.on_end(self._signed_out)
+
+    @property
+    def robot_name(self) -> str:
+        """The robot's name and version."""
+        robot = self._robot()
+        return robot.name
+
+    @property
+    def robot_id(self) -> str:
+        """What identifies this robot: name and serial number."""
+        robot = self._robot()
+        return f"{robot.name} {robot.serial_number}"
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether STOP holds."""
+        return self.operations.stopping.status.stopped
+
+    def now(self) -> float:
+        """The robot's clock, seconds."""
+        return self._clock()
+
+    # Seeing
+
+    def me(self, session: Session) -> Me:
+        """Who is signed in and what they may do."""
+        rights = [right.name.lower() for right in Right if session.may(right)]
+        return Me(name=session.name, role=session.role.word, rights=rights, csrf=session.csrf)
+
+    def robot(self) -> Robot:
+        """The robot with all its slots; worked out once for all pages that ask at the same time."""
+        now, asked = self._clock(), self.operations.asked
+        if self._seen_robot is not None and now - self._seen_robot[0] < SHARED_S and self._seen_robot[1] == asked:
+            return self._seen_robot[2]
+        slots = self.views.slots()
+        robot = self._robot().model_copy(
+            update={"slots": slots, "arrivals": self.views.waiting(), "trouble": self._records.trouble()}
+        )
+        # From the end of the work on: else a robot that takes longer than this to work out would never be shared.
+        self._seen_robot = (self._clock(), asked, robot)
+        return robot
+
+    async def values(self, slot: str) -> list[Value]:
+        """The parameters of a slot with origin, range and unit."""
+        self.views.check_slot(slot)
+        return [
+            Value(
+                name=value.name,
+                kind=value.kind,
+                value=value.value,
+                default=value.default,
+                origin=value.origin,
+                unit=value.unit,
+                least=value.least,
+                most=value.most,
+                description=value.description,
+                who=value.who,
+            )
+            for value in await self.operations.settings.read(slot)
+        ]
+
+    async def journal(self, limit: int, part: str | None = None) -> list[JournalLine]:
+        """The newest lines of the journal, newest first."""
+        return await self._records.journal(limit, part)
+
+    async def edits(self, limit: int) -> list[EditLine]:
+        """What people changed, newest first."""
+        return [_edit_line(edit) for edit in await self.operations.undoing.read(limit)]
+
+    async def blueprint(self) -> str:
+        """The present blueprint as `robot.toml`."""
+        return await self._records.export()
+
+    async def blueprint_diff(self, session: Session, toml: str) -> BlueprintDiff:
+        """What applying another blueprint would change; only for those who may apply it.
+
+        Raises:
+            ConfigError: it is wrong; the text says where.
+        """
+        self._need(session, Right.DESIGN)
+        _check_size(toml)
+        return BlueprintDiff(changes=await self._records.diff(toml))
+
+    def figures(self, session: Session) -> MomentFigures:
+        """The figures of this moment, for Prometheus."""
+        self.accounts.require(session, Right.SEE)
+        if self._figures is None:
+            raise NotThere(said("this robot has no figures"))
+        return self._figures()
+
+    # Doing
+
+    def asker(self, session: Session) -> Asker:
+        """Who asks for an operation: `operations.do` checks the right at that moment."""
+        return Asker(
+            session.name, partial(self.accounts.require, session), session.may, self.accounts.since_ns(session)
+        )
+
+    # Doing: students
+
+    def operate(self, session: Session, slot: str, control: str, value: Scalar) -> Done:
+        """Do something to a simulated part."""
+        self._need(session, Right.OPERATE)
+        self._check_simulated(session, slot)
+        self.views.bench.operate(slot, control, value)
+        if self._held.operated("" if session.may(Right.ARRANGE) else session.name, slot, control, value):
+            self.operations.pupils.drives(session.name)
+        return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
+
+    def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
+        """Plug a simulated part in, or pull it out."""
+        self._need(session, Right.OPERATE)
+        self._check_simulated(session, slot)
+        is_new = plugged and not self.views.bench.is_plugged(slot)
+        if is_new and self.views.is_held_by_another(slot) and not session.may(Right.ARRANGE):
+            # It would look for another slot, and that may be another group's.
+            raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
+        if not plugged:
+            self._held.end_where(lambda held, _who: held == slot)
+        (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
+        return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
+
+    def _signed_out(self, session: Session) -> None:
+        """No pupil holds anything by hand who has no session left."""
+        if not session.may(Right.ARRANGE) and not self.accounts.sessions.of(session.name):
+            self.operations.pupils.end_holds(session.name)
+
+    def _check_simulated(self, session: Session, slot: str) -> None:
+        """Check that somebody may play with the simulated part of a slot, wherever it is now.
+
+        Raises:
+            ConfigError: there is none, or that slot or the one that it holds is another group's.
+        """
+        self.pupils.check_slot(session, slot)
+        self.views.simulated(slot)
+        if held := self.views.slot_held_by_simulated(slot):
+            self.pupils.check_slot(session, held)
+
+    def may_undo(self, session: Session, edit: EditLine) -> bool:
+        """Whether to offer undo: students undo only their own settings."""
+        is_theirs = edit.who == session.name and edit.at_ms * 1_000_000 >= self.accounts.since_ns(session)
+        is_own = is_theirs and not session.guest_of and edit.kind == "value" and session.may(Right.SET)
+        return edit.undoable and (is_own or session.may(Right.ARRANGE))
+
+    # Doing: teachers
+
+    async def apply_blueprint(self, session: Session, toml: str) -> Done:
+        """Make the robot what another blueprint says."""
+        self._need(session, Right.DESIGN)
+        _check_size(toml)
+        return done_of(await self._records.apply(toml, session.name))
+
+    async def examine(self, session: Session, *, anew: bool) -> Examination:
+        """What keeps the robot from working, and what mends it."""
+        self._need(session, Right.ARRANGE)
+        return await self._the_doctor().examine(anew=anew)
+
+    async def mend(self, session: Session, finding: Finding) -> Done:
+        """Mend what the doctor has found, where that can be taken back or only adds a file."""
+        mending = finding.mending
+        if mending is None:
+            raise ConfigError(said("this cannot be mended from here: {command}", command=finding.mend))
+        if mending.name == BACKUP:
+            self._need(session, Right.ADMINISTER)
+            return Done(words=await self._the_doctor().back_up())
+        self._need(session, Right.ARRANGE)
+        return done_of(await self.operations.do(mending.name, who=self.asker(session), **mending.arguments))
+
+    def _the_doctor(self) -> Examining:
+        if self._doctor is None:
+            raise ConfigError(said("nobody examines this robot"))
+        return self._doctor
+
+    # Doing: administrators
+
+    def users(self, session: Session) -> list[UserLine]:
+        """Everybody who may sign in."""
+        self._need(session, Right.ADMINISTER)
+        return [_user_line(user) for user in self.accounts.users()]
+
+    async def add_user(self, session: Session, name: str, role: str, password: str) -> Done:
+        """Let a person sign in."""
+        self._need(session, Right.ADMINISTER)
+        await self.accounts.add_user(name, role_named(role), password, who=session.name)
+        return Done(words=said("{name} can sign in as {role}", name=name, role=said(role)))
+
+    async def add_people(self, session: Session, people: Sequence[Newcomer]) -> Done:
+        """Let a whole class sign in: all of them, or nobody."""
+        self._need(session, Right.ADMINISTER)
+        await self.accounts.add_people(people, who=session.name)
+        return Done(words=counted(len(people), "{count} person can sign in", "{count} people can sign in"))
+
+    async def people_edits(self, session: Session, limit: int) -> list[EditLine]:
+        """What was changed about people and keys, newest first."""
+        self._need(session, Right.ADMINISTER)
+        return [_edit_line(edit) for edit in await self._records.people_edits(limit)]
+
+    async def change_role(self, session: Session, name: str, role: str) -> Done:
+        """Give a user another role."""
+        self._need(session, Right.ADMINISTER)
+        await self.accounts.change_role(name, role, who=session.name)
+        return Done(words=said("{name} is {role} now", name=name, role=role_named(role).one))
+
+    async def change_password(self, session: Session, name: str, password: str, old: str | None) -> Done:
+        """Give a user another password; everybody may change their own, and has to say the old one.
+
+        Raises:
+            NotAllowed: a program asks, or the role does not allow it.
+        """
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.SEE if is_own else Right.ADMINISTER)
+        if session.is_program:
+            raise NotAllowed(said("a program with an API token may not change passwords: sign in on the page"))
+        await self.accounts.change_password(
+            name, password, who=session.name, old=(old or "") if is_own else None, browser=session.key
+        )
+        return Done(words=said("{name} has a new password; sessions and API tokens of {name} have ended", name=name))
+
+    async def remove_user(self, session: Session, name: str) -> Done:
+        """Remove a person, who can no longer sign in."""
+        self._need(session, Right.ADMINISTER)
+        await self.accounts.remove_user(name, who=session.name)
+        return Done(words=said("{name} is removed", name=name))
+
+    async def new_token(self, session: Session, name: str, purpose: str) -> str:
+        """Make an API token for oneself; an administrator makes them for others, too."""
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.SEE if is_own else Right.ADMINISTER)
+        return await self.accounts.new_token(name, purpose, who=session.name)
+
+    def tickets(self, session: Session) -> list[RelayTicket]:
+        """The tickets for relays and agents: one's own, and all for an administrator."""
+        self._need(session, Right.ARRANGE)
+        sees_all = session.may(Right.ADMINISTER)
+        users = [user for user in self.accounts.users() if sees_all or user.name == session.name]
+        return [RelayTicket(name=user.name, purpose=purpose) for user in users for purpose in user.tickets]
+
+    async def new_ticket(self, session: Session, name: str, purpose: str) -> str:
+        """Make a ticket for a relay or an agent: teachers for themselves, an administrator for others, too."""
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.ARRANGE if is_own else Right.ADMINISTER)
+        return await self.accounts.new_ticket(name, purpose, who=session.name)
+
+    async def remove_token(self, session: Session, name: str, purpose: str) -> Done:
+        """Make an API token worthless."""
+        is_own = name == session.name and not session.guest_of
+        self._need(session, Right.SEE if is_own else Right.ADMINISTER)
+        await self.accounts.remove_token(name, purpose, who=session.name)
+        return Done(words=said("the token for {purpose} is removed", purpose=purpose))
+
+    async def backup(self, session: Session) -> Backup:
+        """The whole database in one file, which goes out in pieces."""
+        self._need(session, Right.ADMINISTER)
+        return await self._records.backup()
+
+    async def restore(self, session: Session, backup: AsyncIterator[bytes]) -> Done:
+        """Go back to a backup, which is stored as it comes in."""
+        self._need(session, Right.ADMINISTER)
+        return Done(words=await self._records.restore(backup, session.name))
+
+    # Helpers
+
+    def _need(self, session: Session, right: Right) -> None:
+        self.accounts.require(session, right)
+        self._seen_robot = None  # what follows changes it
+
+
+def _edit_line(edit: EditRecord) -> EditLine:
+    return EditLine(
+        number=edit.id, at_ms=edit.at_ns // 1_000_000, who=edit.who, kind=edit.kind, slot=edit.slot, words=edit.words,
+        undone=edit.undone, undoable=edit.can_be_undone,
+    )  # fmt: skip
+
+
+def _check_size(toml: str) -> None:
+    size = len(toml.encode("utf-8", "surrogatepass"))
+    if size > MAX_BLUEPRINT:
+        raise ConfigError(
+            said(
+                "a blueprint has at most {max_blueprint} kB; this one has {size} kB",
+                max_blueprint=MAX_BLUEPRINT // 1024,
+                size=size // 1024 + 1,
+            )
+        )
+
+
+def done_of(outcome: Outcome) -> Done:
+    """The outcome of an operation, for page and API."""
+    return Done.model_validate(
+        {"words": outcome.words, "edit": outcome.edit_id, "offers": outcome.answer.get("offers", [])}
+    )
+
+
+def _user_line(user: User) -> UserLine:
+    return UserLine(name=user.name, role=user.role.word, tokens=user.api_tokens, tickets=user.tickets)

@@ -1,0 +1,35 @@
+"""DDS-XRCE 1.0 as eProsima's client and agent speak it: octets, messages, streams, sessions. Pure: no clock, no socket.
+
+Times are handed in as `now` in seconds of the caller's monotonic clock; octets go in, events and octets come out.
+"""
+
+from msbot_xrce.compression.header_compression import compress, decompress
+from msbot_xrce.explain import explain
+from msbot_xrce.layout import FoundField, read_fields
+from msbot_xrce.messages.ids import Status
+from msbot_xrce.messages.whole import is_whole
+from msbot_xrce.objects.references import References
+from msbot_xrce.sessions.agent import AgentSession
+from msbot_xrce.sessions.client import ClientSession
+from msbot_xrce.sessions.client_state import ClientState
+from msbot_xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
+from msbot_xrce.streams.receiving_in_order import GIVEN_UP
+from msbot_xrce.wireshark import dissector
+
+__all__ = [
+    "GIVEN_UP",
+    "AgentSession",
+    "AgentSessionSettings",
+    "ClientSession",
+    "ClientSessionSettings",
+    "ClientState",
+    "FoundField",
+    "References",
+    "Status",
+    "compress",
+    "decompress",
+    "dissector",
+    "explain",
+    "is_whole",
+    "read_fields",
+]

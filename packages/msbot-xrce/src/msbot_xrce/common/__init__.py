@@ -1,0 +1,1 @@
+"""What every distribution above needs as well: quick dataclasses, counters, counted nouns."""

@@ -1,0 +1,49 @@
+"""Sessions of both ends, and the events they report to their owners."""
+
+from msbot_xrce.sessions.agent import DataHandler
+from msbot_xrce.sessions.counters import Memory
+from msbot_xrce.sessions.events import (
+    AgentEvent,
+    ClientEvent,
+    Connected,
+    ConnectFailed,
+    CreateRequested,
+    DataReceived,
+    DataWritten,
+    DeleteRequested,
+    InfoRequested,
+    MessagesGivenUp,
+    Pong,
+    ReadRequested,
+    SessionClosed,
+    SessionDeleteRequested,
+    SessionReset,
+    SessionRestarted,
+    StatusReceived,
+    TimeSynchronised,
+    WindowOpened,
+)
+
+__all__ = [
+    "AgentEvent",
+    "ClientEvent",
+    "ConnectFailed",
+    "Connected",
+    "CreateRequested",
+    "DataHandler",
+    "DataReceived",
+    "DataWritten",
+    "DeleteRequested",
+    "InfoRequested",
+    "Memory",
+    "MessagesGivenUp",
+    "Pong",
+    "ReadRequested",
+    "SessionClosed",
+    "SessionDeleteRequested",
+    "SessionReset",
+    "SessionRestarted",
+    "StatusReceived",
+    "TimeSynchronised",
+    "WindowOpened",
+]

@@ -1,0 +1,226 @@
+"""When a receiver acknowledges, and when it asks again for what is missing.
+
+A gap is reported with the ACKNACK of the message that revealed it. If that report or the messages it asked for are
+lost, too, nothing else may arrive that would reveal it, so the report is repeated after a while. On a lossy link the
+newest messages may be missing as well, or the ACKNACK of the newest may be lost; the peer notices only with its own
+timer, 100 ms later in C clients, and never if it is run in shorter slices. So there, the message after the newest one
+is asked for too, as if it were known to be missing: a few times, and of a stock client over UDP as long as the link
+counts as lossy. A peer that has it sends it at once, and one that has nothing more ignores the question. The waits
+grow, up to the peer's own period.
+
+Bounds. A receiver with a gap says so with every message that arrives, and a stock client answers each time with
+everything it has. So over UDP the same gap is reported to it again only when the wait for an answer is over.
+
+Networks that reorder (`Overtaking`). There, the time that a packet may be late is left
+
+* before a missing message counts as missing: it may only be late;
+* between two ACKNACKs, because the first one would harm a stock client if it came last.
+
+Holes. A stock client whose history was emptied can never send what was under way and lost. When it has answered so many
+reports of a gap, and never with what is missing, the missing messages are given up.
+
+The time from a report to the missing message is a measurement of the round trip: the only one in a session in which
+the peer does all the sending.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from msbot_xrce.streams.overtaking import Overtaking
+from msbot_xrce.streams.receiving_in_order import ALL_RIPE, ReliableInput
+from msbot_xrce.streams.round_trip import QUICK
+from msbot_xrce.streams.session_output import SessionOutput
+
+REPEATS_MAX = 8
+"""How often the same gap is reported, at least, while nothing arrives; after that as long as the link is lossy."""
+
+GUESSES_MAX = 4
+"""How often the message after the newest one is asked for, at least."""
+
+UNMEASURED_S = 0.02
+"""The wait for an answer of a stock client while the round trip is not known. Elsewhere nothing is repeated then."""
+
+HOPELESS = 32
+"""What makes a gap one that cannot be filled: a message beyond it that came again in answer to a report counts 2, a
+HEARTBEAT 1."""
+
+
+class _Kind(Enum):
+    """Why an ACKNACK will be sent."""
+
+    GAP = auto()
+    """Something is missing."""
+    GUESS = auto()
+    """Something may be missing that nobody has announced."""
+    LATER = auto()
+    """It would be too early now."""
+
+
+class _Question:
+    """What is asked of one stream, and since when."""
+
+    __slots__ = ("first", "kind", "repeat_at", "repeated", "repeated_at", "rounds", "told_at")
+
+    def __init__(self, first: int, kind: _Kind, now: float) -> None:
+        self.first = first
+        """The number of the first message that is missing."""
+        self.kind = kind
+        self.repeated_at = now
+        self.repeat_at = 0.0
+        self.repeated = 0
+        self.rounds = 0
+        self.told_at = now
+        """The report that was counted last in `rounds`."""
+
+
+class AskingAgain:
+    """The open questions of a session, one for each stream at most."""
+
+    __slots__ = ("_guesses", "_overtaking", "_sender", "questions")
+
+    def __init__(self, sender: SessionOutput, *, guesses: bool, overtaking: Overtaking | None = None) -> None:
+        """Ask nothing yet.
+
+        Args:
+            sender: sends the ACKNACKs.
+            guesses: whether messages are asked for that may not exist.
+            overtaking: if the peer is a stock client on a network that may reorder.
+        """
+        self._sender = sender
+        self._guesses = guesses
+        self._overtaking = overtaking
+        self.questions: dict[int, tuple[ReliableInput, _Question]] = {}
+        """The open ones, by stream; read-only."""
+
+    def note(self, stream_id: int, stream: ReliableInput, now: float, *, was_asked: bool = False) -> bool:
+        """A message or a HEARTBEAT (`was_asked`) has come; returns whether an ACKNACK is due now.
+
+        Not needed while the stream lacks nothing, nothing is asked, and nothing was lost or overtaken of late.
+        """
+        delay_s = self._delay_s(now)
+        ripe_at = self._ripen(stream_id, stream, now)
+        first, bits = stream.missing()
+        round_trip = self._sender.round_trip
+        if bits:
+            round_trip.note_loss(now)
+        question = self._current(stream_id, first, bits, now)
+        due_at = self._due_at(stream, question, first, bits, now, delay_s, was_asked=was_asked)
+        if due_at > now:
+            if question is None:
+                question = _Question(first, _Kind.LATER, now)
+            question.repeat_at = due_at if question.kind is _Kind.LATER else min(due_at, question.repeat_at)
+            self.questions[stream_id] = (stream, question)
+            return False
+        if question is not None and self._overtaking is None:
+            question.repeated = 0
+        self._plan(stream_id, stream, question, first, bits, now, delay_s, ripe_at)
+        return True
+
+    def is_hopeless(self, stream_id: int, stream: ReliableInput, *, came_again: bool) -> bool:
+        """Whether the peer has shown that it cannot send what is missing; ask this before `note`.
+
+        `came_again`: what came is a message beyond the gap that had come before; otherwise it is a HEARTBEAT.
+        """
+        found = self.questions.get(stream_id)
+        if self._overtaking is None or found is None or found[1].kind is not _Kind.GAP:
+            return False
+        question = found[1]
+        is_reported = stream.told_first == question.first == (stream.last_handled + 1) & 0xFFFF and stream.told_bits & 1
+        if not is_reported or stream.told_at <= question.told_at:
+            return False
+        question.told_at = stream.told_at
+        question.rounds += 2 if came_again else 1
+        question.repeated = min(question.repeated, QUICK)  # it is there, and answers
+        return question.rounds >= HOPELESS
+
+    def next_at(self) -> float | None:
+        """When to call `ask`; None: nothing is asked."""
+        return min((question.repeat_at for _, question in self.questions.values()), default=None)
+
+    def ask(self, now: float) -> None:
+        """Have the questions repeated that are due."""
+        for stream_id, (stream, question) in list(self.questions.items()):
+            if now >= question.repeat_at:
+                ripe_at = self._ripen(stream_id, stream, now)
+                first, bits = stream.missing()
+                self._sender.owed[stream_id] = stream
+                if question.kind is _Kind.GUESS:
+                    self._sender.guess(stream_id)
+                question.repeated += 1
+                question.repeated_at = now
+                current = self._current(stream_id, first, bits, now)
+                self._plan(stream_id, stream, current, first, bits, now, self._delay_s(now), ripe_at)
+
+    def clear(self) -> None:
+        """Forget all questions: the streams start over."""
+        self.questions.clear()
+        if self._overtaking is not None:
+            self._overtaking.clear()
+
+    def _delay_s(self, now: float) -> float:
+        overtaking = self._overtaking
+        return overtaking.delay_s if overtaking is not None and overtaking.is_seen(now) else 0.0
+
+    def _ripen(self, stream_id: int, stream: ReliableInput, now: float) -> float | None:
+        """Have only those reported that are late enough; returns when the next one is."""
+        if not self._delay_s(now) or self._overtaking is None:
+            stream.unripe = ALL_RIPE
+            return None
+        stream.unripe, ripe_at = self._overtaking.unripe(stream_id, stream, now)
+        return ripe_at
+
+    def _current(self, stream_id: int, first: int, bits: int, now: float) -> _Question | None:
+        """The open question, if it is still about the same; one that was answered is a measurement."""
+        found = self.questions.get(stream_id)
+        if found is None:
+            return None
+        question = found[1]
+        if question.first == first and (question.kind is _Kind.GAP) == (bits != 0):
+            return question
+        if question.kind is _Kind.GAP and question.first != first:
+            self._sender.round_trip.learn(now - question.repeated_at)
+        del self.questions[stream_id]
+        return None
+
+    def _due_at(  # noqa: PLR0917 - what it depends on
+        self, stream: ReliableInput, question: _Question | None, first: int, bits: int, now: float, delay_s: float, *,
+        was_asked: bool,
+    ) -> float:  # fmt: skip
+        """When the ACKNACK may go that what came calls for."""
+        if self._overtaking is None:
+            return now
+        if first == stream.told_first and bits and bits == stream.told_bits and question is not None and not was_asked:
+            return question.repeat_at
+        return stream.told_at + delay_s if delay_s else now
+
+    def _plan(  # noqa: PLR0917 - what it depends on
+        self, stream_id: int, stream: ReliableInput, question: _Question | None, first: int, bits: int, now: float,
+        delay_s: float, ripe_at: float | None,
+    ) -> None:  # fmt: skip
+        """An ACKNACK goes now; when must another one, if nothing comes?"""
+        sender = self._sender
+        is_lossy = sender.round_trip.is_lossy(now)
+        if bits:
+            kind = _Kind.GAP
+        elif ripe_at is not None:
+            kind = _Kind.LATER
+        elif self._guesses and is_lossy:
+            kind = _Kind.GUESS
+        else:
+            self.questions.pop(stream_id, None)
+            return
+        if question is None or question.kind is not kind:
+            question = _Question(first, kind, now)
+        most = GUESSES_MAX if kind is _Kind.GUESS else REPEATS_MAX
+        may_repeat = question.repeated < most or (is_lossy and self._overtaking is not None)
+        if kind is _Kind.LATER and ripe_at is not None:
+            question.repeat_at = ripe_at
+        elif may_repeat and sender.round_trip.smoothed_s is not None:
+            question.repeat_at = now + max(sender.patience_s(now, question.repeated), delay_s)
+        elif may_repeat and self._overtaking is not None:
+            question.repeat_at = now + max(UNMEASURED_S, delay_s)
+        else:
+            self.questions.pop(stream_id, None)
+            return
+        self.questions[stream_id] = (stream, question)

@@ -1,0 +1,1 @@
+"""The commands of robots, parts and masters."""

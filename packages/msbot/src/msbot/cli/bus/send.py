@@ -1,0 +1,77 @@
+"""Puts frames on a live bus: `msbot bus send`."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from msbot.cli.bus.source import Listening, open_bus
+from msbot_agent.link.can import BusState
+from msbot_agent.link.can.protocol import Frame, check_frame, format_frame, parse_frame
+from msbot_agent.process.event_loop import run_to_end
+from msbot_xrce.errors import ConfigError, LinkDown, LocalProtocolError
+
+PATIENCE_S: Final = 2.0
+"""A frame that has not left the controller after this time was not acknowledged."""
+LOOK_S: Final = 0.001
+
+
+def send(address: str, texts: Sequence[str], repeat: int, period_s: float, complain: Callable[[str], None]) -> None:
+    """Send frames `repeat` times, and wait until the last has left.
+
+    Args:
+        address: the bus.
+        texts: frames in the notation of can-utils.
+        repeat: how often all of them are sent.
+        period_s: seconds from one time to the next.
+        complain: takes what goes wrong on the bus.
+
+    Raises:
+        ConfigError: there is no such bus, or it cannot carry one of the frames.
+        LinkDown: the bus cannot be opened, or nobody acknowledges.
+    """
+    frames = [parse_frame(text) for text in texts]
+    run_to_end(_main(address, frames, repeat, period_s, complain))
+
+
+async def _main(
+    address: str, frames: Sequence[Frame], repeat: int, period_s: float, complain: Callable[[str], None]
+) -> None:
+    bus = open_bus(address, node="send")
+    for frame in frames:
+        try:
+            check_frame(frame)
+        except LocalProtocolError as error:
+            raise ConfigError(f"{format_frame(frame)}: {error}") from None
+        if frame.fd and not bus.info.fd:
+            raise ConfigError(f"{format_frame(frame)} is a CAN FD frame, and {bus.info.name} is classic CAN: add ?fd=1")
+    listening = Listening(bus, complain)
+    await listening.run_with(_send(listening, frames, repeat, period_s))
+
+
+async def _send(listening: Listening, frames: Sequence[Frame], repeat: int, period_s: float) -> None:
+    loop, bus = asyncio.get_running_loop(), listening.bus
+    await listening.opened.wait()
+    for number in range(repeat):
+        next_at = loop.time() + period_s
+        for frame in frames:
+            await _wait(listening, bus.has_room, frame)
+            bus.send(frame)
+        if number < repeat - 1:
+            await asyncio.sleep(max(0.0, next_at - loop.time()))
+    await _wait(listening, lambda: not bus.pending(), frames[-1])
+
+
+async def _wait(listening: Listening, done: Callable[[], bool], frame: Frame) -> None:
+    name = listening.bus.info.name
+    give_up_at = asyncio.get_running_loop().time() + PATIENCE_S
+    while not done():
+        if listening.state is BusState.OFF:
+            raise LinkDown(f"{format_frame(frame)} was not sent: the controller of {name} is bus-off")
+        if asyncio.get_running_loop().time() > give_up_at:
+            raise LinkDown(
+                f"{format_frame(frame)} did not leave the controller within {PATIENCE_S:g} s: nobody on {name} "
+                "acknowledges. Is another node on the bus, with the same bit rate?"
+            )
+        await asyncio.sleep(LOOK_S)

@@ -1,0 +1,174 @@
+"""How a command reaches a robot: through its running master if there is one, else through its database."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from msbot.cli.robot_options import (
+    DEFAULT_BLUEPRINT,
+    database_beside,
+    existing_database,
+    is_there,
+    no_database,
+    user_name,
+    wants_json,
+)
+from msbot.registry.database_identity import database_identity
+from msbot_agent.agent import MASTER, RunningProcess, running_processes
+from msbot_agent.log.terminal_log import TerminalHandler
+from msbot_agent.startup.own_version import own_version
+from msbot_xrce.errors import ConfigError
+
+if TYPE_CHECKING:
+    from msbot.master import Master
+
+
+def details_of(
+    master: Master, db: str, *, mark: str = "", page: str = "", trouble: str | None = None
+) -> dict[str, str]:
+    """What a master says about itself to other programs of its user.
+
+    Args:
+        master: the robot.
+        db: its database, so that `perform` finds it.
+        mark: that of its blueprint in force.
+        page: the address of its page; empty when it has none.
+        trouble: what is wrong with its database.
+    """
+    known = {
+        "robot": master.profile.name,
+        "serial_number": master.profile.serial_number,
+        "version": master.profile.version,
+        "blueprint": mark,
+        "msbot": own_version(),
+        "database": database_identity(db),
+        "page": page,
+        "stop_group": master.stop_group,
+        "slots": str(len(master.inventory.slots.names())),
+        "active": str(len(master.inventory.members())),
+    }
+    return known | {"trouble": trouble} if trouble else known
+
+
+def robot_words(details: Mapping[str, object]) -> str:
+    """A robot by everything that tells it from another one of the same name: what `--robot` and `--db` take.
+
+    Args:
+        details: what its master says about itself.
+    """
+    serial = details.get("serial_number")
+    number = f"serial number {serial}, " if serial else ""
+    return f"{details.get('robot')} ({number}{details.get('database')})"
+
+
+def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, object]:
+    """Have an operation carried out on a robot, and return the answer.
+
+    Args:
+        db: its database; None: robot.db here, or else the one robot that runs on this computer.
+        robot: its name; None: the only one.
+        do: the operation, see `msbot.operations.table`.
+        args: its arguments.
+
+    Raises:
+        ConfigError: it is not clear which robot is meant, or the operation says what is wrong.
+        RegistryError: the database cannot be used.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
+    request = {"do": do, "args": {name: value for name, value in args.items() if value is not None}, "who": user_name()}
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    is_named = db is not None or is_there(path)
+    running = _find(database_identity(path) if is_named else None, robot)
+    answer = _on_database(path, robot, request) if running is None else running.ask(request)
+    if "error" in answer:
+        raise ConfigError(str(answer["error"]))
+    return answer
+
+
+def say(db: str | None, robot: str | None, do: str, args: Mapping[str, object]) -> dict[str, Any]:
+    """Have an operation carried out, print its outcome in words, or with `--json` as JSON, and return it."""
+    answer = perform(db, robot, do, args)
+    if wants_json():
+        click.echo(json.dumps(answer))
+        return answer
+    undo = f" (`msbot undo {answer['edit']}` takes it back)" if "edit" in answer and do != "undo" else ""
+    click.echo(f"{answer['words']}{undo}")
+    return answer
+
+
+def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
+    """The master that is running the robot of that database, or None.
+
+    Raises:
+        ConfigError: several could be meant.
+    """
+    path = db or database_beside(DEFAULT_BLUEPRINT)
+    is_named = db is not None or is_there(path)
+    return _find(database_identity(path) if is_named else None, robot)
+
+
+def until_stored(db: str) -> None:
+    """Before a database is read, have the masters that use it store what is waiting.
+
+    A warning on standard error says what cannot be stored: what is then read is older than the robot's state.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
+    for master in running_processes():
+        if master.what != MASTER or master.details.get("database") != database_identity(db):
+            continue
+        try:
+            trouble = master.ask({"do": "stored", "args": {}, "who": user_name()}).get("trouble")
+        except ConfigError as error:
+            trouble = str(error)
+        if trouble:
+            click.echo(f"msbot: what follows may be older than the robot: {trouble}", err=True)
+
+
+def database_to_read(db: str | None, robot: str | None) -> str:
+    """The database that a command reads: the one named, robot.db here, or that of the master running here.
+
+    Raises:
+        ConfigError: there is none, or several could be meant.
+    """
+    if db is None and not is_there(database_beside(DEFAULT_BLUEPRINT)):
+        master = running_master(None, robot)
+        if master is not None:
+            return master.details["database"]
+    return existing_database(db)
+
+
+def _find(database: str | None, robot: str | None) -> RunningProcess | None:
+    found = [
+        process
+        for process in running_processes()
+        if process.what == MASTER
+        and (database is None or process.details.get("database") == database)
+        and (robot is None or robot in (process.details.get("robot"), process.details.get("serial_number")))
+    ]
+    if len(found) > 1:
+        names = ", ".join(robot_words(one.details) for one in found)
+        raise ConfigError(f"{len(found)} masters run here: say which robot is meant with --robot or --db: {names}")
+    return found[0] if found else None
+
+
+def _on_database(path: str, robot: str | None, request: Mapping[str, object]) -> dict[str, object]:
+    if not is_there(path):
+        raise ConfigError(f"no master runs here, and {no_database(path)}")
+    from msbot.cli.look.one_robot import one_robot
+    from msbot.operations.dispatch import perform, stored_operations  # a running robot needs no SQLAlchemy here
+    from msbot.registry import open_registry
+
+    with open_registry(path, create=False) as registry:
+        meant = one_robot(registry.database, registry.robots.all(), robot)
+
+        async def act() -> dict[str, object]:
+            return await perform(stored_operations(registry, meant), request)
+
+        from msbot_agent.process.event_loop import run_to_end
+
+        return run_to_end(act())

@@ -1,0 +1,127 @@
+"""`msbot db`: take care of a robot's database."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import sys
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from msbot.cli.robot_options import db_option, existing_database
+from msbot_agent.cli.numbers import WholeRange
+from msbot_xrce.common.amount import amount
+from msbot_xrce.errors import ConfigError
+
+
+@click.group("db")
+def command() -> None:
+    """Take care of the database: migrate it, copy it, bring a copy back, look for what is wrong in it."""
+
+
+@command.command("migrate")
+@db_option
+def migrate(db: str | None) -> None:
+    """Bring the database of an older MsBOT up to date; a copy of it is kept. `msbot master` does it by itself."""
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
+
+    address = existing_database(db)
+    words = without_password(address)
+    done = upkeep.migrate(address)
+    if done.before == done.after:
+        click.echo(f"{words} is up to date: schema {done.after}.")
+    else:
+        click.echo(f"{words} is brought from schema {done.before} to {done.after}.")
+
+
+@command.command("backup")
+@click.argument("target", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
+@click.option("--keep", type=WholeRange(1, 10_000), metavar="N",
+              help="The target is a folder: name the file by date and time, and keep the newest N.")  # fmt: skip
+@db_option
+def backup(target: Path, db: str | None, *, keep: int | None) -> None:
+    """Copy the database to FILE, also while a master uses it. FILE is an SQLite database, whatever --db is."""
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
+
+    address = existing_database(db)
+    words = without_password(address)
+    file = target
+    if keep is not None:
+        _make_folder(target)
+        stem = "robot" if "://" in address else Path(address).stem
+        file = target / f"{stem}-{datetime.now():%Y%m%d-%H%M%S}.db"
+    elif not target.parent.is_dir():
+        raise ConfigError(f"{target}: there is no folder {target.parent}; create it with `mkdir -p "
+                          f"{shlex.quote(str(target.parent))}`")  # fmt: skip
+    rows = upkeep.back_up(address, file)
+    click.echo(f"{file} is written: {amount(rows, 'row')} of {words}.")
+    if words := upkeep.too_large_for_page(file.stat().st_size):
+        click.echo(words, err=True)
+    if keep is not None:
+        for old in _older(target, stem, keep):
+            old.unlink()
+            click.echo(f"{old} is removed: the newest {keep} are kept.")
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # a backup contains the keys of parts
+    except OSError as error:
+        raise ConfigError(f"{folder} cannot be used for backups: {error.strerror}; name another folder") from None
+
+
+def _older(folder: Path, stem: str, keep: int) -> list[Path]:
+    """All backups of a database but the newest; files with other names are left alone."""
+    named = re.compile(re.escape(stem) + r"-\d{8}-\d{6}\.db")
+    found = sorted((path for path in folder.iterdir() if named.fullmatch(path.name)), key=lambda path: path.name)
+    return found[:-keep]
+
+
+@command.command("restore")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@db_option
+def restore(file: Path, db: str | None, *, yes: bool) -> None:
+    """Put what is in FILE, made by `msbot db backup`, in place of what the database has.
+
+    What it had is kept in a copy. No master may run a robot of it meanwhile.
+    """
+    from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
+
+    address = db or database_beside(DEFAULT_BLUEPRINT)
+    words = without_password(address)
+    upkeep.find_backup(file)  # before anybody is asked
+    if not yes:
+        click.confirm(f"Put the content of {file} in place of all that {words} has?", abort=True)
+    kept = upkeep.restore(file, address)
+    click.echo(f"{words} has the content of {file}.")
+    if kept is not None:
+        click.echo(f"What it had before is in {kept}.")
+
+
+@command.command("check")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list of sentences.")
+@db_option
+def check(db: str | None, *, as_json: bool) -> None:
+    """Look for damage and contradictions; status 1 when there are any."""
+    from msbot.registry import without_password
+    from msbot.registry.maintenance import upkeep
+
+    address = existing_database(db)
+    words = without_password(address)
+    findings = upkeep.check(address)
+    if as_json:
+        click.echo(json.dumps(findings))
+    else:
+        for sentence in findings:
+            click.echo(sentence)
+        click.echo(f"{words}: {amount(len(findings), 'problem')}." if findings else f"{words} is in order.")
+    if findings:
+        sys.exit(1)

@@ -1,0 +1,100 @@
+"""`msbot doctor`: what keeps a robot from working, and what mends it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import click
+
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
+from msbot_agent.cli.options import json_option, space_option
+from msbot_agent.link import open_link
+from msbot_agent.log.terminal_log import TerminalHandler
+from msbot_agent.space import SpaceAddress
+from msbot_xrce import is_whole
+from msbot_xrce.errors import ConfigError
+
+if TYPE_CHECKING:
+    from msbot.doctor import Examination, Patient
+
+
+@click.command("doctor")
+@click.option("--link", "addresses", multiple=True,
+              help="A link that the robot is to use, as for `msbot master`; may be given several times.")  # fmt: skip
+@robot_options
+@space_option
+@click.option("--only", metavar="CHECK,...", help="Only these checks, for example can,robot.")
+@click.option("-v", "--verbose", is_flag=True, help="Say also what is in order.")
+@json_option
+def command(
+    addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress, only: str | None, *,
+    verbose: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Look for everything that keeps a robot from working: installation, buses, network, database, the robot itself.
+
+    Says only what is not as it should be, why it matters and what mends it; status 1 when there is something to mend.
+    A master that runs here is examined without being named.
+    """
+    from msbot.doctor import examine
+    from msbot_agent.link.can import CanSettings
+
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
+    for address in addresses:
+        open_link(address, serve=True, can=CanSettings(is_whole=is_whole))  # a mistake is said at once
+    if db is not None and not is_there(db):  # one that is not named may be missing: the robot is new
+        raise ConfigError(no_database(db))
+    names = [name.strip() for name in only.split(",")] if only else []
+    found = examine(_patient(addresses, db, robot, space), names)
+    if as_json:
+        click.echo(json.dumps(found.as_json(), ensure_ascii=False))
+    else:
+        for line in lines(found, verbose=verbose):
+            click.echo(line)
+    sys.exit(0 if found.is_well else 1)
+
+
+def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress) -> Patient:
+    from msbot.doctor import Patient
+    from msbot.doctor.patient import PAGE_PORT
+    from msbot_agent.agent import read_statuses
+
+    masters = tuple(read_statuses())
+    database = db or database_beside(DEFAULT_BLUEPRINT)
+    links = addresses
+    is_known = is_there(database)
+    meant = [one for one in masters if one.details and robot in (None, one.details.get("robot"))]
+    if db is None and not is_known and len(meant) == 1:
+        database, is_known = meant[0].details["database"], True
+    if not links:
+        links = tuple(link.name for one in meant for link in one.links)
+    return Patient(
+        database=database if is_known or db else None,
+        robot=robot,
+        blueprint=DEFAULT_BLUEPRINT if DEFAULT_BLUEPRINT.exists() else None,
+        links=links,
+        space=space,
+        masters=masters,
+        page_port=next((port for one in meant if (port := urlsplit(one.details.get("page", "")).port)), PAGE_PORT),
+    )
+
+
+def lines(found: Examination, *, verbose: bool) -> list[str]:
+    """What is printed."""
+    said: list[str] = []
+    for check, finding in found.findings:
+        note = "" if finding.must else "(note) "
+        where = finding.about if finding.about == check else f"{finding.about} ({check})"
+        said.append(f"{note}{where}: {finding.saw}")
+        rows = (("why", finding.why), ("wire", finding.wire), ("first", finding.first), ("mend", finding.mend))
+        said += [f"    {title.ljust(6)} {text}" for title, text in rows if text]
+    if verbose:
+        said += [f"in order: {check}" for check in found.well]
+        said += [f"not needed: {check}: {why}" for check, why in found.not_needed]
+    said += [f"not looked at: {check}: {why}" for check, why in found.not_seen]
+    if found.is_well:
+        said.append("Nothing to mend in what was looked at." if found.not_seen else "Nothing to mend.")
+    return said

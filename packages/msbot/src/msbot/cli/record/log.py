@@ -1,0 +1,301 @@
+"""`msbot log`: look into recordings."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import field
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from msbot.cli.record.recording_name import recording_name
+from msbot_agent.cli.numbers import FiniteRange
+from msbot_agent.text.printable import printable
+from msbot_agent.text.table_cell import as_cell
+from msbot_xrce.common.amount import amount
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError
+
+if TYPE_CHECKING:
+    from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
+
+MOST_NAMES = 30
+"""So many topics or slots are named in an error."""
+
+_C = TypeVar("_C", bound=Callable[..., object])
+
+
+@click.group("log")
+def command() -> None:
+    """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames."""
+
+
+@dataclass(slots=True)
+class _Wish:
+    """Which messages a person wants to see."""
+
+    topics: tuple[str, ...]
+    slots: tuple[str, ...]
+    from_s: float | None
+    to_s: float | None
+    _topics_seen: set[str] = field(default_factory=set)
+    _slots_seen: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        if self.from_s is not None and self.to_s is not None and self.to_s < self.from_s:
+            raise ConfigError(f"nothing lies from {self.from_s:g} s to {self.to_s:g} s: --to must not be before --from")
+
+    def has(self, message: RecordedMessage) -> bool:
+        """Whether topic and slot are wanted."""
+        topic, slot = message.topic.strip("/"), message.slot
+        self._topics_seen.add(topic)
+        self._slots_seen.add(slot)
+        return (not self.topics or any(_is_topic(one, topic) for one in self.topics)) and (
+            not self.slots or slot in self.slots
+        )
+
+    def mistakes(self, path: Path) -> Iterator[str]:
+        """After reading: what was named and is not in the recording, in sentences."""
+        for name in self.topics:
+            if not any(_is_topic(name, topic) for topic in self._topics_seen):
+                yield f"{path} has no topic {name!r}; it has {_listed(self._topics_seen)}"
+        for name in self.slots:
+            if name not in self._slots_seen:
+                yield f"nothing in {path} was said in a slot {name!r}; slots that said something: " + (
+                    _listed(self._slots_seen - {""})
+                )
+
+
+def _is_topic(name: str, topic: str) -> bool:
+    return name.strip("/") in (topic, topic.partition("/")[0])
+
+
+def _listed(names: set[str]) -> str:
+    return printable(", ".join(sorted(names)[:MOST_NAMES])) + (", ..." if len(names) > MOST_NAMES else "") or "none"
+
+
+def _choice(function: _C) -> _C:
+    """The options that choose messages."""
+    for option in (
+        click.option("--to", "to_s", type=FiniteRange(), metavar="SECONDS", help="Until this time in the recording."),
+        click.option("--from", "from_s", type=FiniteRange(), metavar="SECONDS",
+                     help="From this time in the recording on."),
+        click.option("--slot", "slots", multiple=True, help="What the part in this slot said."),
+        click.option("--topic", "topics", multiple=True, metavar="TOPIC",
+                     help="Messages of this topic, or of all below it (msbot); may be given several times."),
+    ):  # fmt: skip
+        function = option(function)
+    return function
+
+
+_file = click.argument("file", type=click.Path(path_type=Path))
+
+
+@command.command("show")
+@_file
+@_choice
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object for each message.")
+def show(
+    file: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None, *,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Print every message of FILE as a line: time, topic, what was said.
+
+    CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
+    """
+    from msbot.recording.recordings.reading import Decoder, RecordingReader
+    from msbot.recording.recordings.telling import frame_of, line_of
+    from msbot_agent.link.can.protocol import format_frame
+
+    decoder, reader = Decoder(), RecordingReader(file)
+    wish = _Wish(topics, slots, from_s, to_s)
+    for at_s, message in _chosen(reader, wish):
+        frame = frame_of(message)
+        if not wish.topics and (frame is not None or decoder.fields(message) is None):
+            continue
+        line = format_frame(frame) if frame else line_of(message, decoder) or ""
+        if as_json:
+            fields = decoder.fields(message)
+            known = json.dumps(
+                {"at_ns": message.at_ns, "at_s": at_s, "topic": message.topic, "slot": message.slot,
+                 "words": line, "fields": fields}, default=_octets,
+            )  # fmt: skip
+            click.echo(known)
+        else:
+            click.echo(f"{at_s:10.3f}  {message.topic}  {printable(line)}")
+    _tell_rest(wish.mistakes(file), _damage_of(reader))
+
+
+@command.command("filter")
+@_file
+@click.argument("target", type=click.Path(path_type=Path))
+@_choice
+@click.option(
+    "--ros2", "ros", is_flag=True, help="Only what ROS 2 can read, in a file that `ros2 bag` and rosbags take."
+)
+def filter_(  # noqa: PLR0917 - what the command was given
+    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None,
+    *, ros: bool,
+) -> None:  # fmt: skip
+    """Write a piece of FILE to TARGET; what was known when it begins is at its beginning."""
+    from msbot.recording.recordings.cutting import write_cut
+    from msbot.recording.recordings.reading import began_ns
+
+    target = recording_name(target)
+    wish = _Wish(topics, slots, from_s, to_s)
+    zero_ns = began_ns(file)
+    cut = write_cut(
+        [file],
+        target,
+        from_ns=None if from_s is None else zero_ns + round(from_s * 1e9),
+        to_ns=None if to_s is None else zero_ns + round(to_s * 1e9),
+        wanted=wish.has,
+        ros=ros,
+    )
+    click.echo(f"{target}: {amount(cut.messages, 'message')}")
+    if cut.left_out:
+        click.echo(f"left out, for they are no ROS 2 messages: {_listed(cut.left_out)}")
+    _tell_rest(wish.mistakes(file), [f"{name} is damaged: {damage}" for name, damage in cut.damages.items()])
+
+
+@command.command("diff")
+@click.argument("before", type=click.Path(path_type=Path))
+@click.argument("after", type=click.Path(path_type=Path))
+def diff(before: Path, after: Path) -> None:
+    """Say what happened to parts and what people did in one recording and not in the other, and compare the topics.
+
+    Times are not compared. Exit status 1: they differ, or one is damaged.
+    """
+    from msbot.recording.recordings.comparing import differences
+    from msbot.recording.recordings.reading import RecordingReader
+
+    first, second = RecordingReader(before), RecordingReader(after)
+    lines = differences(first.messages(), second.messages())
+    for line in lines:
+        click.echo(printable(line))
+    if not lines:
+        click.echo("The same happened in both.")
+    _tell_rest((), (*_damage_of(first), *_damage_of(second)))
+    sys.exit(1 if lines else 0)
+
+
+@command.command("export")
+@_file
+@click.argument("target", type=click.Path(path_type=Path))
+@_choice
+def export(  # noqa: PLR0917 - what the command was given
+    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
+) -> None:
+    """Write the values of FILE as a table (.csv, .parquet), or its CAN frames (.log of candump, .asc, .blf ...)."""
+    from msbot.cli.bus.frame_log import FRAME_FORMATS
+    from msbot.recording.recordings.new_file import whole_or_none
+    from msbot.recording.recordings.reading import RecordingReader
+
+    if target.exists():
+        raise ConfigError(f"{target} is there already: give the file another name")
+    wish, form = _Wish(topics, slots, from_s, to_s), target.suffix.lower()
+    if form not in {".csv", ".parquet", *FRAME_FORMATS}:
+        frames = ", ".join(one for one in FRAME_FORMATS if one != ".csv")
+        raise ConfigError(
+            f"cannot write {target}: its ending names no format; there are .csv and .parquet for values, "
+            f"and for CAN frames {frames}"
+        )
+    reader = RecordingReader(file)
+    with whole_or_none(target):
+        match form:
+            case ".csv":
+                words = amount(_export_table(reader, target, wish), "value")
+            case ".parquet":
+                words = amount(_export_parquet(reader, target, wish), "value")
+            case _:
+                words = amount(_export_frames(reader, target, wish), "frame")
+    click.echo(f"{target}: {words}")
+    _tell_rest(wish.mistakes(file), _damage_of(reader))
+
+
+def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
+    from msbot.recording.recordings.parquet import write_parquet
+
+    return write_parquet(_chosen(reader, wish), target)
+
+
+def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
+    from msbot.recording.recordings.reading import Decoder
+    from msbot.recording.recordings.telling import rows_of
+
+    decoder, count = Decoder(), 0
+    try:
+        with target.open("w", newline="", encoding="utf-8") as stream:
+            table = csv.writer(stream)
+            table.writerow(["time_s", "topic", "slot", "field", "value"])
+            for at_s, message in _chosen(reader, wish):
+                for topic, slot, name, value in rows_of(message, decoder):
+                    table.writerow([f"{at_s:.6f}", *map(as_cell, (topic, slot, name, str(value)))])
+                    count += 1
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror}") from None
+    return count
+
+
+def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
+    from msbot.cli.bus.frame_log import FrameWriter
+    from msbot.recording.recordings.reading import FRAMES
+    from msbot.recording.recordings.telling import frame_of
+    from msbot_agent.link.can.protocol import LogLine
+
+    count = 0
+    writer = FrameWriter(target)
+    try:
+        try:
+            for _, message in _chosen(reader, wish):
+                frame = frame_of(message)
+                if frame is not None:
+                    channel = _channel(message.topic.removeprefix(FRAMES))
+                    writer.write(LogLine(message.at_ns / 1e9, channel, frame))
+                    count += 1
+        finally:
+            writer.close()
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror or error}") from None
+    return count
+
+
+def _channel(link: str) -> str:
+    """The name of a link's bus as candump writes it: `can0` of `can:can0?fd=1`, which `canplayer` finds again."""
+    scheme, _, rest = link.partition("?")[0].partition(":")
+    name = rest if scheme.startswith("can") else f"{scheme}{rest}"
+    return re.sub(r"[^A-Za-z0-9_.-]", "", name) or scheme
+
+
+def _damage_of(reader: RecordingReader) -> tuple[str, ...]:
+    return (f"{reader.path} is damaged: {reader.damage}",) if reader.damage else ()
+
+
+def _tell_rest(mistakes: Iterable[str], damages: Sequence[str]) -> None:
+    """Say what is not in recordings, or could not be read; the exit status tells it to scripts, which read no words."""
+    told = [*mistakes, *damages]
+    for sentence in told:
+        click.echo(f"msbot: {sentence}", err=True)
+    if told:
+        sys.exit(1)
+
+
+def _chosen(reader: RecordingReader, wish: _Wish) -> Iterator[tuple[float, RecordedMessage]]:
+    """The messages that are wanted, with their times in seconds since the recording began."""
+    began_ns: int | None = None
+    for message in reader.messages():
+        began_ns = message.logged_ns if began_ns is None else began_ns
+        at_s = (message.logged_ns - began_ns) / 1e9
+        if wish.to_s is not None and at_s > wish.to_s:
+            continue
+        if wish.has(message) and (wish.from_s is None or at_s >= wish.from_s):
+            yield at_s, message
+
+
+def _octets(value: object) -> str:
+    return value.hex() if isinstance(value, bytes) else str(value)

@@ -1,0 +1,261 @@
+"""`msbot master`: a robot's master on real links."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Coroutine, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import click
+
+from msbot.cli.change.robot_access import details_of
+from msbot.cli.record.ring_folders import ring_folder
+from msbot.cli.robot_options import (
+    DEFAULT_BLUEPRINT,
+    DEFAULT_LINK,
+    StopGroupType,
+    database_beside,
+    db_option,
+    library_option,
+    metrics_option,
+)
+from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
+from msbot.cli.run.event_log import log_event
+from msbot.cli.run.master_context import MasterCommand, MasterContext
+from msbot.cli.run.metrics import metrics_beside
+from msbot.cli.run.recording import RobotRecording, rec_option
+from msbot.config import Blueprint, Library, open_blueprint
+from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
+from msbot.operations.dispatch import RunningOperations, perform
+from msbot.pnp import PartEvent
+from msbot.recording.recorder.wish import RecordingWish
+from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_registry
+from msbot.registry.database_identity import database_identity
+from msbot.registry.maintenance import waiting_restore as held
+from msbot.ros.description import read_description
+from msbot.stop.names import own_group
+from msbot_agent.agent import MASTER, StatusServer
+from msbot_agent.cli.logs import LogWishes, log_options
+from msbot_agent.cli.options import space_option
+from msbot_agent.cli.services import WantedService, wanted_services
+from msbot_agent.cli.until_ended import run_until_signal
+from msbot_agent.link import Link, bound_name, open_link
+from msbot_agent.link.can import CanSettings, Codec
+from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.patient_output import patient_output
+from msbot_agent.space import SharedSpace, SpaceAddress
+from msbot_xrce import compress, decompress, is_whole
+from msbot_xrce.common.lazy_dataclass import dataclass
+
+CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
+LOOK_S = 0.1
+"""How often a master that shares its robot looks whether it may go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """What else the user wants while the robot runs."""
+
+    rec: RecordingWish
+    metrics_port: int | None
+    log: LogWishes
+    bigger: BiggerRobot | None
+    """The robot that this one is a part of."""
+    stop_group: str | None
+    """Its STOP group; None: as the variable or the blueprint says."""
+    services: Sequence[WantedService]
+
+
+@click.command("master", cls=MasterCommand)
+@click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
+@click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
+              help="Where parts come in; may be given several times.")  # fmt: skip
+@library_option
+@space_option
+@db_option
+@rec_option
+@click.option("--standby", is_flag=True, help="Share the robot with a master on another computer: wait while that one "
+              "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
+@metrics_option
+@log_options
+@click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
+@click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
+@click.option("--stop-group", type=StopGroupType(), metavar="NAME", help="The STOP group that the robot is in: a STOP "
+              "for another one does not reach it; $MSBOT_STOP_GROUP unless given, or else BLUEPRINT says.")  # fmt: skip
+@click.option("-v", "--verbose", is_flag=True, help="Say more.")
+def command(
+    blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
+    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None,
+    metrics_port: int | None, log_wishes: LogWishes, stop_group: str | None,
+    verbose: bool,
+) -> None:  # fmt: skip
+    """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
+
+    Its page is at the address that is printed; at the first start a link that makes you its administrator.
+    """
+    services = wanted_services()
+    own_group()  # as below
+    log_wishes.set_up(logging.INFO if verbose else logging.WARNING)
+    robot, library = open_blueprint(blueprint, *folders)
+    description = read_description(robot)
+    for address in addresses:
+        open_link(address, serve=True, can=CAN)  # report mistakes before the database is touched
+    bigger = bigger_robot(robot, library, part_of, as_number)
+    where = db or database_beside(blueprint)
+    with contextlib.suppress(KeyboardInterrupt):
+        wishes = _Beside(rec, metrics_port, log_wishes, bigger, stop_group, services)
+        while _with_database(robot, library, addresses, space, where, wishes, description, standby=standby):
+            pass  # it has lost the robot to another master, and waits again
+
+
+def _with_database(  # noqa: PLR0917 - what the command was given
+    blueprint: Blueprint,
+    library: Library,
+    addresses: Sequence[str],
+    where: SpaceAddress,
+    db: str,
+    beside: _Beside,
+    description: str,
+    *,
+    standby: bool,
+) -> bool:
+    """Opening and closing a database may be slow: no event loop runs during that time, and Ctrl-C ends it.
+
+    Returns True when another master may have taken over the robot in the meantime.
+    """
+    profile = profile_of(blueprint)
+    kept = held.bring_back_held(db)
+    if kept is not None:
+        click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
+    with open_registry(db) as registry:
+        lease = _wait_for_turn(registry, blueprint, library, beside.services) if standby else None
+        robot = registry.robots.apply_blueprint(blueprint, library)
+        store = registry.runs.begin(robot)
+        can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
+        links = [open_link(address, serve=True, can=can) for address in addresses]
+        try:
+            with patient_output():
+                run_to_end(_main(blueprint, library, links, where, (registry, store, db), beside, description, lease))
+        except LeaseLost as error:
+            click.echo(str(error))
+            return True
+        finally:
+            if lease is not None:
+                lease.silent()
+        return False
+
+
+def _wait_for_turn(
+    registry: Registry, blueprint: Blueprint, library: Library, services: Sequence[WantedService]
+) -> MasterLease:
+    """Wait until no other master serves the robot; whatever takes time to load is loaded before."""
+    for service in services:
+        service.prepare()
+    robot = registry.robots.find(blueprint) or registry.robots.apply_blueprint(blueprint, library)
+    return registry.runs.wait_for_lease(robot, click.echo)
+
+
+async def _until_lost(lease: MasterLease) -> None:
+    """Ends everything beside it when this master may not serve any more.
+
+    Raises:
+        LeaseLost: that is so.
+    """
+    while True:
+        left_s = lease.left_s()
+        if left_s == 0:
+            raise lease.why_lost()
+        await asyncio.sleep(min(left_s, LOOK_S))
+
+
+async def _serve(master: Master, lease: MasterLease | None) -> None:
+    """Serve; when this ends, nothing speaks to parts any more."""
+    try:
+        await master.run()
+    finally:
+        if lease is not None:
+            lease.silent()
+
+
+async def _main(  # noqa: PLR0917
+    blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
+    database: tuple[Registry, RobotStore, str], wishes: _Beside,
+    description: str, lease: MasterLease | None,
+) -> None:  # fmt: skip
+    registry, store, db = database
+    robot, profile = store.robot, profile_of(blueprint)
+    with robot_space(where, blueprint, library) as space:
+        file = stop_file(profile.name, profile.serial_number, database_identity(db))
+        recording = RobotRecording(wishes.rec, ring_folder(profile.name, database_identity(db)), library)
+        master = Master(
+            blueprint,
+            store,
+            space=recording.space(space),
+            stop_file=file,
+            is_shared=lease is not None,
+            library=library,
+            stop_group=wishes.stop_group,
+        )
+        operations = RunningOperations(master, registry, robot, library=library)
+        master.inventory.on_event(log_event if wishes.log.is_json else _say)
+        for link in links:
+            master.add_link(link)
+        space_words = "" if space.words is None else f"; {space.words}"
+
+        def greet() -> None:
+            links_words = ", ".join(map(bound_name, links))
+            click.echo(
+                f"{profile.name} {profile.version} is up on {links_words}; database {registry.database}{space_words}. "
+                "Ctrl-C ends it."
+            )
+            if master.stop.stopped:
+                click.echo(f"STOP holds since before, said by {master.stop.by}: `msbot go` ends it")
+
+        beside: list[Coroutine[object, object, None]] = [] if lease is None else [_until_lost(lease)]
+        if isinstance(space, SharedSpace):
+            from msbot.ros.robot_in_ros import RobotInRos
+
+            beside.append(RobotInRos(master, operations, space, description=description).run())
+        if wishes.bigger is not None:
+            beside.append(wishes.bigger.make(master).run())
+        context = MasterContext(master, operations, library, registry, robot, db, links, where, click.echo)
+        for service in wishes.services:
+            beside += service.beside(context)
+        beside += metrics_beside(
+            wishes.metrics_port,
+            master.agent,
+            click.echo,
+            master=master,
+            registry=registry,
+            page=context.page_figures,
+        )
+        status = StatusServer(
+            master.agent,
+            what=MASTER,
+            name=f"{profile.name} {profile.version}",
+            details=lambda: details_of(
+                master,
+                db,
+                mark=operations.blueprint_mark,
+                page=context.page_address(),
+                trouble=registry.storage.health.trouble,
+            ),
+            control=partial(perform, operations),
+        )
+        stop = StopSocket(
+            master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=context.page_address())
+        )
+        await run_until_signal(
+            _serve(master, lease),
+            beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],
+            ready=master.ready,
+            say=greet,
+        )
+
+
+def _say(event: PartEvent) -> None:
+    click.echo(event.sentences()[0])

@@ -1,0 +1,130 @@
+"""The files people write: the blueprint of a robot (`robot.toml`) and the part library."""
+
+from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
+from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML, for_groups, groups_by_slots
+from msbot.config.blueprint.compare import compare_text
+from msbot.config.blueprint.differences import Difference, differences
+from msbot.config.blueprint.mark import blueprint_mark
+from msbot.config.blueprint.model import (
+    NOBODY,
+    PRESETS,
+    Binding,
+    Blueprint,
+    InDds,
+    Options,
+    RobotProfile,
+    RosOptions,
+    Slot,
+    SlotPort,
+    Timing,
+)
+from msbot.config.blueprint.reader import ADOPTED, library_folders, load_blueprint, open_blueprint, parse_blueprint
+from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_new, write_sample
+from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
+from msbot.config.library.board_document import board_documents
+from msbot.config.library.board_drivers import BOARD_DRIVERS
+from msbot.config.library.board_wiring import WiredPart, shown_by, wired_part, wired_parts
+from msbot.config.library.description_reader import Described, read_description
+from msbot.config.library.library import (
+    SHIPPED,
+    BusKind,
+    Category,
+    Direction,
+    DriverPin,
+    DriverSpec,
+    FieldKind,
+    Library,
+    MessageType,
+    Parameter,
+    ParameterKind,
+    PartType,
+    Pin,
+    PinKind,
+    Port,
+    Supply,
+    load_library,
+    scalar_text,
+)
+from msbot.config.library.message_types import standard_message_types
+from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
+from msbot.config.library.text_templates import format_text
+from msbot.config.library.versions import Versions, parse_versions, split_number
+from msbot_agent.toml.problems import FoundProblems, problems_json
+from msbot_agent.toml.table import Scalar
+
+__all__ = [
+    "ADOPTED",
+    "BOARD_DRIVERS",
+    "DRIVES",
+    "GROUP_ROBOT_TOML",
+    "NOBODY",
+    "PRESETS",
+    "RESERVED_TOPICS",
+    "SAMPLES",
+    "SAMPLE_ROBOT_TOML",
+    "SENSES",
+    "SHIPPED",
+    "Binding",
+    "Blueprint",
+    "BusKind",
+    "Category",
+    "Control",
+    "ControlKind",
+    "Described",
+    "Difference",
+    "Direction",
+    "DriverPin",
+    "DriverSpec",
+    "FieldKind",
+    "FoundProblems",
+    "InDds",
+    "Library",
+    "MessageType",
+    "Operand",
+    "Options",
+    "Output",
+    "Parameter",
+    "ParameterKind",
+    "PartType",
+    "Pin",
+    "PinKind",
+    "Port",
+    "Reading",
+    "RobotProfile",
+    "RosOptions",
+    "Scalar",
+    "Simulator",
+    "Slot",
+    "SlotPort",
+    "Supply",
+    "Timing",
+    "Versions",
+    "WiredPart",
+    "binding_faults",
+    "blueprint_mark",
+    "blueprint_toml",
+    "board_documents",
+    "compare_text",
+    "differences",
+    "for_groups",
+    "format_text",
+    "groups_by_slots",
+    "library_folders",
+    "load_blueprint",
+    "load_library",
+    "open_blueprint",
+    "parse_blueprint",
+    "parse_versions",
+    "preset_of",
+    "problems_json",
+    "read_description",
+    "scalar_text",
+    "shown_by",
+    "slot_toml",
+    "split_number",
+    "standard_message_types",
+    "wired_part",
+    "wired_parts",
+    "write_new",
+    "write_sample",
+]

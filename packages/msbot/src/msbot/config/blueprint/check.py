@@ -1,0 +1,330 @@
+"""What must agree in a blueprint: slots with the library, bindings with slots and ports, periods with each other.
+
+Values already found wrong (these are empty) are skipped, so that one mistake is reported only once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from msbot.config.blueprint.model import Binding, Slot, SlotPort, Timing
+from msbot.config.library.board_document import board_documents
+from msbot.config.library.board_wiring import wired_parts
+from msbot.config.library.library import Direction, Library, PartType, Port, scalar_text
+from msbot_agent.text.sentence import said
+from msbot_agent.toml.problems import MOST_LISTED, quoted, suggestion
+from msbot_agent.toml.table import Table
+from msbot_xrce.errors import ConfigError
+
+RESERVED_TOPICS = (
+    "msbot_masterTopic",
+    "msbot_inventory_Request",
+    "msbot_inventory_Reply",
+    "service_name_Request",
+    "service_name_Reply",
+)
+"""Plug-and-play's own topics: the profile, the inventory's service, and the original programs' service."""
+
+_LATE_AFTER_BEATS = 1.5
+"""A part is late after this many beat periods; it must be late before it can be delisted."""
+
+
+class Complaints(Protocol):
+    """Collects the problems of one binding: its table in a file, or a list."""
+
+    def problem(self, sentence: str, *steps: str | int) -> None:
+        """Note one mistake about a key."""
+
+
+class _Sentences:
+    """Problems of bindings that do not come from a file."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+
+    def problem(self, sentence: str, *_steps: str | int) -> None:
+        self.found.append(sentence)
+
+
+def binding_faults(bindings: Sequence[Binding], slots: Sequence[Slot], library: Library) -> list[str]:
+    """What is wrong with bindings that do not come from a file, in the same words as for a file."""
+    sentences = _Sentences()
+    check_bindings([sentences] * len(bindings), bindings, slots, library)
+    return sentences.found
+
+
+def check_timing(table: Table, timing: Timing) -> None:
+    """Check that a part that beats in time cannot be delisted."""
+    shortest = (timing.life - 1) * timing.tick_period_s
+    if shortest < _LATE_AFTER_BEATS * timing.beat_period_s:
+        table.problem(
+            said(
+                "a part that beats every {beat_period_s:g} s could be delisted {shortest:g} s after a beat "
+                "(life {life}, tick {tick_period_s:g} s); use a tick_period_s of at least {value:g}, a higher "
+                "life, or a shorter beat_period_s",
+                beat_period_s=timing.beat_period_s,
+                shortest=shortest,
+                life=timing.life,
+                tick_period_s=timing.tick_period_s,
+                value=_LATE_AFTER_BEATS * timing.beat_period_s / (timing.life - 1),
+            )
+        )
+
+
+def check_free_topics(table: Table, topics: Sequence[str]) -> None:
+    """Check that plug-and-play's own topics are not declared free for all."""
+    for position, topic in enumerate(topics):
+        if topic in RESERVED_TOPICS:
+            table.problem(
+                said('"{topic}" belongs to plug-and-play itself; remove it', topic=topic), "free_topics", position
+            )
+
+
+def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], library: Library) -> None:
+    """Check that each slot has a unique name, a part type of the library, and settings that the type knows."""
+    if not slots and "slot" not in root:
+        root.problem(said('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"'), "slot")
+    first_of: dict[str, Table] = {}
+    for table, slot in zip(tables, slots, strict=True):
+        first = first_of.setdefault(slot.name, table)
+        if slot.name and first is not table:
+            table.problem(
+                said(
+                    'there is a slot "{name}" already on line {line}; give each slot a name of its own',
+                    name=slot.name,
+                    line=first.place("name").line,
+                ),
+                "name",
+            )
+        part_type = library.get(slot.part_number)
+        if part_type is not None:
+            _check_settings(table, slot, part_type, library)
+        elif slot.part_number:
+            table.problem(
+                said(
+                    'the library has no part number "{part_number}"; {right}',
+                    part_number=slot.part_number,
+                    right=library.suggest(slot.part_number),
+                ),
+                "part",
+            )
+
+
+def _check_settings(table: Table, slot: Slot, part_type: PartType, library: Library) -> None:
+    for name, value in slot.settings.items():
+        parameter = part_type.parameter(name)
+        if parameter is None:
+            known = [parameter.name for parameter in part_type.parameters]
+            right = suggestion(name, known, none_known=said("it has none: remove the line"))
+            table.problem(
+                said(
+                    'part {number} has no parameter "{name}"; {right}', number=part_type.number, name=name, right=right
+                ),
+                "settings",
+                name,
+            )
+        elif fault := parameter.fault(value):
+            example = f"{name} = {scalar_text(parameter.default)}"
+            table.problem(
+                said("{fault}; the library's default is {example}", fault=fault, example=example), "settings", name
+            )
+    _check_wired(table, slot, part_type, library)
+
+
+def _check_wired(table: Table, slot: Slot, part_type: PartType, library: Library) -> None:
+    """Check what is wired to a board: part numbers, wires, and that no two want the same pin."""
+    wired = {name: value for name in part_type.carries if isinstance(value := slot.settings.get(name), str)}
+    try:
+        board_documents(wired_parts(wired, library))
+    except ConfigError as error:
+        name, _, fault = str(error).partition(": ")
+        if name in wired:
+            table.problem(fault, "settings", name)
+        else:
+            table.problem(str(error), "settings")
+
+
+def check_bindings(
+    tables: Sequence[Complaints], bindings: Sequence[Binding], slots: Sequence[Slot], library: Library
+) -> None:
+    """Check that each binding connects existing ports of the right direction and message type."""
+    ports = _Ports(slots, library)
+    topics: dict[str, Binding] = {}
+    for table, binding in zip(tables, bindings, strict=True):
+        _check_topic(table, binding, topics)
+        ports.check(table, binding, binding.source, Direction.PUBLISH, "from")
+        seen: set[SlotPort] = set()
+        for position, target in enumerate(binding.targets):
+            if target in seen:
+                table.problem(said('"{target}" is there twice; keep one', target=target), "to", position)
+            else:
+                ports.check(table, binding, target, Direction.SUBSCRIBE, "to", position)
+            seen.add(target)
+
+
+def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
+    if binding.topic in RESERVED_TOPICS:
+        table.problem(
+            said('"{topic}" belongs to plug-and-play itself; choose another name', topic=binding.topic), "topic"
+        )
+    earlier = topics.setdefault(binding.topic, binding)
+    if earlier is binding or not binding.topic:
+        return
+    if earlier.source == binding.source:
+        table.problem(
+            said(
+                '"{source}" is bound to "{topic}" already; put all receivers into one list `to`',
+                source=binding.source,
+                topic=binding.topic,
+            ),
+            "topic",
+        )
+    if earlier.type_name != binding.type_name and binding.type_name:
+        table.problem(
+            said(
+                'topic "{topic}" carries "{type_name}" in another binding and "{other}" here; a topic has one type',
+                topic=binding.topic,
+                type_name=earlier.type_name,
+                other=binding.type_name,
+            ),
+            "type",
+        )
+    if earlier.in_dds != binding.in_dds:
+        table.problem(
+            said(
+                'topic "{topic}" is in DDS in another way in another binding; say the same in both', topic=binding.topic
+            ),
+            "topic",
+        )
+    if earlier.reliable != binding.reliable:
+        table.problem(
+            said(
+                'topic "{topic}" has reliable = {value} in another binding; say the same in both',
+                topic=binding.topic,
+                value=scalar_text(earlier.reliable),
+            ),
+            "reliable",
+        )
+
+
+class _Ports:
+    """The ports of a robot, by slot."""
+
+    def __init__(self, slots: Sequence[Slot], library: Library) -> None:
+        self._slots = {slot.name: slot for slot in slots if slot.name}
+        self._library = library
+        self._topics: dict[SlotPort, str] = {}
+
+    def check(
+        self, table: Complaints, binding: Binding, endpoint: SlotPort, direction: Direction, *steps: str | int
+    ) -> None:
+        """Note what is wrong with one end of a binding."""
+        if not endpoint.slot:
+            return
+        slot = self._slots.get(endpoint.slot)
+        if not endpoint.port:
+            example = f"{endpoint.slot if slot else 'AA'}.{self._example(slot, direction)}"
+            table.problem(
+                said(
+                    '"{endpoint}" names no port; write slot, dot, port, for example "{example}"',
+                    endpoint=endpoint,
+                    example=example,
+                ),
+                *steps,
+            )
+        elif slot is None:
+            right = suggestion(endpoint.slot, list(self._slots), none_known=said("add the slot first"))
+            table.problem(
+                said(
+                    '"{endpoint}": there is no slot "{slot}"; {right}',
+                    endpoint=endpoint,
+                    slot=endpoint.slot,
+                    right=right,
+                ),
+                *steps,
+            )
+        elif (part_type := self._library.get(slot.part_number)) and _check_port(
+            table, binding, endpoint, part_type, direction, *steps
+        ):
+            self._check_one_topic(table, binding, endpoint, direction, *steps)
+
+    def _check_one_topic(
+        self, table: Complaints, binding: Binding, endpoint: SlotPort, direction: Direction, *steps: str | int
+    ) -> None:
+        earlier = self._topics.setdefault(endpoint, binding.topic)
+        if earlier != binding.topic and earlier and binding.topic:
+            remedy = said("let all senders publish that topic")
+            if direction is Direction.PUBLISH:
+                remedy = said("list all receivers in one binding")
+            table.problem(
+                said(
+                    '"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}',
+                    endpoint=endpoint,
+                    earlier=earlier,
+                    remedy=remedy,
+                ),
+                *steps,
+            )
+
+    def _example(self, slot: Slot | None, direction: Direction) -> str:
+        part_type = self._library.get(slot.part_number) if slot else None
+        ports = [port.name for port in part_type.ports if port.direction is direction] if part_type else []
+        return ports[0] if ports else {Direction.PUBLISH: "out", Direction.SUBSCRIBE: "in"}[direction]
+
+
+def _check_port(
+    table: Complaints,
+    binding: Binding,
+    endpoint: SlotPort,
+    part_type: PartType,
+    direction: Direction,
+    *steps: str | int,
+) -> bool:
+    """Whether the port exists and has that direction and the binding's type; otherwise a problem is noted."""
+    port = part_type.port(endpoint.port)
+    what = said("part {number} ({name})", number=part_type.number, name=part_type.name)
+    if port is None:
+        known = [port.name for port in part_type.ports if port.direction is direction]
+        right = suggestion(endpoint.port, known, none_known=said("it has none that can {value}", value=direction.value))
+        table.problem(
+            said(
+                '"{endpoint}": {what} has no port "{port}"; {right}',
+                endpoint=endpoint,
+                what=what,
+                port=endpoint.port,
+                right=right,
+            ),
+            *steps,
+        )
+    elif port.direction is not direction:
+        table.problem(
+            said(
+                '"{endpoint}": this port can only {value}; {right}',
+                endpoint=endpoint,
+                value=port.direction.value,
+                right=_fitting(part_type, port),
+            ),
+            *steps,
+        )
+    elif binding.type_name and port.type_name != binding.type_name:
+        table.problem(
+            said(
+                '"{endpoint}" carries messages of type "{type_name}", the binding says "{other}"; '
+                'write type = "{type_name}" or bind another port',
+                endpoint=endpoint,
+                type_name=port.type_name,
+                other=binding.type_name,
+            ),
+            *steps,
+        )
+    else:
+        return True
+    return False
+
+
+def _fitting(part_type: PartType, wrong: Port) -> str:
+    fitting = [port.name for port in part_type.ports if port.direction is not wrong.direction]
+    if not fitting:
+        return said("part {number} has no port of the other direction: choose another slot", number=part_type.number)
+    return said("use {words}", words=quoted(fitting[:MOST_LISTED], " or "))

@@ -1,0 +1,120 @@
+"""Reads what a part says of itself: a library file from a stranger, of which nothing is taken on trust.
+
+It is checked like a file that a person writes, and it may say less: no driver, no picture, nothing about other part
+types. Only what was read and checked is written to the library, never the text itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from msbot.config.library.library import Library
+from msbot.config.library.message_types import MessageType, standard_message_types
+from msbot.config.library.part_types import PartType
+from msbot.config.library.reader import add_message_types, open_library_file, read_part_type
+from msbot_agent.toml.document import Document, parse_document
+from msbot_agent.toml.problems import KeyPath, Problems, quoted
+from msbot_agent.toml.values import toml_table, toml_value
+from msbot_xrce.common.lazy_dataclass import dataclass
+
+FILE = "what the part says"
+"""Its name in messages."""
+MAY_SAY = ("number", "name", "category", "description")
+TABLES = ("port", "parameter", "type")
+"""Everything that a part may say of itself; a library file may say more."""
+_MOST_WHOLE = 2**63
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """A part type as a part describes it, checked."""
+
+    part_type: PartType
+    messages: tuple[MessageType, ...]
+    """The message types of its ports, without the standard ones; the library may know them, too."""
+    toml: str
+    """The library file, written anew from what was checked."""
+
+
+def read_description(text: str, number: str, library: Library) -> Described:
+    """Check what a part says of itself.
+
+    Args:
+        text: what it says.
+        number: the part number that it has claimed.
+        library: what the robot knows already.
+
+    Raises:
+        ConfigError: it is wrong, contradicts itself or the library, or the library knows the number.
+    """
+    problems = Problems()
+    document = parse_document(text, FILE, problems)
+    problems.raise_if_any()
+    assert document is not None
+    _check_values(document, problems)
+    problems.raise_if_any()
+    file = open_library_file(document, problems)
+    known = dict(library.messages)
+    add_message_types(known, file)
+    part_type = read_part_type(file, known)
+    root = file.table
+    if part_type is None:
+        root.problem("describes no part: number, name and ports are missing")
+    elif part_type.number != number:
+        root.problem(f'is "{part_type.number}", and the part has claimed as "{number}"', "number")
+    elif (other := library.find(number)) is not None:
+        root.problem(f"the library knows {other.number} already, and its entry counts", "number")
+    elif not part_type.ports:
+        root.problem("a part needs at least one port: publishes(...) or on(...)", "port")
+    problems.raise_if_any()
+    assert part_type is not None
+    own = {port.type_name for port in part_type.ports} - standard_message_types().keys()
+    messages = {message.name: message for _, message in file.messages if message.name in own}
+    return Described(part_type, tuple(messages.values()), _toml(document.values, messages))
+
+
+def _check_values(document: Document, problems: Problems) -> None:
+    allowed = (*MAY_SAY, *TABLES)
+    for key in document.values:
+        if key not in allowed:
+            problems.add(document.place((key,)), f"a part may not say this of itself; it may say {quoted(allowed)}")
+    for path, value in _scalars((), document.values):
+        match value:
+            case str() if not value.isprintable():
+                problems.add(document.place(path), f"{value[:40]!r} contains a character that cannot be printed")
+            case float() if not math.isfinite(value):
+                problems.add(document.place(path), f"must be a finite number; it is {value}")
+            case bool() | float() | str():
+                pass
+            case int() if not -_MOST_WHOLE <= value < _MOST_WHOLE:
+                problems.add(document.place(path), "is a number with more than 64 bits")
+
+
+def _scalars(path: KeyPath, value: object) -> Iterator[tuple[KeyPath, object]]:
+    """Every value that is neither table nor list, and every key as a text of its own."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield (*path, key), key
+            yield from _scalars((*path, key), inner)
+    elif isinstance(value, list):
+        for place, inner in enumerate(value):
+            yield from _scalars((*path, place), inner)
+    else:
+        yield path, value
+
+
+def _toml(values: dict[str, object], messages: dict[str, MessageType]) -> str:
+    """The file, after everything in it was read without a problem; it stands by itself."""
+    lines = [f"{key} = {toml_value(value)}" for key in MAY_SAY if isinstance(value := values.get(key), str)]
+    for name in TABLES:
+        tables = values.get(name, [])
+        assert isinstance(tables, list)
+        for table in tables:
+            if name != "type" or table["name"] in messages:
+                lines += ["", f"[[{name}]]"]
+                lines += [
+                    f"{key} = {toml_table(value) if isinstance(value, dict) else toml_value(value)}"
+                    for key, value in table.items()
+                ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,37 @@
+"""The doctor: what keeps a robot from working, on its computer, its buses and in itself; and what mends it.
+
+Facts in, findings out: `gather` looks at the computer, `checks` judges what was seen and is pure.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot.doctor.examination import CHECKS, Check, Examination, all_checks, examine
+    from msbot.doctor.finding import CannotSee, Finding, Mending, NotNeeded, NotSeen
+    from msbot.doctor.patient import Patient
+
+_NAMES = {
+    "msbot.doctor.examination": ("CHECKS", "Check", "Examination", "all_checks", "examine"),
+    "msbot.doctor.finding": ("CannotSee", "Finding", "Mending", "NotNeeded", "NotSeen"),
+    "msbot.doctor.patient": ("Patient",),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
+
+__all__ = [
+    "CHECKS",
+    "CannotSee",
+    "Check",
+    "Examination",
+    "Finding",
+    "Mending",
+    "NotNeeded",
+    "NotSeen",
+    "Patient",
+    "all_checks",
+    "examine",
+]

@@ -1,0 +1,33 @@
+"""The errors that programs catch; they are the same in all distributions (`msbot_xrce.errors` draws their tree)."""
+
+from msbot_xrce.errors import (
+    BusTaken,
+    ConfigError,
+    DatabaseBusy,
+    LinkDown,
+    LinkError,
+    LinkFull,
+    LocalProtocolError,
+    MsbotError,
+    NotThere,
+    RegistryError,
+    RemoteProtocolError,
+    RequestError,
+    RequestTimeout,
+)
+
+__all__ = [
+    "BusTaken",
+    "ConfigError",
+    "DatabaseBusy",
+    "LinkDown",
+    "LinkError",
+    "LinkFull",
+    "LocalProtocolError",
+    "MsbotError",
+    "NotThere",
+    "RegistryError",
+    "RemoteProtocolError",
+    "RequestError",
+    "RequestTimeout",
+]

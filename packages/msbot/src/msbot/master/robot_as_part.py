@@ -1,0 +1,210 @@
+"""A robot that is a part of a bigger one: an arm with a master of its own fills one slot, as a servo would.
+
+Its exported topics (`export = true` in the blueprint) are the ports of that part: one that a slot of this robot
+publishes goes out, one to which nobody here publishes (`from = ""`) comes in. The bigger robot sees a part like any
+other: it passes both steps, beats, gets a configuration, and STOP of the bigger robot is STOP here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+from msbot.config import Blueprint, Library, Scalar
+from msbot.master.master import Master
+from msbot.part import JoinState, Message, Part
+from msbot.part.join.plug import UID_OCTETS
+from msbot.sim.message_classes import message_class
+from msbot_agent.link import Link
+from msbot_agent.space import Qos, Reader, Sample, Topic, Writer
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError, LinkDown
+
+_GUID: Final = bytes.fromhex("4d73424f5400000000000000776f726c")
+"""The first writer's identity in the data space: `MsBOT`, `worl`; the further ones are counted from it."""
+AGAIN_S: Final = 2.0
+"""Pause before a link to the bigger robot that failed is tried again."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedPort:
+    """A topic of this robot that is a port of the part that it is for a bigger one."""
+
+    name: str
+    message: type[Message]
+    publishes: bool
+    """Whether it goes from this robot to the bigger one."""
+    reliable: bool
+    safe: Message | None = None
+    """What this robot's actuators get when the bigger robot is silent, or says STOP."""
+
+
+def exported_ports(blueprint: Blueprint, library: Library) -> tuple[ExportedPort, ...]:
+    """The ports that a robot has for a bigger one.
+
+    Raises:
+        ConfigError: it exports nothing, or a type that no part can describe.
+    """
+    ports = tuple(
+        ExportedPort(
+            binding.topic,
+            _message_of(binding.topic, binding.type_name, library),
+            bool(binding.source.slot),
+            binding.reliable,
+            None if binding.source.slot else _safe_of(blueprint, library, binding.topic),
+        )
+        for binding in blueprint.bindings
+        if binding.in_dds.export
+    )
+    if not ports:
+        raise ConfigError(
+            f"robot {blueprint.robot.name} has nothing to offer a bigger robot: write export = true into each "
+            "[[binding]] that shall be a port of it"
+        )
+    return ports
+
+
+def _message_of(topic: str, type_name: str, library: Library) -> type[Message]:
+    known = library.messages.get(type_name)
+    if known is None:
+        raise ConfigError(f"topic {topic!r} is exported, but the library does not know the fields of its {type_name}")
+    return message_class(known)
+
+
+def _safe_of(blueprint: Blueprint, library: Library, topic: str) -> Message | None:
+    """The safe value of the ports that a topic leads to, if they have the same one."""
+    found: list[tuple[type[Message], dict[str, Scalar]]] = []
+    for binding in blueprint.bindings:
+        for end in binding.targets if binding.topic == topic else ():
+            slot = blueprint.slot(end.slot)
+            part_type = None if slot is None else library.find(slot.part_number)
+            port = None if part_type is None else part_type.port(end.port)
+            if port is None or port.safe is None or port.message is None:
+                return None
+            found.append((message_class(port.message), dict(port.safe)))
+    if not found or any(other != found[0] for other in found):
+        return None
+    made, fields = found[0]
+    return made(**fields)
+
+
+class RobotAsPart:
+    """Runs a robot's master as a part of a bigger robot.
+
+    Args:
+        master: the robot that is the part.
+        ports: what it has for the bigger one.
+        number: the part number that it shows there.
+        open_link: makes a new link to the bigger robot's master, for a part with that UID.
+        say: called with what people should know, in words.
+        key: the key with which it proves who it is, if the bigger robot asks for one.
+    """
+
+    def __init__(
+        self,
+        master: Master,
+        ports: tuple[ExportedPort, ...],
+        *,
+        number: str,
+        open_link: Callable[[bytes], Link],
+        say: Callable[[str], object],
+        key: bytes | None = None,
+    ) -> None:
+        self._master = master
+        self._ports = ports
+        self._open_link = open_link
+        self._say = say
+        self._stop_number = 0
+        """The STOP of this robot that the bigger one has said; 0 = none."""
+        profile = master.profile
+        self.name = profile.name
+        """What the part is called in the bigger robot."""
+        identity = "\0".join((profile.name, profile.serial_number)).encode()
+        self._uid = hashlib.sha256(identity).digest()[:UID_OCTETS]
+        self.part = Part(
+            number,
+            local_name=profile.name,
+            uid=self._uid,
+            key=key,
+            describes=f"The robot {profile.name}",
+        )
+        self._writers: list[Writer] = []
+        self._readers: list[Reader] = []
+        for port in ports:
+            if port.publishes:
+                self.part.publishes(port.name, port.message)
+            else:
+                self._take_in(port)
+        self.part.on_stop(self._stop)
+        self.part.on_go(self._go)
+        self.part.on_join(self._joined)
+        self.part.on_lost(self._lost)
+
+    async def run(self) -> None:
+        """Be a part until cancelled; a bigger robot that is away, or a mistake there, does not end this one."""
+        told = ""
+        space = self._master.space
+        for port in self._ports:
+            if port.publishes:
+                topic = Topic(port.name, port.message.type_name)
+                self._readers.append(space.reader(topic, Qos(reliable=port.reliable), partial(self._give_out, port)))
+        try:
+            while True:
+                try:
+                    await self.part.run_async(self._open_link(self._uid))
+                except (LinkDown, ConfigError) as error:
+                    if str(error) != told:
+                        told = str(error)
+                        self._say(f"{self.name} is not a part of the bigger robot: {told}")
+                await asyncio.sleep(AGAIN_S)
+        finally:
+            for reader in self._readers:
+                reader.close()
+            for writer in self._writers:
+                writer.close()
+
+    def _take_in(self, port: ExportedPort) -> None:
+        """What the bigger robot says at a port goes to this robot's parts."""
+        guid = _GUID[:-1] + bytes((len(self._writers),))
+        topic = Topic(port.name, port.message.type_name)
+        writer = self._master.space.writer(topic, Qos(reliable=port.reliable), guid)
+        self._writers.append(writer)
+
+        def take(message: Message) -> None:
+            writer.write(message.encode())
+
+        self.part.on(port.name, port.message, optional=True, safe=port.safe)(take)
+
+    def _give_out(self, port: ExportedPort, sample: Sample) -> bool:
+        """A sample of one of this robot's parts goes to the bigger robot, unless that does not use the port."""
+        if self.part.state is JoinState.ACTIVE and self.part.bound(port.name):
+            self.part.publish_octets(port.name, port.message.type_name, sample.payload)
+        return True
+
+    def _stop(self) -> None:
+        is_first = not self._master.stop.stopped  # a STOP that somebody here has said is theirs to end
+        self._master.say_stop("the bigger robot", f"STOP was said there, where this robot is slot {self.part.slot}")
+        if is_first:
+            self._stop_number = self._master.stop.number
+
+    def _go(self) -> None:
+        """GO of the bigger robot ends only the STOP that it has said itself."""
+        status = self._master.stop
+        if status.stopped and status.number == self._stop_number:
+            try:
+                self._master.say_go("the bigger robot")
+            except ConfigError as error:  # a part here says STOP by itself
+                self._say(f"{self.name} stays stopped: {error}")
+        self._stop_number = 0
+
+    def _joined(self) -> None:
+        """A STOP that was over before the bigger robot was heard again is over here, too."""
+        self._say(f"{self.name} is in slot {self.part.slot} of the bigger robot")
+        if self._stop_number and not self.part.stopped:
+            self._go()
+
+    def _lost(self) -> None:
+        self._say(f"{self.name} has lost the bigger robot, its ports have their safe values: {self.part.reason}")

@@ -1,0 +1,191 @@
+"""Parts that describe themselves: what they say is checked, and adopted when a person says so."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from msbot.config import ADOPTED, Blueprint, Described, Slot, read_description
+from msbot.operations.applying import BlueprintChange
+from msbot.operations.fitting_wires import fitting_wires
+from msbot.operations.outcome import Outcome
+from msbot.operations.running_robot import RunningRobot
+from msbot.pnp import PartInfo, SelfDescription
+from msbot.process.daemon_threads import DaemonThreads
+from msbot.registry.edits.part_types import forget_part_type
+from msbot_agent.text.sentence import said
+from msbot_agent.toml.table import MOST_OCTETS
+from msbot_agent.toml.values import toml_value
+from msbot_xrce.errors import ConfigError, MsbotError
+
+LONGEST_FAULT = 600
+"""Characters of the reason why a description is refused."""
+LONGEST_NAME = 40
+MOST_ALIKE = 100
+"""Files of one name that are told apart by a number."""
+_UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
+_T = TypeVar("_T")
+
+
+class DescribedParts:
+    """Checks what the parts of one running robot say of themselves, and adopts them.
+
+    Args:
+        running: the robot.
+        applying: how it gets another slot.
+    """
+
+    def __init__(self, running: RunningRobot, applying: BlueprintChange) -> None:
+        self._running = running
+        self._applying = applying
+        source = running.master.blueprint.source
+        self._folder = None if source is None else source.parent / ADOPTED
+        self._aside = DaemonThreads(1, "msbot descriptions")  # the event loop waits for no parser and no disk
+        running.inventory.descriptions.on_described(self._check_soon)
+
+    def _check_soon(self, client_key: int, number: str, asked: SelfDescription) -> None:
+        self._running.later(self._check(client_key, number, asked))
+
+    async def _check(self, client_key: int, number: str, asked: SelfDescription) -> None:
+        try:
+            result = replace(asked, described=await self._read(asked.text, number))
+        except ConfigError as error:
+            words = " ".join(str(error).split())
+            result = replace(asked, fault=words if len(words) <= LONGEST_FAULT else f"{words[:LONGEST_FAULT]} ...")
+        self._running.inventory.descriptions.checked(client_key, asked, result, self._running.now())
+
+    async def _read(self, text: str, number: str) -> Described:
+        library = self._running.library
+        if library is None:
+            raise ConfigError(said("this robot was started without its library: it cannot take part types"))
+        return await asyncio.get_running_loop().run_in_executor(self._aside, read_description, text, number, library)
+
+    async def make_type(self, info: PartInfo, slot: str | None, who: str) -> Outcome:
+        """Make a part type of what a part says, and a slot for it, and let it in.
+
+        Args:
+            info: the part; it says what it is.
+            slot: the name of its slot; None: one is made from its own name.
+            who: the person who decides.
+
+        Raises:
+            ConfigError: what it says is refused, or there is nowhere to keep it.
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+        assert info.says is not None
+        described = await self._read(info.says.text, info.part_number)  # the library may know more by now
+        present = await self._applying.present()
+        taken = set(self._running.slot_names())
+        name = free_slot_name(info, described, taken) if slot is None else slot
+        check_slot_name(name)
+        origin = said("said by the part {uid}, adopted by {who}", uid=info.uid.hex() or "-", who=who)
+        path = await self._in_thread(partial(self._keep, described, origin))
+        part_type = replace(described.part_type, origin=origin, source="" if path is None else str(path))
+        library = self._running.library
+        assert library is not None
+        wider = library.with_type(part_type, described.messages)
+        wanted = replace(present, slots=(*present.slots, Slot(name, part_type.number, description=part_type.name)))
+        try:
+            done = await self._applying.put_in_force(wanted, wider, who=who, slot_by_hand=name)
+        except MsbotError:
+            if path is not None:
+                await self._in_thread(path.unlink)
+            raise
+        self._let_in(info, name, who)
+        blueprint = await self._in_force()
+        offers = [wire.as_json() for wire in fitting_wires(blueprint, library, name)]
+        words = said(
+            "{number} ({name}) is in the library now, as the part describes it, and has slot {slot}",
+            number=part_type.number, name=part_type.name, slot=name,
+        )  # fmt: skip
+        if part_type.name == part_type.number:
+            words = said(
+                "{number} is in the library now, as the part describes it, and has slot {slot}",
+                number=part_type.number, slot=name,
+            )  # fmt: skip
+        return Outcome(words, done.edit_id, {"slot": name, "offers": offers})
+
+    def _let_in(self, info: PartInfo, slot: str, who: str) -> None:
+        """Give the part its slot at once; one that has begun to claim again gets it by its number."""
+        inventory, now = self._running.inventory, self._running.now()
+        waits = any(
+            one.client_key == info.client_key and one.uid == info.uid and not one.state.is_registered
+            for one in inventory.view(now)
+            if not one.state.is_over
+        )
+        if waits:
+            reason = said("{who} adopted it into slot {target}", who=who, target=slot)
+            with contextlib.suppress(MsbotError):  # it is being checked this moment, and its number is known now
+                inventory.rearrange({info.client_key: slot}, now, reason)
+
+    async def forget_type(self, number: str, who: str) -> Outcome:
+        """Take a part type that was adopted out of the library again; then a part may describe it anew."""
+        library = self._running.library
+        part_type = None if library is None else library.get(number)
+        if library is None or part_type is None:
+            raise ConfigError(said("the library has no part number {number}", number=number))
+        if not part_type.origin:
+            raise ConfigError(
+                said("{number} was not adopted: its library file is {file}", number=number, file=part_type.source)
+            )
+        blueprint = await self._in_force()
+        if slots := [slot.name for slot in blueprint.slots if slot.part_number == number]:
+            raise ConfigError(
+                said("{number} has slots: {slots}; take them out first", number=number, slots=", ".join(slots))
+            )
+        registry, robot = self._running.database()
+        edit = await registry.edits.make_soon(robot, who, partial(forget_part_type, number=number))
+        library.become(library.without_type(number))
+        if part_type.source and Path(part_type.source).parent == self._folder:
+            await self._in_thread(partial(Path(part_type.source).unlink, missing_ok=True))
+        return Outcome(edit.words)
+
+    async def _in_force(self) -> Blueprint:
+        """The blueprint in force, with what people set by hand."""
+        registry, robot = self._running.database()
+        return await registry.storage.in_time(registry.robots.blueprint, robot)
+
+    async def _in_thread(self, do: Callable[[], _T]) -> _T:
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._aside, do)
+        except OSError as error:
+            raise ConfigError(
+                said("the library folder {folder} cannot be written: {why}", folder=str(self._folder), why=str(error))
+            ) from error
+
+    def _keep(self, described: Described, origin: str) -> Path | None:
+        """Write the library file; None: the robot has no folder, so the type is forgotten when the master ends."""
+        if self._folder is None:
+            return None
+        self._folder.mkdir(exist_ok=True)
+        stem = _UNSAFE.sub("_", described.part_type.number)[:LONGEST_NAME].lstrip(".") or "part"
+        names = (stem, *(f"{stem}-{number}" for number in range(2, MOST_ALIKE)))
+        path = next((path for name in names if not (path := self._folder / f"{name}.toml").exists()), None)
+        if path is None:
+            raise OSError(f"{MOST_ALIKE} files are called {stem}")
+        begun = path.with_suffix(".new")  # a file that is half written must not keep the next master from starting
+        begun.write_text(f"origin = {toml_value(origin)}\n{described.toml}", "utf-8")
+        return begun.replace(path)
+
+
+def free_slot_name(info: PartInfo, described: Described, taken: Collection[str]) -> str:
+    """A name for the slot of a part: after its local name if it has one, else after its part number."""
+    own = info.local_name if info.local_name != info.part_number else described.part_type.number
+    stem = "_".join(re.findall(r"\w+", own.lower()))[:LONGEST_NAME] or "part"
+    return next(name for name in (stem, *(f"{stem}_{n}" for n in range(2, len(taken) + 3))) if name not in taken)
+
+
+def check_slot_name(name: str) -> None:
+    """Check the name that a person gives to a slot.
+
+    Raises:
+        ConfigError: it is empty, too long, or has characters that no slot's name has.
+    """
+    if not name or name != name.strip() or not name.isprintable() or "." in name or len(name.encode()) > MOST_OCTETS:
+        raise ConfigError(said("{name!r} is no name for a slot: letters, digits and _, without a dot", name=name[:60]))

@@ -1,0 +1,119 @@
+"""What a part says of itself: a library file (docs/reference/library.md), made from what its program declares.
+
+The same text comes out in every home, so that a robot that has adopted a part knows it wherever its program runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msbot.part.join.plug import LEAST_DESCRIPTION, MOST_DESCRIPTION
+from msbot.part.messages.message import Message, fields_of
+from msbot.part.program import Program
+from msbot.part.settings import Value
+from msbot_xrce.errors import ConfigError
+
+_KINDS = {bool: "bool", int: "int", float: "float", str: "text"}
+
+
+def describe(number: str, name: str, program: Program) -> str:
+    """The description of a part.
+
+    Args:
+        number: its part number.
+        name: what it is, in a few words.
+        program: what it declares.
+
+    Raises:
+        ConfigError: a setting has no default, a message cannot be described, or all of it is too long.
+    """
+    text = "\n".join(_lines(number, name, program)) + "\n"
+    size = len(text.encode())
+    if size > MOST_DESCRIPTION:
+        raise ConfigError(
+            f"what the part says of itself has {size:,} octets, and may have {MOST_DESCRIPTION:,}: "
+            "give it fewer ports and settings, or write a library file"
+        )
+    return text + "\n" * (LEAST_DESCRIPTION - size)
+
+
+def _lines(number: str, name: str, program: Program) -> Iterator[str]:
+    yield f"number = {_value(number)}"
+    yield f"name = {_value(name)}"
+    if bool(program.listeners) != bool(program.publications):
+        yield f"category = {_value('actuator' if program.listeners else 'sensor')}"
+    classes: list[type[Message]] = []
+    for port, message_class in program.publications.items():
+        yield from _port(port, "publish", message_class)
+        classes.append(message_class)
+    for port, listener in program.listeners.items():
+        yield from _port(port, "subscribe", listener.message_class)
+        if listener.safe is not None:
+            yield f"safe = {_table(_values(port, listener.safe))}"
+        classes.append(listener.message_class)
+    for setting in program.followers:
+        yield from _parameter(setting, program)
+    for message_class in dict.fromkeys(classes):
+        yield from _type(message_class)
+
+
+def _port(name: str, direction: str, message_class: type[Message]) -> Iterator[str]:
+    yield from ("", "[[port]]", f"name = {_value(name)}", f"direction = {_value(direction)}")
+    yield f"type = {_value(message_class.type_name)}"
+
+
+def _parameter(name: str, program: Program) -> Iterator[str]:
+    declared = program.declared.get(name)
+    if declared is None:
+        raise ConfigError(
+            f"setting {name!r} needs a default, because the part describes itself: for example "
+            f"on_setting({name!r}, float, default=1.0) or every({name!r}, default=1.0)"
+        )
+    yield from ("", "[[parameter]]", f"name = {_value(name)}", f"type = {_value(_KINDS[declared.kind])}")
+    yield f"default = {_value(declared.kind(declared.default))}"
+    for key, limit in (("min", declared.least), ("max", declared.most)):
+        if limit is not None:
+            yield f"{key} = {_value(limit)}"
+    if declared.unit:
+        yield f"unit = {_value(declared.unit)}"
+
+
+def _type(message_class: type[Message]) -> Iterator[str]:
+    yield from ("", "[[type]]", f"name = {_value(message_class.type_name)}")
+    kinds = {field.name: field.codec.word for field in fields_of(message_class)}
+    for field, word in kinds.items():
+        if word != "str" and word not in _NUMBERS:
+            raise ConfigError(
+                f"{message_class.__name__}.{field} is {word}, which a part cannot describe: use numbers, bool and str, "
+                "or write a library file"
+            )
+    yield f"fields = {_table({field: 'text' if word == 'str' else word for field, word in kinds.items()})}"
+    units = message_class.__dict__.get("units")
+    if isinstance(units, dict) and units:
+        yield f"units = {_table({field: str(units[field]) for field in kinds if field in units})}"
+
+
+_NUMBERS = {"bool", "float32", "float64"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+
+
+def _values(port: str, message: Message) -> dict[str, Value]:
+    values: dict[str, Value] = {}
+    for field in fields_of(type(message)):
+        value = getattr(message, field.name)
+        if not isinstance(value, bool | int | float | str):
+            raise ConfigError(f"the safe value of port {port!r} has a field {field.name} that cannot be described")
+        values[field.name] = float(value) if field.codec.word.startswith("float") else value
+    return values
+
+
+def _table(values: dict[str, Value] | dict[str, str]) -> str:
+    return "{" + ", ".join(f"{name} = {_value(value)}" for name, value in values.items()) + "}"
+
+
+def _value(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    return repr(value)

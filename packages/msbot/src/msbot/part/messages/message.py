@@ -1,0 +1,224 @@
+"""Messages: a class with annotations becomes a value that travels as CDR.
+
+::
+
+    class Light(Message):
+        lux: float32
+
+    Light(lux=3.5).encode()                # b"\\x00\\x00\\x60\\x40"
+    Light.decode(b"\\x00\\x00\\x60\\x40").lux  # 3.5
+
+Fields are written in the order of the class, those of a base class first. What each type looks like is in
+`wire_types`.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING, ClassVar, Self, TypeVar, dataclass_transform, get_origin, get_type_hints
+
+from msbot.part.messages.fixed_size import FixedSize, fixed_size
+from msbot.part.messages.wire_types import FieldCodec, codec_for
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
+from msbot_xrce.messages import CdrReader, CdrWriter
+
+LARGEST_PADDING = 3
+"""Octets after the last field that are accepted as padding: some DDS writers fill up to a multiple of 4."""
+
+LONGEST_SHOWN = 60
+"""Characters of a wrong value that an error text shows."""
+
+_M = TypeVar("_M", bound="Message")
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a message class."""
+
+    name: str
+    codec: FieldCodec
+    default: object
+    """Value of a message that does not set the field; copied when the type can change in place."""
+
+
+@dataclass_transform(kw_only_default=True)
+class Message:
+    """Base of everything that travels on a topic or in a service; subclass it and annotate the fields.
+
+    A field that is not given gets the default from the class body, else zero (`0`, `False`, `""`, `b""`, `[]`, a nested
+    message of zeros). Values are checked when they are set and again when they are encoded.
+    """
+
+    type_name: ClassVar[str] = "Message"
+    """Type name in the data space; the name of the class unless the class says otherwise."""
+    _fields: ClassVar[dict[str, Field]] = {}
+    _fixed: ClassVar[FixedSize | None] = None
+    """How such messages are packed in one go; None when their size is not fixed."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "type_name" not in cls.__dict__:
+            cls.type_name = cls.__name__
+        cls._fields = _compile(cls)
+        cls._fixed = fixed_size(cls, {name: _fixed_form(field) for name, field in cls._fields.items()})
+
+    def __init__(self, *positional: object, **values: object) -> None:
+        if positional:
+            fields = ", ".join(f"{name}=..." for name in self._fields)
+            what = type(self).__name__
+            raise LocalProtocolError(f"{what} takes its fields by name: {what}({fields})")
+        for name, field in self._fields.items():
+            if name in values:
+                setattr(self, name, values.pop(name))
+            else:
+                default = copy.deepcopy(field.default) if field.codec.fragile else field.default
+                object.__setattr__(self, name, default)
+        if values:
+            raise TypeError(_no_such_field(type(self), next(iter(values))))
+
+    if not TYPE_CHECKING:  # a type checker that saw this would allow any attribute to be set
+
+        def __setattr__(self, name: str, value: object) -> None:
+            _assign(self, name, value)
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(getattr(self, name) == getattr(other, name) for name in self._fields)
+
+    __hash__: ClassVar[None] = None  # type: ignore[assignment]  # it is mutable, as is a dataclass with __eq__
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._fields)
+        return f"{type(self).__name__}({inside})"
+
+    def encode(self) -> bytes:
+        """The message as CDR, little endian, without encapsulation header.
+
+        Raises:
+            LocalProtocolError: a list or nested message was changed to something that does not fit.
+        """
+        if self._fixed is not None and (octets := self._fixed.encode(self)) is not None:
+            return octets
+        writer = CdrWriter()
+        for name, field in self._fields.items():
+            value = getattr(self, name)
+            if field.codec.fragile and not field.codec.fits(value):
+                raise LocalProtocolError(_misfit(type(self), field, value))
+            field.codec.write(writer, value)
+        return writer.finish()
+
+    @classmethod
+    def decode(cls, data: bytes, *, most_behind: int = LARGEST_PADDING) -> Self:
+        """The message in the octets; up to `most_behind` octets of padding may follow it.
+
+        Raises:
+            RemoteProtocolError: the octets are not a message of this class.
+        """
+        fixed = cls._fixed
+        if fixed is not None and len(data) - fixed.layout.size <= most_behind:
+            found = fixed.decode(data)
+            if isinstance(found, cls):
+                return found
+        reader = CdrReader(data)
+        message = _read(cls, reader)
+        if reader.remaining > most_behind:
+            words = f"{reader.remaining} octets left over after {cls.type_name}: is it another type?"
+            raise RemoteProtocolError(words)
+        return message
+
+
+def fields_of(message_class: type[Message]) -> tuple[Field, ...]:
+    """The fields of a message class in the order of the wire."""
+    return tuple(message_class._fields.values())
+
+
+def _compile(cls: type[Message]) -> dict[str, Field]:
+    try:
+        hints = get_type_hints(cls, include_extras=True)
+    except NameError as error:
+        raise TypeError(f"class {cls.__name__}: {error}; types must be known where the class is defined") from error
+    fields = {}
+    for name, annotation in hints.items():
+        if get_origin(annotation) is not ClassVar:
+            fields[name] = _field(cls, name, annotation)
+    return fields
+
+
+def fixed_form(cls: type[Message]) -> FixedSize | None:
+    """How the messages of a class are packed in one go; None when their size is not fixed."""
+    return cls._fixed
+
+
+def _fixed_form(field: Field) -> str | FixedSize | None:
+    zero = field.codec.zero
+    return fixed_form(zero) if isinstance(zero, type) and issubclass(zero, Message) else field.codec.code
+
+
+def _field(cls: type[Message], name: str, annotation: object) -> Field:
+    where = f"class {cls.__name__}: field {name}"
+    if name.startswith("_") or hasattr(Message, name):
+        raise TypeError(f"{where} needs another name: this one belongs to Message")
+    codec = codec_for(annotation, _record)
+    if codec is None:
+        words = getattr(annotation, "__name__", None) or str(annotation)
+        known = (
+            "uint8 to uint64, int8 to int64, float32, float64, bool, str, bytes, list[...], an IntEnum, a Message class"
+        )
+        raise TypeError(f"{where}: {words} has no form on the wire; use one of {known}")
+    default = getattr(cls, name, None)
+    if default is None:
+        default = codec.zero()
+    field = Field(name, codec, default)
+    if not codec.fits(default):
+        raise TypeError(_misfit(cls, field, default))
+    return field
+
+
+def _record(annotation: object) -> FieldCodec | None:
+    if not (isinstance(annotation, type) and issubclass(annotation, Message)):
+        return None
+    cls = annotation
+    codecs = [(name, field.codec) for name, field in cls._fields.items()]
+
+    def fits(value: object) -> bool:
+        return type(value) is cls and all(codec.fits(getattr(value, name)) for name, codec in codecs)
+
+    def write(writer: CdrWriter, value: Message) -> None:
+        for name, codec in codecs:
+            codec.write(writer, getattr(value, name))
+
+    def read(reader: CdrReader) -> Message:
+        return _read(cls, reader)
+
+    smallest = sum(codec.smallest for _, codec in codecs)
+    return FieldCodec(cls.__name__, f"a {cls.__name__}", smallest, cls, fits, write, read, fragile=True)
+
+
+def _read(cls: type[_M], reader: CdrReader) -> _M:
+    message = cls.__new__(cls)
+    for name, field in cls._fields.items():
+        object.__setattr__(message, name, field.codec.read(reader))
+    return message
+
+
+def _assign(message: Message, name: str, value: object) -> None:
+    cls = type(message)
+    field = cls._fields.get(name)
+    if field is None:
+        raise AttributeError(_no_such_field(cls, name))
+    if not field.codec.fits(value):
+        raise LocalProtocolError(_misfit(cls, field, value))
+    object.__setattr__(message, name, value)
+
+
+def _no_such_field(cls: type[Message], name: str) -> str:
+    return f"{cls.__name__} has no field {name!r}; it has {', '.join(cls._fields) or 'none'}"
+
+
+def _misfit(cls: type[Message], field: Field, value: object) -> str:
+    shown = repr(value)
+    if len(shown) > LONGEST_SHOWN:
+        shown = f"{shown[:LONGEST_SHOWN]}..."
+    return f"{cls.__name__}.{field.name} cannot be {shown}: {field.codec.word} needs {field.codec.needs}"

@@ -1,0 +1,414 @@
+"""What a student imports: a part that joins its robot by itself, stays in it, and calls the student's functions.
+
+::
+
+    part = Part("ABCD", robot="MSBOT_MASTER")
+
+    @part.every(1.0)
+    def greet() -> None:
+        part.publish("out", HelloWorld(index=1, message="hello"))
+
+    part.run()
+
+A part has two halves: the `Program` holds its functions, the `ProgramRunner` calls them in a robot.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from random import Random, SystemRandom
+from typing import TypeVar
+
+from msbot.part.beginner import part_is_run, part_was_made
+from msbot.part.boards.gpio import UsbGpio
+from msbot.part.client.settings import ClientSettings
+from msbot.part.counters import PartCounters
+from msbot.part.description import describe
+from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
+from msbot.part.join.keys import check_key, parse_key
+from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS, Nature
+from msbot.part.messages.message import Message
+from msbot.part.program import Action, DeclaredSetting, Listener, PortAction, Program, When
+from msbot.part.program_runner import Identity, ProgramRunner
+from msbot.part.settings import V
+from msbot_agent.link import Link
+from msbot_xrce.errors import ConfigError
+
+_M = TypeVar("_M", bound=Message)
+_A = TypeVar("_A", bound=Action)
+_P = TypeVar("_P", bound=PortAction)
+_F = TypeVar("_F")
+
+
+class Part:
+    """One part of a robot: a part number, ports, and functions that are called when something happens.
+
+    All functions are called in one thread, one after the other, and must return quickly.
+    """
+
+    def __init__(
+        self,
+        part_number: str,
+        *,
+        local_name: str | None = None,
+        robot: str | ExpectedRobot = ANY,
+        uid: bytes | None = None,
+        board: UsbGpio | None = None,
+        random: Random | None = None,
+        key: bytes | str | None = None,
+        describes: bool | str = False,
+    ) -> None:
+        """Describe a part; `run` or `run_async` brings it to life.
+
+        Args:
+            part_number: what kind of part it is, a key into the robot's library, for example `ABCD`.
+            local_name: what this one is called, for example `left eye`; the part number if absent.
+            robot: name of the robot the part is made for, or more of its profile; `*` = any robot.
+            uid: 8 octets that identify the piece of hardware; if absent, `run` keeps one per part on this computer.
+            board: the GPIO board that the part's functions drive; available as `part.board`.
+            random: draws the client key and the session nonce, and the UID if there is none.
+            key: the key with which the part proves its UID, as octets or as `msbot key new` writes it; never sent.
+            describes: when a robot does not know the part number, tell it what the part is, from what the program
+                declares; a text says it in a few words, for example `Light sensor of room 12`.
+
+        Raises:
+            ConfigError: a name is empty or too long, the UID does not have 8 octets, or the key is malformed.
+        """
+        self.part_number = _name("part number", part_number)
+        self.local_name = _name("local name", part_number if local_name is None else local_name)
+        self.robot = ExpectedRobot(robot) if isinstance(robot, str) else robot
+        if uid is not None and len(uid) != UID_OCTETS:
+            raise ConfigError(f"a UID has {UID_OCTETS} octets, not {len(uid)}")
+        self.uid = uid
+        self.key = parse_key(key) if isinstance(key, str) else check_key(key) if key is not None else None
+        """The part's key; if there is none, `run` uses the one kept for the part."""
+        self.nature = Nature.UNKNOWN
+        """What is behind its ports; the part tells its robot, and the page shows it."""
+        self.describes = describes is not False
+        """Whether it tells a robot that does not know its part number what it is."""
+        self._called = describes if isinstance(describes, str) else self.local_name
+        self._board = board
+        self._random = random or SystemRandom()
+        self._program = Program()
+        self._runner = ProgramRunner(self._program)
+        part_was_made(self)
+
+    # What a student's program declares.
+
+    def every(self, period: float | str, *, default: float | None = None) -> Callable[[_A], _A]:
+        """Call the decorated function every `period` seconds while the part is active (the first time at once).
+
+        Args:
+            period: seconds, or the name of a setting that holds them; a change of the setting takes effect at once.
+            default: of that setting, seconds; declares it.
+
+        Raises:
+            ConfigError: the period is not positive, or the decorated object is not a plain function without arguments.
+        """
+        if callable(period):
+            name = getattr(period, "__name__", "...")
+            raise ConfigError(f"@part.every above {name} needs the seconds in parentheses: @part.every(1.0)")
+        if not isinstance(period, str) and not period > 0:
+            raise ConfigError(f"every({period}): the period must be more than 0 seconds")
+        if default is not None and not isinstance(period, str):
+            raise ConfigError(f'every({period}, default=...): only a setting has a default: every("period_s", ...)')
+
+        def remember(function: _A) -> _A:
+            self._program.add_timed(period, function, default)
+            return function
+
+        return remember
+
+    def on(
+        self, port: str, message_class: type[_M] | None = None, *, optional: bool = False, safe: _M | None = None
+    ) -> Callable[[Callable[[_M], object]], Callable[[_M], object]]:
+        """Call the decorated function with each message that comes in at the port.
+
+        Args:
+            port: the part's own name for it.
+            message_class: the class of the incoming messages.
+            optional: the robot need not use the port; otherwise the part reports it when the robot does not.
+            safe: the port's safe value, which a part that describes itself declares.
+
+        Raises:
+            ConfigError: not a message class, a second function for the port, or not a plain function of one argument.
+        """
+        if callable(port):
+            name = getattr(port, "__name__", "...")
+            raise ConfigError(f'@part.on above {name} needs port and message: @part.on("in", HelloWorld)')
+        if not (isinstance(message_class, type) and issubclass(message_class, Message)):
+            what = "" if message_class is None else f", not {message_class!r}"
+            raise ConfigError(f"@part.on({port!r}, ...) needs the class of the message{what}: on({port!r}, HelloWorld)")
+        if safe is not None and not isinstance(safe, message_class):
+            raise ConfigError(f"the safe value of port {port!r} must be a {message_class.__name__}, not {safe!r}")
+
+        def remember(function: Callable[[_M], object]) -> Callable[[_M], object]:
+            self._program.add_listener(port, Listener(message_class, function, optional, safe))  # type: ignore[arg-type]  # decoded as _M
+            return function
+
+        return remember
+
+    def publishes(self, port: str, message_class: type[Message]) -> None:
+        """Declare that the part publishes such messages at that port; a part that describes itself must.
+
+        Raises:
+            ConfigError: not a message class, or the port has another one.
+        """
+        if not (isinstance(message_class, type) and issubclass(message_class, Message)):
+            raise ConfigError(
+                f"part.publishes({port!r}, ...) needs the class of the messages, not {message_class!r}: "
+                f"publishes({port!r}, HelloWorld)"
+            )
+        self._program.add_publication(port, message_class)
+
+    def on_setting(
+        self,
+        name: str,
+        kind: type[V] = str,  # type: ignore[assignment]  # the kind follows the argument
+        *,
+        default: V | None = None,
+        least: float | None = None,
+        most: float | None = None,
+        unit: str = "",
+    ) -> Callable[[Callable[[V], object]], Callable[[V], object]]:
+        """Call the decorated function with the setting's value, before `on_join`, and whenever it changes.
+
+        Args:
+            name: name of the setting.
+            kind: bool, int, float or str.
+            default: the value in a robot that does not set it; declares the setting.
+            least: lowest value of a number; only with a default.
+            most: highest value of a number; only with a default.
+            unit: unit of a number; only with a default.
+
+        Raises:
+            ConfigError: the kind is not bool, int, float or str, the default is not of that kind, or this is not a
+                plain function of one argument.
+        """
+        declared = None if default is None else DeclaredSetting(kind, default, least, most, unit)  # type: ignore[arg-type]  # V is one of the kinds
+        if declared is None and (least is not None or most is not None or unit):
+            raise ConfigError(f"on_setting({name!r}, ...): a range or unit needs a default, too")
+
+        def remember(function: Callable[[V], object]) -> Callable[[V], object]:
+            self._program.add_follower(name, kind, function, declared)
+            return function
+
+        return remember
+
+    def on_join(self, function: _A | None = None) -> _A:
+        """Call the decorated function whenever the part has become active."""
+        return self._remember("join", function)
+
+    def on_lost(self, function: _A | None = None) -> _A:
+        """Call the decorated function whenever the part stops being active without ending; see `reason`."""
+        return self._remember("lost", function)
+
+    def on_end(self, function: _A | None = None) -> _A:
+        """Call the decorated function once, when the part ends."""
+        return self._remember("end", function)
+
+    def on_stop(self, function: _A | None = None) -> _A:
+        """Call the decorated function when somebody says STOP, after every port has its safe value."""
+        return self._remember("stop", function)
+
+    def on_go(self, function: _A | None = None) -> _A:
+        """Call the decorated function when somebody says GO: messages reach the part's functions again."""
+        return self._remember("go", function)
+
+    def on_identify(self, function: _A | None = None) -> _A:
+        """Call the decorated function when somebody asks which part this is: make it blink, beep or move."""
+        return self._remember("identify", function)
+
+    def on_partner_lost(self, function: _P | None = None) -> _P:
+        """Call the decorated function with the name of a port for which nobody publishes any more."""
+        handler = _given("on_partner_lost", function)
+        self._program.add_partner_lost(handler)
+        return handler
+
+    def safe_state(self, function: _A | None = None) -> _A:
+        """Call the decorated function when nobody is in command any more: master or partner lost, STOP, part ended."""
+        return self._remember("safe", function)
+
+    # What it does.
+
+    def publish(self, port: str, message: Message) -> bool:
+        """Send a message out of a port; False when there was no room for it (counted as `not_sent`), or when the port
+        is declared by `publishes` and this robot does not use it.
+
+        Raises:
+            LocalProtocolError: the part is not active (no part publishes before both steps are done), or the message
+                has more than 262,000 octets.
+            ConfigError: no such port, or a message of another type; the part ends with this error.
+        """
+        return self._runner.publish(port, message)
+
+    def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
+        """The same with a message that is encoded already, from a recording or a gateway.
+
+        Args:
+            port: the part's own name for it.
+            type_name: what type the message has.
+            octets: the message as CDR, little endian, without encapsulation header; they are not looked into.
+
+        Raises:
+            LocalProtocolError: as `publish`.
+            ConfigError: no such port, or it carries another type.
+        """
+        return self._runner.publish_octets(port, type_name, octets)
+
+    # What it reads.
+
+    def bound(self, port: str) -> bool:
+        """Whether the robot uses that port of the part now."""
+        return self._runner.is_bound(port)
+
+    def setting(self, name: str, kind: type[V] = str, default: V | None = None) -> V:  # type: ignore[assignment]  # the kind follows the argument
+        """The value of a setting, for example `part.setting("period_s", float)`.
+
+        Args:
+            name: name of the parameter in the library.
+            kind: bool, int, float or str.
+            default: the value when this robot does not set it (and before the part is active).
+
+        Raises:
+            ConfigError: it is not set and there is no default, or its value is not of that kind.
+        """
+        return self._runner.settings.value(name, kind, default)
+
+    @property
+    def state(self) -> JoinState:
+        """The state of the part; its `.value` is a word."""
+        return self._runner.joining.state
+
+    @property
+    def reason(self) -> str:
+        """Why it is in that state, in words."""
+        return self._runner.joining.reason
+
+    @property
+    def board(self) -> UsbGpio:
+        """The GPIO board the part was made with.
+
+        Raises:
+            ConfigError: it was made without one.
+        """
+        if self._board is None:
+            raise ConfigError(f"part {self.local_name} has no board: make it with Part(..., board=SimGpio())")
+        return self._board
+
+    @property
+    def slot(self) -> str:
+        """The slot that the part is in, "" before it is active for the first time."""
+        return self._runner.slot
+
+    @property
+    def settings(self) -> Mapping[str, str]:
+        """The slot's settings, as text; they may change while the part runs. `setting` returns one with its type."""
+        return self._runner.settings.texts
+
+    @property
+    def stopped(self) -> bool:
+        """Whether STOP was said and GO was not yet: no message reaches a function, and nothing should move."""
+        return self._runner.safety.stopped
+
+    @property
+    def busy_with(self) -> tuple[str, float] | None:
+        """The function that is running now and when it began, by the loop's clock; None: no function is running."""
+        return self._runner.guard.running
+
+    @property
+    def counters(self) -> PartCounters:
+        """Counts of what happened since the part began to run."""
+        return self._runner.counters
+
+    # Running.
+
+    def run(self, args: list[str] | None = None) -> None:
+        """Run the part until Ctrl-C; reads `--link` and `--uid` from the command line, see `msbot.run`."""
+        part_is_run(self)
+        from msbot.part.run import run  # not needed by those who run the part on a loop of their own
+
+        run(self, args=args)
+
+    async def run_async(
+        self,
+        link: Link,
+        *,
+        settings: ClientSettings | None = None,
+        epoch_ns: Callable[[], int] = time.time_ns,
+        absent: str = "",
+    ) -> None:
+        """Run the part on the current loop until `end` (cleanly) or cancellation (without telling the master).
+
+        Args:
+            link: the connection to the master's agent; the part takes it over.
+            settings: periods and limits of the client.
+            epoch_ns: wall clock for time synchronisation, in ns since 1970.
+            absent: why its hardware is not there: then the part only tells the robot so, and this returns.
+
+        Raises:
+            LinkDown: the link broke before it ever carried anything.
+            ConfigError: the program or its robot has a mistake that going on cannot cure.
+            LocalProtocolError: the part is already running.
+        """
+        part_is_run(self)
+        if self.uid is None:
+            self.uid = self._random.randbytes(UID_OCTETS)
+        description = describe(self.part_number, self._called, self._program) if self.describes else ""
+        identity = Identity(
+            self.part_number, self.local_name, self.robot, self.uid, lambda: self.key, self.nature, description, absent
+        )
+        await self._runner.run(link, identity, random=self._random, settings=settings, epoch_ns=epoch_ns)
+
+    def say_stop(self) -> None:
+        """Say STOP to the whole robot: this part stops at once, and its master tells all others.
+
+        While no master serves the part, the next one is told. Only a person ends STOP.
+        """
+        self._runner.say_stop()
+
+    def hold_stop(self, is_pressed: bool) -> None:
+        """Tell how a STOP button at the part stands; pressed, it says STOP, and nobody can say GO until it is released.
+
+        Releasing it is no GO.
+        """
+        self._runner.hold_stop(is_pressed)
+
+    def trouble(self, sentence: str) -> None:
+        """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets).
+
+        Nothing is said while the part has no place in a robot.
+        """
+        self._runner.say_trouble(sentence)
+
+    @property
+    def trouble_heard(self) -> bool:
+        """Whether the robot has acknowledged what `trouble` said in the run that ended last."""
+        return self._runner.trouble_heard
+
+    def end(self) -> None:
+        """End `run_async` cleanly: the session is deleted, so the master knows at once.
+
+        After `trouble`, the session stays until the robot has acknowledged what was said, but at most 6 s.
+        """
+        self._runner.end()
+
+    def _remember(self, when: When, function: _A | None) -> _A:
+        handler = _given("safe_state" if when == "safe" else f"on_{when}", function)
+        self._program.add_action(when, handler)
+        return handler
+
+
+def _given(decorator: str, function: _F | None) -> _F:
+    if function is None:
+        raise ConfigError(f"@part.{decorator} is written without parentheses")
+    return function
+
+
+def _name(what: str, text: str) -> str:
+    if not isinstance(text, str):
+        raise ConfigError(f'the {what} is a text, not {text!r}: write "{text}"')
+    if not text or "\0" in text or len(text.encode()) > TEXT_OCTETS:
+        raise ConfigError(f"the {what} {text!r} must have 1 to {TEXT_OCTETS} octets and no NUL")
+    return text

@@ -1,0 +1,191 @@
+"""A part's ports: bound to topics by the configuration, and bound again when it changes while the part runs.
+
+The student's code names ports only; which topic a port means is the robot's business (context independence and
+location transparency, thesis 2.2.7.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from msbot.part.client.client import Client
+from msbot.part.client.entities import Entity
+from msbot.part.join.plug import BindingDirection, PortBinding
+from msbot.part.messages.message import Message
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError, LinkFull, LocalProtocolError
+from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+from msbot_xrce.objects import EndpointQos
+
+LARGEST_MESSAGE = 262_000
+"""Most octets of a message: an agent reassembles no more (`AgentSettings.max_message`) and drops the message unseen."""
+
+
+@dataclass(slots=True)
+class BoundPort:
+    """One port with its objects at the agent."""
+
+    binding: PortBinding
+    topic: Entity
+    endpoint: Entity
+    """Data writer or data reader."""
+
+    @property
+    def publishes(self) -> bool:
+        """Whether samples go from the part to the robot."""
+        return self.binding.direction == BindingDirection.PUBLISH
+
+    @property
+    def stream_id(self) -> int:
+        """The stream that its samples take."""
+        return STREAM_RELIABLE if self.binding.reliable else STREAM_BEST_EFFORT
+
+
+class Ports:
+    """The bound ports of one part over one client."""
+
+    def __init__(
+        self,
+        client: Client,
+        participant: Entity,
+        subscriber: Entity,
+        seal: Callable[[int, bytes], bytes] = lambda _, sample: sample,
+    ) -> None:
+        self._client = client
+        self._seal = seal
+        self._participant = participant
+        self._subscriber = subscriber
+        self._publisher: Entity | None = None
+        self._bound: dict[str, BoundPort] = {}
+        self._order: list[str] = []
+        self._by_reader: dict[int, BoundPort] = {}
+
+    def __contains__(self, port: object) -> bool:
+        return port in self._bound
+
+    def bind(self, bindings: Iterable[PortBinding]) -> None:
+        """Bind the ports as the configuration says; ports that stay the same lose no samples."""
+        bindings = list(bindings)
+        self._order = [binding.port for binding in bindings]
+        wanted = {binding.port: binding for binding in bindings}
+        for port, bound in list(self._bound.items()):
+            if wanted.get(port) != bound.binding:
+                self._unbind(port)
+        for port, binding in wanted.items():
+            if port not in self._bound:
+                self._bind(binding)
+
+    def unbind_all(self) -> None:
+        """Unbind all ports."""
+        self._order = []
+        for port in list(self._bound):
+            self._unbind(port)
+        if self._publisher is not None:
+            self._client.delete(self._publisher)
+            self._publisher = None
+
+    def port_of(self, object_id: int) -> BoundPort | None:
+        """The subscribed port whose data reader has that object id."""
+        return self._by_reader.get(object_id)
+
+    def port_at(self, place: int) -> str | None:
+        """The port of the configuration's binding with that number (from 0), or None."""
+        return self._order[place] if 0 <= place < len(self._order) else None
+
+    def binding(self, port: str) -> PortBinding | None:
+        """The binding of a port, or None."""
+        bound = self._bound.get(port)
+        return bound.binding if bound is not None else None
+
+    def fault_of(self, port: str, type_name: str, *, optional: bool) -> str:
+        """Why a port that has a function will receive nothing useful, in words; "" = all is well."""
+        binding = self.binding(port)
+        if binding is None:
+            return "" if optional else f"nothing will come in; {self.words}"
+        if binding.direction == BindingDirection.PUBLISH:
+            return f"publishes, so nothing comes in there: use part.publish({port!r}, ...), or another port"
+        if binding.topic_type != type_name:
+            return f"carries {binding.topic_type}, but its function expects {type_name}"
+        return ""
+
+    def publish(self, port: str, message: Message) -> bool:
+        """Send a message; False when the port's stream or the link had no room.
+
+        Raises:
+            ConfigError: there is no such port to publish on, or it carries another type.
+            LocalProtocolError: there is no session, or the message is larger than any agent accepts.
+        """
+        bound = self._publishing(port)
+        if not isinstance(message, Message):
+            if isinstance(message, type):
+                name = message.__name__
+                raise ConfigError(f"port {port!r} publishes messages, not the type {name}: write {name}(...)")
+            raise ConfigError(f"port {port!r} publishes messages, not {type(message).__name__}")
+        _check_type(bound, message.type_name)
+        return self._write(bound, message.encode(), message.type_name)
+
+    def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
+        """The same with a message of that type that is encoded already, without encapsulation header."""
+        bound = self._publishing(port)
+        _check_type(bound, type_name)
+        return self._write(bound, octets, type_name)
+
+    def _publishing(self, port: str) -> BoundPort:
+        bound = self._bound.get(port)
+        if bound is None or not bound.publishes:
+            raise ConfigError(f"there is no port {port!r} to publish on; {self.words}")
+        return bound
+
+    def _write(self, bound: BoundPort, octets: bytes, type_name: str) -> bool:
+        try:
+            sample = self._seal(bound.endpoint.object_id, _bounded(octets, type_name))
+            self._client.write(bound.endpoint, sample, stream_id=bound.stream_id)
+        except LinkFull:
+            return False
+        return True
+
+    @property
+    def words(self) -> str:
+        """The bound ports, for messages to a person."""
+        if not self._bound:
+            return "this robot binds no port of the part"
+        listed = (
+            f"{port} ({'publish' if bound.publishes else 'subscribe'} {bound.binding.topic_type})"
+            for port, bound in self._bound.items()
+        )
+        return f"bound in this robot: {', '.join(listed)}"
+
+    def _bind(self, binding: PortBinding) -> None:
+        client = self._client
+        topic = client.create_topic(self._participant, binding.topic, binding.topic_type)
+        qos = EndpointQos(reliable=bool(binding.reliable))
+        if binding.direction == BindingDirection.PUBLISH:
+            if self._publisher is None:
+                self._publisher = client.create_publisher(self._participant)
+            bound = BoundPort(binding, topic, client.create_writer(self._publisher, topic, qos))
+        else:
+            bound = BoundPort(binding, topic, client.create_reader(self._subscriber, topic, qos))
+            client.read(bound.endpoint, stream_id=bound.stream_id)
+            self._by_reader[bound.endpoint.object_id] = bound
+        self._bound[binding.port] = bound
+
+    def _unbind(self, port: str) -> None:
+        bound = self._bound.pop(port)
+        self._by_reader.pop(bound.endpoint.object_id, None)
+        self._client.delete(bound.endpoint)
+        self._client.delete(bound.topic)
+
+
+def _check_type(bound: BoundPort, type_name: str) -> None:
+    if type_name != bound.binding.topic_type:
+        raise ConfigError(f"port {bound.binding.port!r} carries {bound.binding.topic_type}, not {type_name}")
+
+
+def _bounded(octets: bytes, type_name: str) -> bytes:
+    """The octets of a message; a text that has grown too long is reported here, where its line is known."""
+    if len(octets) > LARGEST_MESSAGE:
+        raise LocalProtocolError(
+            f"this {type_name} has {len(octets):,} octets, and one message may have {LARGEST_MESSAGE:,}: "
+            "does a text or list in it grow without end? Begin it anew, or send it in pieces"
+        )
+    return octets

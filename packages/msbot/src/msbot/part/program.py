@@ -1,0 +1,139 @@
+"""What a student's program has declared: functions, and when to call each of them.
+
+The program knows nothing of a robot: `program_runner` reads these tables, even while they grow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from msbot.part.handler_guard import check_handler
+from msbot.part.messages.message import Message
+from msbot.part.periodic_calls import Every
+from msbot.part.settings import Follower, V, Value, check_kind, read_value
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError
+
+Action = Callable[[], object]
+"""A student's function without arguments; what it returns is ignored."""
+PortAction = Callable[[str], object]
+"""A student's function that gets the name of a port."""
+When = Literal["join", "lost", "end", "stop", "go", "safe", "identify"]
+"""The events of a part that call functions without arguments."""
+
+SHORTEST_PERIOD_S = 0.001
+"""Shortest period that a setting can give a function."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listener:
+    """The function of one port."""
+
+    message_class: type[Message]
+    function: Callable[[Message], object]
+    optional: bool = False
+    """The robot need not use the port."""
+    safe: Message | None = None
+    """The port's safe value, if the part describes itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredSetting:
+    """A setting with its default and its range, as the program declares it."""
+
+    kind: type[Value]
+    default: Value
+    least: float | None = None
+    most: float | None = None
+    unit: str = ""
+
+    @property
+    def default_text(self) -> str:
+        """The default as a setting's text."""
+        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
+
+
+class Program:
+    """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called."""
+
+    def __init__(self) -> None:
+        self.timed: list[Every] = []
+        self.listeners: dict[str, Listener] = {}
+        """Port -> its function."""
+        self.followers: dict[str, list[Follower]] = {}
+        """Setting -> who is told of its changes."""
+        self.publications: dict[str, type[Message]] = {}
+        """Port -> what it publishes; only the ports that the program declares."""
+        self.declared: dict[str, DeclaredSetting] = {}
+        """Setting -> its default and range; only the settings that the program declares."""
+        self.when: dict[When, list[Action]] = {
+            "join": [], "lost": [], "end": [], "stop": [], "go": [], "safe": [], "identify": []
+        }  # fmt: skip
+        self.partner_lost: list[PortAction] = []
+
+    def add_timed(self, period: float | str, function: Action, default: float | None = None) -> None:
+        """Call it periodically; a text is the name of the setting that holds the seconds, with that default."""
+        check_handler(function)
+        if not isinstance(period, str):
+            self.timed.append(Every(period, function))
+            return
+        timed = Every(1.0, function)
+        if default is not None:
+            self.declare(period, DeclaredSetting(float, float(default), least=SHORTEST_PERIOD_S, unit="s"))
+        self.timed.append(timed)
+        self._follow(period, Follower(lambda text: _read_period(period, text, timed), timed.change))
+
+    def add_listener(self, port: str, listener: Listener) -> None:
+        """Call it with the messages of a port."""
+        check_handler(listener.function, "message")
+        if port in self.listeners:
+            raise ConfigError(f"port {port!r} has a function already: one function per port")
+        self.listeners[port] = listener
+
+    def add_publication(self, port: str, message_class: type[Message]) -> None:
+        """The part publishes such messages there."""
+        if self.publications.setdefault(port, message_class) is not message_class:
+            other = self.publications[port].__name__
+            raise ConfigError(f"port {port!r} publishes {other} already: a port has one message class")
+
+    def declare(self, name: str, setting: DeclaredSetting) -> None:
+        """The part has that setting."""
+        check_kind(name, setting.kind)
+        given = type(setting.default)
+        if given is not setting.kind and (given, setting.kind) != (int, float):
+            raise ConfigError(
+                f"setting {name!r} is {setting.kind.__name__}, and its default {setting.default!r} is not"
+            )
+        if self.declared.setdefault(name, setting) != setting:
+            raise ConfigError(f"setting {name!r} is declared twice, in different ways: declare it once")
+
+    def add_follower(
+        self, name: str, kind: type[V], function: Callable[[V], object], setting: DeclaredSetting | None = None
+    ) -> None:
+        """Call it with the value of a setting, which may be declared here."""
+        check_handler(function, "value")
+        check_kind(name, kind)
+        if setting is not None:
+            self.declare(name, setting)
+        self._follow(name, Follower(lambda text: read_value(name, text, kind), function))
+
+    def add_action(self, when: When, function: Action) -> None:
+        """Call it when this happens."""
+        check_handler(function)
+        self.when[when].append(function)
+
+    def add_partner_lost(self, function: PortAction) -> None:
+        """Call it with each port for which nobody publishes any more."""
+        check_handler(function, "port")
+        self.partner_lost.append(function)
+
+    def _follow(self, name: str, follower: Follower) -> None:
+        self.followers.setdefault(name, []).append(follower)
+
+
+def _read_period(name: str, text: str, timed: Every) -> float:
+    seconds = read_value(name, text, float)
+    if not seconds >= SHORTEST_PERIOD_S:
+        raise ConfigError(f"{seconds} s is not a period; {timed.period_s} s stays")
+    return seconds

@@ -1,0 +1,394 @@
+"""Runs a student's program as a part of a robot: joins the robot, binds ports to topics, calls the program's functions.
+
+`join` decides how a part joins, `safe_state` what makes it safe; this file passes on to them what comes in, and tells
+the program the outcome.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from random import Random
+
+from msbot.part.beginner import SILENCE_S, silence_words
+from msbot.part.client.client import Client
+from msbot.part.client.settings import ClientSettings
+from msbot.part.counters import PartCounters
+from msbot.part.handler_guard import Guard
+from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
+from msbot.part.join.keys import prove, prove_sealed
+from msbot.part.join.membership import Membership
+from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Nature, Notice, NoticeKind
+from msbot.part.join.refusal import told_state
+from msbot.part.messages.message import Message
+from msbot.part.ports import Ports
+from msbot.part.program import Program, When
+from msbot.part.safe_state import Safety
+from msbot.part.settings import Settings
+from msbot_agent.link import Link, Peer, Signal
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
+
+_log = logging.getLogger("msbot.part")
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a part says it is, and which robot it looks for."""
+
+    part_number: str
+    local_name: str
+    robot: ExpectedRobot
+    uid: bytes
+    key: Callable[[], bytes | None]
+    """The key that proves its UID; called at each challenge, because a part may get its key while it runs."""
+    nature: Nature = Nature.UNKNOWN
+    """What is behind its ports."""
+    description: str = ""
+    """What it says of itself to a robot that does not know its part number; empty: nothing."""
+    absent: str = ""
+    """Why its hardware is not there: it only says so, and never becomes active; empty: it is there."""
+
+    def prove(self, nonce: bytes, session_key: int) -> bytes | None:
+        """The answer to a challenge in that session; None = the part has no key."""
+        key = self.key()
+        if key is None:
+            return None
+        return prove(
+            key,
+            nonce,
+            self.uid,
+            part_number=self.part_number,
+            local_name=self.local_name,
+            session_key=session_key,
+        )
+
+    def prove_sealed(self, nonce: bytes, session_key: int, session_nonce: int) -> tuple[bytes, bytes] | None:
+        """The same in a robot whose samples are sealed, and the secret for the seals."""
+        key = self.key()
+        if key is None:
+            return None
+        return prove_sealed(
+            key,
+            nonce,
+            self.uid,
+            part_number=self.part_number,
+            local_name=self.local_name,
+            session_key=session_key,
+            session_nonce=session_nonce,
+        )
+
+
+class ProgramRunner:
+    """Runs one program each time `run` is awaited; its counters and state are kept between the runs."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.guard = Guard(self._mistaken)
+        self.settings = Settings(self.guard, program.followers, self._default_of)
+        self.safety = Safety(program.listeners, program.when["safe"], self.guard)
+        self.joining = Joining(ExpectedRobot())
+        """The state of the part; between runs, that of the last run."""
+        self.slot = ""
+        """The slot that the part is in, "" before it is active for the first time."""
+        self.trouble_heard = False
+        """See `Part.trouble_heard`."""
+        self._local_name = ""
+        self._counters = PartCounters()
+        self._configurations = 0
+        self._mistake: ConfigError | None = None
+        self._ports: Ports | None = None
+        self._membership: Membership | None = None
+        self._loop_thread = 0
+
+    @property
+    def counters(self) -> PartCounters:
+        """Counts of what happened since the part began to run."""
+        self._counters.beats = self.joining.beats
+        self._counters.missed_beats = self.joining.missed_beats
+        self._counters.handler_errors = self.guard.errors
+        if self._membership is not None:
+            self._counters.refused = self._membership.seals.refused
+        return self._counters
+
+    def is_bound(self, port: str) -> bool:
+        """Whether the robot uses that port of the part now."""
+        return self._ports is not None and port in self._ports
+
+    def publish(self, port: str, message: Message) -> bool:
+        """Send a message out of a port (`Part.publish`)."""
+        ports = self._open_ports()
+        if not isinstance(port, str):
+            raise ConfigError('the port comes first, and is a text: publish("out", message)')
+        if type(message) is self.program.publications.get(port) and port not in ports:
+            return False  # declared, and not wired in this robot (yet): nobody listens
+        return self._count(ports.publish(port, message))
+
+    def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
+        """Send an encoded message out of a port (`Part.publish_octets`)."""
+        return self._count(self._open_ports().publish_octets(port, type_name, octets))
+
+    def _open_ports(self) -> Ports:
+        if self._ports is None or self.joining.state is not JoinState.ACTIVE:
+            if self._ports is None:
+                raise LocalProtocolError("the part does not run: publish in a function below @part.every or @part.on")
+            raise LocalProtocolError(
+                f"the part is {self.joining.state.value}, not active ({self.joining.reason}): publish after on_join"
+            )
+        if threading.get_ident() != self._loop_thread:
+            name = threading.current_thread().name
+            raise LocalProtocolError(
+                f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
+            )
+        return self._ports
+
+    def _count(self, sent: bool) -> bool:
+        if sent:
+            self._counters.messages_out += 1
+        else:
+            self._counters.not_sent += 1
+        return sent
+
+    async def run(
+        self,
+        link: Link,
+        identity: Identity,
+        *,
+        random: Random,
+        settings: ClientSettings | None,
+        epoch_ns: Callable[[], int],
+    ) -> None:
+        """Run the program over that link until `end` or cancellation (`Part.run_async`)."""
+        if self._membership is not None:
+            raise LocalProtocolError(f"part {self._local_name} runs already")
+        self._loop_thread = threading.get_ident()
+        self._local_name = self.guard.part = identity.local_name
+        self.joining = Joining(identity.robot, PATIENT if link.info.shared_bus else QUICK)
+        self._mistake = None
+        self.trouble_heard = False
+        self._configurations = 0
+        self.settings.forget()
+        # Not derived from the UID: two devices with the same UID must be seen as two (else they would silently take
+        # over each other's session).
+        key = random.randrange(1, 1 << 32)
+        # On a bus a login is one compressed frame, and nothing copies it.
+        has_room = not link.info.shared_bus
+        claim = ClaimMessage(
+            part_number=identity.part_number,
+            local_name=identity.local_name,
+            uid=identity.uid,
+            session_nonce=random.getrandbits(32),
+        )
+        self._membership = membership = Membership(
+            partial(
+                Client,
+                link,
+                key=key,
+                settings=settings
+                or replace(ClientSettings.for_link(link.info), asks_again=has_room, numbers_logins=has_room),
+                epoch_ns=epoch_ns,
+                random=random,
+                on_signal=self._signal_received,
+            ),
+            self.joining,
+            claim,
+            profile_once=link.info.shared_bus,
+            prove=lambda nonce: identity.prove(nonce, key),
+            prove_sealed=lambda nonce: identity.prove_sealed(nonce, key, claim.session_nonce),
+            changed=self._changed,
+            configure=self._configure,
+            noticed=self._noticed,
+            on_topic=self._sample_received,
+            stop_in_beats=lambda: self.safety.beats,
+            nature=identity.nature,
+            description=identity.description,
+            absent=identity.absent,
+        )
+        self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
+        membership.start()
+        loop = asyncio.get_running_loop()
+        told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]
+        try:
+            await membership.client.run()
+        finally:
+            for timer in told:
+                timer.cancel()
+            membership.end("ended")
+            self.trouble_heard = membership.trouble_heard
+            self._ports = self._membership = None
+        if self._mistake is not None:
+            raise self._mistake
+
+    def say_stop(self) -> None:
+        """See `Part.say_stop`."""
+        self._stop_said("said at this part")
+        self._say_stop_soon()
+
+    def hold_stop(self, is_pressed: bool) -> None:
+        """See `Part.hold_stop`."""
+        is_news, self.safety.is_held = is_pressed is not self.safety.is_held, is_pressed
+        if is_pressed and not self.safety.stopped:
+            self.say_stop()
+        elif is_news:
+            self._say_stop_soon()
+
+    def say_trouble(self, sentence: str) -> None:
+        """See `Part.trouble`."""
+        if self._membership is not None:
+            self._membership.say_trouble(sentence)
+
+    def end(self) -> None:
+        """End `run` cleanly (`Part.end`)."""
+        if self._membership is not None:
+            self._membership.leave("ended")
+
+    def _default_of(self, setting: str) -> str | None:
+        declared = self.program.declared.get(setting)
+        return None if declared is None else declared.default_text
+
+    def _tell(self, when: When) -> None:
+        for function in self.program.when[when]:
+            self.guard.call(function)
+
+    def _tell_of_silence(self, link: str) -> None:
+        if words := silence_words(self.joining, link, self._local_name):
+            _log.warning("%s", words)
+
+    def _changed(self, change: Changed) -> None:
+        told = f"is {told_state(change.after.value, change.reason)}: {change.reason}"
+        _log.info("%s %s", self._local_name, "has ended" if change.after is JoinState.ENDED else told)
+        assert self._ports is not None
+        if change.after is JoinState.ACTIVE:
+            self._tell("join")
+            for timed in self.program.timed:
+                timed.start(self.guard)
+        elif change.before is JoinState.ACTIVE:
+            for timed in self.program.timed:
+                timed.cancel()
+            self.safety.leave()
+        self._follow_master(change)
+        if change.after is JoinState.ENDED:
+            self._tell("end")
+        elif change.before is JoinState.ACTIVE:
+            self._tell("lost")
+        if change.after is JoinState.LOST:
+            # The next agent learns of topics only from a part that has joined its robot.
+            self._ports.unbind_all()
+
+    def _follow_master(self, change: Changed) -> None:
+        """What the change means for a STOP that holds."""
+        match change.after:
+            case JoinState.LOST | JoinState.WRONG_ROBOT:
+                self.safety.change_master(is_there=False)
+            case JoinState.RECOGNISING:
+                self.safety.change_master(is_there=True)
+            case JoinState.CLAIMING:
+                if change.before is not JoinState.RECOGNISING:
+                    self.safety.change_master(is_there=True)
+                if self.safety.recognise(self.joining.robot):
+                    self._stop_is_over()
+            case JoinState.CONFIGURING:
+                self.safety.ask()
+                self._say_stop_soon()
+            case JoinState.ENDED:
+                self.safety.forget()
+
+    def _say_stop_soon(self) -> None:
+        """The master may not know of the STOP that holds."""
+        if self._membership is not None and self.safety.stopped:
+            self._membership.beat_soon()
+
+    def _stop_is_over(self) -> None:
+        self._tell("go")
+        if self.safety.is_held:
+            self.say_stop()
+
+    def _configure(self, configuration: ConfigurationMessage) -> None:
+        assert self._ports is not None
+        self._configurations += 1
+        self.slot = configuration.slot
+        settings = [setting for setting in configuration.settings if setting.name != STOP_SETTING]
+        self.safety.configure(self.settings.take(settings))
+        for setting in configuration.settings:
+            if setting.name == STOP_SETTING and setting.value.isdecimal():
+                self._stop_said("it holds in the robot that the part has joined", int(setting.value))
+        if len(settings) == len(configuration.settings) and self.safety.none_holds():
+            self._stop_is_over()
+        self._ports.bind(configuration.bindings)
+        for port, listener in self.program.listeners.items():
+            fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
+            if fault:
+                self.guard.report(f"port {port!r}", fault)
+        self.settings.tell()
+
+    def _noticed(self, notice: Notice) -> None:
+        match notice.kind:
+            case NoticeKind.STOP:
+                self._stop_said("said by the master", notice.number)
+            case NoticeKind.GO:
+                if self.safety.go(notice.number):
+                    self._stop_is_over()
+            case NoticeKind.IDENTIFY:
+                _log.info("%s: somebody asks which part this is", self._local_name)
+                self._tell("identify")
+            case NoticeKind.PARTNER_LOST:
+                self._partner_lost_at(notice)
+
+    def _stop_said(self, reason: str, number: int | None = None) -> None:
+        before = self.safety.number
+        is_news = self.safety.stop(reason, number)
+        if is_news:
+            self._tell("stop")
+        if self._membership is not None and self.safety.number not in (0, before):
+            self._membership.beat_soon()
+
+    def _partner_lost_at(self, notice: Notice) -> None:
+        assert self._ports is not None
+        port = self._ports.port_at(notice.binding)
+        if port is None or notice.number != self.joining.configuration_version:
+            return
+        _log.info("%s: nobody sends to port %s any more", self._local_name, port)
+        self.safety.enter(port)
+        for function in self.program.partner_lost:
+            self.guard.call(function, port)
+
+    def _sample_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
+        assert self._ports is not None
+        bound = self._ports.port_of(object_id)
+        listener = self.program.listeners.get(bound.binding.port) if bound is not None else None
+        if bound is None or listener is None or self.joining.state is not JoinState.ACTIVE:
+            self._counters.dropped += 1
+            return
+        if listener.message_class.type_name != bound.binding.topic_type:
+            self._counters.dropped += 1
+            return
+        try:
+            message = listener.message_class.decode(payload)
+        except RemoteProtocolError as error:
+            self._counters.dropped += 1
+            self.guard.report(
+                f"port {bound.binding.port!r}", f"a message that cannot be read: {error}", kind="unreadable"
+            )
+            return
+        if self.safety.stopped:
+            self._counters.held += 1
+            return
+        self._counters.messages_in += 1
+        self.guard.call(listener.function, message)
+
+    def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
+        if signal is Signal.STOP:
+            self._stop_said(reason)
+
+    def _mistaken(self, error: ConfigError) -> None:
+        """A handler asked for a port that is not there, or with the wrong type."""
+        if self._configurations > 1:
+            # It worked with an earlier configuration: the program is not at fault, and the robot goes on.
+            self.guard.report(str(error), "since the configuration has changed")
+            return
+        self._mistake = self._mistake or error
+        self.end()

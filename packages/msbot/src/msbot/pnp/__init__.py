@@ -1,0 +1,157 @@
+"""Plug-and-play: who may join the robot, who is in which slot, who is alive, and who may use which topic."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot.part.join.plug import Refusal
+    from msbot.pnp.access import RESERVED_TOPICS, Access
+    from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
+    from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer, message_words
+    from msbot.pnp.frame_words import FrameListener, FrameWords
+    from msbot.pnp.hand_control import HandControl, HeldPort
+    from msbot.pnp.inventory import Inventory
+    from msbot.pnp.key_proof import Keys
+    from msbot.pnp.life_status import TRANSITIONS
+    from msbot.pnp.load_forecast import Flow, Forecast, forecast
+    from msbot.pnp.master_service import MasterService
+    from msbot.pnp.model import (
+        FAST_TIMING,
+        THESIS_TIMING,
+        Claim,
+        Configuration,
+        LifeTiming,
+        MemoryStore,
+        PartInfo,
+        PartStore,
+        SelfDescription,
+        SlotBinding,
+        Standing,
+        Verdict,
+    )
+    from msbot.pnp.part_events import Evidence, PartEvent, PartState
+    from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
+    from msbot.pnp.pupils import Freeze, Group, Pupils, TakeOverByTeacher
+    from msbot.pnp.services import InventoryService
+    from msbot.pnp.slot_assignment import TakeOver
+    from msbot.pnp.slot_matching import Match, Matcher
+
+_NAMES = {
+    "msbot.part.join.plug": ("Refusal",),
+    "msbot.pnp.access": (
+        "RESERVED_TOPICS",
+        "Access",
+    ),
+    "msbot.pnp.emergency_stop": (
+        "StopConfirmation",
+        "StopRecord",
+        "StopStatus",
+    ),
+    "msbot.pnp.explain_samples": (
+        "KNOWN_TYPES",
+        "KnownObject",
+        "Overhearer",
+        "message_words",
+    ),
+    "msbot.pnp.frame_words": (
+        "FrameListener",
+        "FrameWords",
+    ),
+    "msbot.pnp.hand_control": (
+        "HandControl",
+        "HeldPort",
+    ),
+    "msbot.pnp.inventory": ("Inventory",),
+    "msbot.pnp.key_proof": ("Keys",),
+    "msbot.pnp.life_status": ("TRANSITIONS",),
+    "msbot.pnp.load_forecast": (
+        "Flow",
+        "Forecast",
+        "forecast",
+    ),
+    "msbot.pnp.model": (
+        "FAST_TIMING",
+        "THESIS_TIMING",
+        "Claim",
+        "Configuration",
+        "LifeTiming",
+        "MemoryStore",
+        "PartInfo",
+        "PartStore",
+        "SelfDescription",
+        "SlotBinding",
+        "Standing",
+        "Verdict",
+    ),
+    "msbot.pnp.part_events": ("Evidence", "PartEvent", "PartState"),
+    "msbot.pnp.profile": (
+        "PROFILE_PERIOD_S",
+        "PROFILE_TOPIC",
+        "PROFILE_TYPE",
+        "Profile",
+    ),
+    "msbot.pnp.master_service": ("MasterService",),
+    "msbot.pnp.pupils": ("Freeze", "Group", "Pupils", "TakeOverByTeacher"),
+    "msbot.pnp.services": ("InventoryService",),
+    "msbot.pnp.slot_assignment": ("TakeOver",),
+    "msbot.pnp.slot_matching": (
+        "Match",
+        "Matcher",
+    ),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
+
+__all__ = [
+    "FAST_TIMING",
+    "KNOWN_TYPES",
+    "PROFILE_PERIOD_S",
+    "PROFILE_TOPIC",
+    "PROFILE_TYPE",
+    "RESERVED_TOPICS",
+    "THESIS_TIMING",
+    "TRANSITIONS",
+    "Access",
+    "Claim",
+    "Configuration",
+    "Evidence",
+    "Flow",
+    "Forecast",
+    "FrameListener",
+    "FrameWords",
+    "Freeze",
+    "Group",
+    "HandControl",
+    "HeldPort",
+    "Inventory",
+    "InventoryService",
+    "Keys",
+    "KnownObject",
+    "LifeTiming",
+    "MasterService",
+    "Match",
+    "Matcher",
+    "MemoryStore",
+    "Overhearer",
+    "PartEvent",
+    "PartInfo",
+    "PartState",
+    "PartStore",
+    "Profile",
+    "Pupils",
+    "Refusal",
+    "SelfDescription",
+    "SlotBinding",
+    "Standing",
+    "StopConfirmation",
+    "StopRecord",
+    "StopStatus",
+    "TakeOver",
+    "TakeOverByTeacher",
+    "Verdict",
+    "forecast",
+    "message_words",
+]

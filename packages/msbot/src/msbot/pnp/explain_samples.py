@@ -1,0 +1,347 @@
+"""Explains what parts and their agent say to each other: `explain`, plus the messages on the topics in words.
+
+The CREATEs at the beginning of a session say to which topic a writer or reader belongs, and to which service a
+requester; a listener that hears them knows what the octets of each sample are. Pure; never raises, whatever it hears.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from functools import partial
+from struct import pack, unpack
+from typing import Final
+
+from msbot.part import HelloWorld, Message
+from msbot.part.join.plug import (
+    INVENTORY_SERVICE,
+    BindingDirection,
+    ConfigurationMessage,
+    ProfileMessage,
+)
+from msbot.part.messages.message import fields_of
+from msbot.pnp import thesis_programs as compat
+from msbot.pnp.overheard_seals import OverheardSeals, Read
+from msbot.pnp.packet_words import inventory_sentence, submessage_sentence
+from msbot_agent.text.sentence import Sentence, said
+from msbot_xrce import explain
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.messages import (
+    SESSION_NONE,
+    Create,
+    CreateClient,
+    Data,
+    Fragment,
+    Header,
+    ObjectKind,
+    Submessage,
+    WriteData,
+)
+from msbot_xrce.objects import Definition, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef, parse_variant
+
+KNOWN_TYPES: Final[tuple[type[Message], ...]] = (ProfileMessage, HelloWorld)
+"""Message classes that are understood in addition to those of the inventory."""
+INDENT: Final = "    "
+LARGEST_FLOAT32: Final = 3.4e38
+RELATED: Final = 4
+"""A reply to a requester follows the request id and the object id of the request."""
+IDENTITY: Final = 24
+"""A request to a replier follows the identity of its sample, and so does the reply."""
+MAX_JOINED: Final = 1 << 20
+"""Most octets that are kept of a message in pieces."""
+
+_NO_HEADER: Final = bytes((SESSION_NONE, 0, 0, 0))
+"""Rejoined FRAGMENTs are submessages without a header."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownObject:
+    """What a listener that missed the beginning of a session can be told about one of its objects."""
+
+    topic: str
+    type_name: str = ""
+    slot: str = ""
+    """The slot that it belongs to; empty: no particular one."""
+    port: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PacketWords:
+    """What a packet says."""
+
+    plain: tuple[str, ...]
+    """The values in it, as sentences: `knob says level 49.9 %`."""
+    about: tuple[str, ...]
+    """What a packet without such values is for: `knob says that it is alive`; at most one sentence."""
+    protocol: tuple[str, ...]
+    """Everything, in the words of the protocol."""
+
+
+Know = Callable[[Hashable, int], KnownObject | None]
+"""`(peer, object id)`: what the master knows of that object."""
+
+Units = Callable[[str], Mapping[str, str]]
+"""`(type name)`: units of the fields of a message type, by field."""
+
+
+class Overhearer:
+    """Listens to any number of sessions, one for each peer."""
+
+    def __init__(
+        self, types: Iterable[type[Message]] = KNOWN_TYPES, *, know: Know | None = None, units: Units | None = None
+    ) -> None:
+        """Begin to listen.
+
+        Args:
+            types: message classes to understand, by their type names.
+            know: says what an object is whose CREATE was not heard.
+            units: units of message fields, for sentences.
+        """
+        self._types = {cls.type_name: cls for cls in types}
+        self._know = know or (lambda _peer, _object_id: None)
+        self._units = units or (lambda _type_name: {})
+        self._sessions: dict[Hashable, _Session] = {}
+
+    @property
+    def unknown(self) -> int:
+        """Samples of objects that were set up before anybody listened: nobody can say what is in them."""
+        return sum(session.unknown for session in self._sessions.values())
+
+    def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
+        """Explain a packet from that peer (`up`) or to it; a message appears below the sample that carries it."""
+        return list(self.hear(packet, peer, up=up).protocol)
+
+    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> PacketWords:
+        """What a packet says, in sentences and in the words of the protocol."""
+        session = self._sessions.get(peer)
+        if session is None:
+            session = self._sessions[peer] = _Session(self._types, peer, partial(self._know, peer), self._units)
+        session.sentences, session.about = [], []
+        words = explain(packet, lambda header, submessage: session.notes(header, submessage, up=up))
+        about = () if session.sentences else tuple(session.about[:1])
+        return PacketWords(tuple(session.sentences), about, tuple(words))
+
+    def part_at(self, peer: Hashable) -> str:
+        """Who that peer is: its slot, if it is known."""
+        session = self._sessions.get(peer)
+        return nobody_in_particular(peer) if session is None else session.part
+
+
+class _Session:
+    def __init__(
+        self, types: dict[str, type[Message]], peer: Hashable, know: Callable[[int], KnownObject | None], units: Units
+    ) -> None:
+        self.sentences: list[str] = []
+        self.about: list[str] = []
+        self.part: str = nobody_in_particular(peer)
+        """Its slot, as far as it is known."""
+        self._peer = peer
+        self.unknown = 0
+        self._types = types
+        self._know = know
+        self._units = units
+        self._objects: dict[int, Definition] = {}
+        self._configuration: ConfigurationMessage | None = None
+        """What the part was told that it does in this robot, if that was heard."""
+        self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
+        self._seals = OverheardSeals()
+
+    def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
+        """What can be said about a submessage beyond its own contents."""
+        notes = self._notes(header, submessage, up=up)
+        if not self.about and (sentence := submessage_sentence(submessage, self.part, up=up)):
+            self.about.append(sentence)
+        return notes
+
+    def _notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
+        match submessage:
+            case CreateClient():
+                self._objects.clear()
+                self._configuration = None
+                self._is_in("")
+                self._seals.begin()
+                self._pieces = {True: _Pieces(), False: _Pieces()}
+            case Create():
+                self._created(submessage)
+            case WriteData() | Data():
+                return [INDENT + line for line in self._sample(submessage)]
+            case Fragment():
+                return self._fragment(header, submessage, up=up)
+        return []
+
+    def _created(self, create: Create) -> None:
+        try:
+            self._objects[create.object_id] = parse_variant(create.variant, little_endian=create.little_endian)
+        except RemoteProtocolError:
+            self._objects.pop(create.object_id, None)  # `explain` has already said what is wrong with it
+
+    def _sample(self, sample: WriteData | Data) -> list[str]:
+        known = self._know(sample.object_id)
+        if known is not None:
+            self._is_in(known.slot)
+        definition = self._objects.get(sample.object_id) or (None if known is None else _defined(sample, known))
+        payload = sample.payload
+        match definition:
+            case WriterDef() | ReaderDef():
+                topic, type_name = self._topic(definition)
+                cls = self._types.get(type_name)
+                hears = isinstance(sample, Data)
+                known = known or self._configured(topic, hears=hears)
+                if cls is None:
+                    self.about.append(said("a {type}, which is not known here", type=type_name))
+                    return [f"{topic}: a {type_name}"]
+                return [f"{topic}: {self._read(known, payload, cls, hears=hears)}"]
+            case RequesterDef():
+                if isinstance(sample, Data):
+                    return self._service_words(definition.service_name, "reply", payload[RELATED:])
+                return self._service_words(definition.service_name, "request", payload)
+            case ReplierDef():
+                kind = "request" if isinstance(sample, Data) else "reply"
+                return self._service_words(definition.service_name, kind, payload[IDENTITY:])
+        self.unknown += 1
+        return []
+
+    def _service_words(self, service: str, kind: str, body: bytes) -> list[str]:
+        decoders: dict[tuple[str, str], Callable[[bytes], Read[object]]] = {
+            (INVENTORY_SERVICE, "request"): self._seals.request,
+            (INVENTORY_SERVICE, "reply"): self._seals.reply,
+            (compat.SERVICE, "request"): lambda octets: (compat.decode_request(octets), None),
+            (compat.SERVICE, "reply"): lambda octets: (compat.decode_reply(octets), None),
+        }
+        decode = decoders.get((service, kind))
+        if decode is None:
+            return [f"{kind} of {service}"]
+        try:
+            message, seal = decode(body)
+        except RemoteProtocolError as error:
+            return [f"{kind} of {service}: makes no sense: {error}"]
+        if isinstance(message, ConfigurationMessage):
+            self._configuration = message
+            self._is_in(message.slot)
+        if sentence := inventory_sentence(message, self.part):
+            self.about.append(sentence)
+        return [f"{kind} of {service}: {_by_type_name(message)}{_seal_words(seal)}"]
+
+    def _is_in(self, slot: str) -> None:
+        self.part = slot or nobody_in_particular(self._peer)
+
+    def _configured(self, topic: str, *, hears: bool) -> KnownObject | None:
+        """Whose a topic is in this session, by the configuration that was heard."""
+        wanted = BindingDirection.SUBSCRIBE if hears else BindingDirection.PUBLISH
+        for binding in () if self._configuration is None else self._configuration.bindings:
+            if binding.topic == topic and binding.direction == wanted and self._configuration is not None:
+                return KnownObject(topic, binding.topic_type, self._configuration.slot, binding.port)
+        return None
+
+    def _read(self, known: KnownObject | None, payload: bytes, cls: type[Message], *, hears: bool) -> str:
+        """A sample in the words of the protocol; of a known port also as a sentence."""
+        try:
+            message, seal = self._seals.sample(payload, cls.decode)
+        except RemoteProtocolError as error:
+            return f"makes no sense: {error}"
+        if isinstance(message, ProfileMessage) and (sentence := inventory_sentence(message, self.part)):
+            self.about.append(sentence)
+        elif known is not None:
+            values = message_words(message, self._units(cls.type_name))
+            port = f"{known.port} " if known.port else ""
+            form = "{slot} hears {port}{values}" if hears else "{slot} says {port}{values}"
+            self.sentences.append(said(form, slot=known.slot or known.topic, port=port, values=values))
+        return f"{message}{_seal_words(seal)}"
+
+    def _topic(self, definition: WriterDef | ReaderDef) -> tuple[str, str]:
+        if definition.topic_name is not None:
+            return definition.topic_name, definition.type_name or "message"
+        topic = self._objects.get(definition.topic_id or 0)
+        return (topic.name, topic.type_name) if isinstance(topic, TopicDef) else ("unknown topic", "message")
+
+    def _fragment(self, header: Header, fragment: Fragment, *, up: bool) -> list[str]:
+        whole = self._pieces[up].add(fragment, header.sequence_nr)
+        if whole is None:
+            return []
+        lines = explain(_NO_HEADER + whole, lambda _, submessage: self.notes(header, submessage, up=up))[1:]
+        return [f"{INDENT}together: {line}" for line in lines]
+
+
+class _Pieces:
+    """The FRAGMENTs of one direction, as long as none is missing."""
+
+    def __init__(self) -> None:
+        self._joined: bytearray | None = bytearray()
+        """None: a piece was lost, wait for the end of this message."""
+        self._next: int | None = None
+
+    def add(self, fragment: Fragment, sequence_nr: int) -> bytes | None:
+        """Add a piece; returns the whole message when it was the last one and none was missing."""
+        ahead = 0 if self._next is None else (sequence_nr - self._next) & 0xFFFF
+        if ahead >= 0x8000:
+            return None  # a repetition
+        if ahead:
+            self._joined = None
+        self._next = (sequence_nr + 1) & 0xFFFF
+        if self._joined is not None:
+            self._joined += fragment.payload
+            if len(self._joined) > MAX_JOINED:
+                self._joined = None
+        if not fragment.last:
+            return None
+        whole = None if self._joined is None else bytes(self._joined)
+        self._joined, self._next = bytearray(), None
+        return whole
+
+
+def nobody_in_particular(peer: Hashable) -> Sentence:
+    """A peer whose slot is not known: a node of a CAN bus has a number."""
+    return said("node {node}", node=peer) if isinstance(peer, int) and peer else said("a part")
+
+
+def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
+    """The definition of an object whose CREATE was not heard."""
+    kind = sample.object_id & 0xF
+    if kind in (ObjectKind.REQUESTER, ObjectKind.REPLIER):
+        service = known.topic.removesuffix("_Request")
+        make = RequesterDef if kind == ObjectKind.REQUESTER else ReplierDef
+        return make(service, "", "", known.topic, "")
+    # Or a writer: what is said of a sample depends on its topic alone.
+    return ReaderDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
+
+
+def message_words(message: Message, units: Mapping[str, str]) -> Sentence:
+    """The fields of a message with their units, `x 1 m, y -2.5 m`; for a single field only its value, `49.9 %`."""
+    fields = fields_of(type(message))
+    forms: list[str] = []
+    values: dict[str, object] = {}
+    for field in fields:
+        spec, values[field.name] = _shown(getattr(message, field.name))
+        words = (field.name if len(fields) > 1 else "", f"{{{field.name}{spec}}}", units.get(field.name, ""))
+        forms.append(" ".join(filter(None, words)))
+    return Sentence(", ".join(forms), values)
+
+
+def _shown(value: object) -> tuple[str, object]:
+    """How to format a value, and the value itself: 49.9, not 49.900001525878906, when it came in 32 bits."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "", value
+        came_in_32_bits = abs(value) < LARGEST_FLOAT32 and unpack("<f", pack("<f", value))[0] == value
+        return ":.7g" if came_in_32_bits else ":.15g", value
+    if isinstance(value, bool):
+        return "", said("on") if value else said("off")
+    if isinstance(value, list):
+        return "", f"[{', '.join(map(value_words, value))}]"
+    return "", str(value)
+
+
+def value_words(value: object) -> str:
+    """A value in words that suit its type."""
+    spec, shown = _shown(value)
+    return f"{{{spec}}}".format(shown)
+
+
+def _seal_words(seal: int | None) -> str:
+    return "" if seal is None else f", seal {seal}"
+
+
+def _by_type_name(said: object) -> str:
+    """A message under its name on the wire, which is not always the name of its class."""
+    return said.type_name + str(said).removeprefix(type(said).__name__) if isinstance(said, Message) else str(said)

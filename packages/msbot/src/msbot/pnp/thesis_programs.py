@@ -1,0 +1,51 @@
+"""The layouts and names of the thesis' own programs, which know neither leases nor UIDs (thesis 3.12.2).
+
+A request is a buffer of 96 octets, zero filled: two CDR strings, the part number and the local name. The reply is a
+buffer of the same size with one CDR string, the part number. Every request either registers the part or is its
+heartbeat.
+
+DEVIATION: the thesis' replier answers everybody; here a stranger gets no answer (R52), and only a registered part gets
+    its number back.
+"""
+
+from __future__ import annotations
+
+from msbot.part.join.thesis_master import BUFFER_BYTES as BUFFER_BYTES  # noqa: PLC0414 - others look for it here
+from msbot.part.join.thesis_master import REPLY_TYPE as REPLY_TYPE  # noqa: PLC0414
+from msbot.part.join.thesis_master import REQUEST_TYPE as REQUEST_TYPE  # noqa: PLC0414
+from msbot.part.join.thesis_master import SERVICE as SERVICE  # noqa: PLC0414
+from msbot.part.join.thesis_master import is_question as is_question  # noqa: PLC0414
+from msbot.part.join.thesis_master import read_string, reply, request
+from msbot.pnp.model import Claim
+from msbot_xrce.errors import RemoteProtocolError
+
+REQUEST_TOPIC = "service_name_Request"
+"""The topic of an XML requester with `service_name="service_name"` and no topic names (seen on the wire)."""
+REPLY_TOPIC = "service_name_Reply"
+
+encode_request = request
+encode_reply = reply
+
+
+def decode_request(body: bytes) -> Claim:
+    """Read a request.
+
+    Raises:
+        RemoteProtocolError: not 96 octets, or not two strings in them.
+    """
+    if len(body) != BUFFER_BYTES:
+        raise RemoteProtocolError(f"request of {len(body)} octets, expected {BUFFER_BYTES}")
+    part_number, offset = read_string(body, 0)
+    local_name, _ = read_string(body, offset)
+    return Claim(part_number=part_number, local_name=local_name, layout="compat")
+
+
+def decode_reply(body: bytes) -> str:
+    """Read the part number from a reply.
+
+    Raises:
+        RemoteProtocolError: not 96 octets, or no string in them.
+    """
+    if len(body) != BUFFER_BYTES:
+        raise RemoteProtocolError(f"reply of {len(body)} octets, expected {BUFFER_BYTES}")
+    return read_string(body, 0)[0]

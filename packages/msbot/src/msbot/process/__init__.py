@@ -1,0 +1,1 @@
+"""Threads, workers and clocks of a master's process."""

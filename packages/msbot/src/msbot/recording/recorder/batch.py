@@ -1,0 +1,121 @@
+"""What the robot's process hands to the recorder's: records, packed one after the other. Pure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from enum import IntEnum
+from struct import Struct
+from typing import Final
+
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import RemoteProtocolError
+
+HEAD_FORMAT: Final = "<BHdI"
+_HEAD: Final = Struct(HEAD_FORMAT)
+head: Final = _HEAD.pack
+"""`(kind, channel, seconds of the robot's clock, octets of the content)` as octets; the content follows."""
+_BEGAN: Final = Struct("<q")
+LARGEST_CONTENT: Final = 1 << 24
+"""Octets of one record; more is a mistake of ours."""
+
+Item = tuple[int, int, int, bytes]
+"""`(kind, channel, nanoseconds since 1970, content)`."""
+
+
+class Kind(IntEnum):
+    """What a record is."""
+
+    BEGAN = 0
+    """The first: the nanoseconds since 1970 at which the robot's clock was 0."""
+    CHANNEL = 1
+    """A channel is declared: the content is a `RecordedChannel`."""
+    SAMPLE = 2
+    """Octets of a sample, CDR without an encapsulation header."""
+    OBJECT = 3
+    """A JSON object."""
+    STATE = 4
+    """A JSON object that holds until the next one with the same key: one octet with the key's length, the key, then the
+    object. Every file of a ring begins with the latest ones."""
+    START = 5
+    """Record in one more file, whose path is the content."""
+    STOP = 6
+    """End the file that START began."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedChannel:
+    """Where records belong: what MCAP calls a channel, with its schema."""
+
+    topic: str
+    encoding: str
+    """`cdr` or `json`."""
+    schema_name: str = ""
+    """Empty: what the octets mean is not known."""
+    schema_encoding: str = ""
+    """`ros2msg` or `jsonschema`."""
+    schema: str = ""
+    metadata: tuple[tuple[str, str], ...] = ()
+
+    def encode(self) -> bytes:
+        """The channel as octets."""
+        fields = [self.topic, self.encoding, self.schema_name, self.schema_encoding, self.schema, list(self.metadata)]
+        return json.dumps(fields).encode()
+
+    @classmethod
+    def decode(cls, content: bytes) -> RecordedChannel:
+        """The channel in the octets."""
+        topic, encoding, name, schema_encoding, schema, metadata = json.loads(content)
+        return cls(topic, encoding, name, schema_encoding, schema, tuple((key, value) for key, value in metadata))
+
+
+def encode_state(key: str, value: object) -> bytes:
+    """The content of a STATE record."""
+    octets = key.encode()[:255]
+    return bytes((len(octets),)) + octets + encode_object(value)
+
+
+def split_state(content: bytes) -> tuple[bytes, bytes]:
+    """Key and object of a STATE record."""
+    size = content[0]
+    return content[1 : 1 + size], content[1 + size :]
+
+
+def encode_object(value: object) -> bytes:
+    """A JSON object as octets."""
+    return json.dumps(value, ensure_ascii=False).encode("utf-8", "replace")
+
+
+def encode_began(began_ns: int) -> bytes:
+    """The content of a BEGAN record."""
+    return _BEGAN.pack(began_ns)
+
+
+class Unpacker:
+    """Takes octets in pieces of any size, and gives the whole records among them."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._began_ns = 0
+
+    def feed(self, octets: bytes) -> Iterator[Item]:
+        """The records that are complete now.
+
+        Raises:
+            RemoteProtocolError: these are not records.
+        """
+        data = self._rest + octets if self._rest else octets
+        at, size, end = 0, _HEAD.size, len(data)
+        while at + size <= end:
+            kind, channel, at_s, length = _HEAD.unpack_from(data, at)
+            if length > LARGEST_CONTENT:
+                raise RemoteProtocolError(f"a record of {length} octets")
+            if at + size + length > end:
+                break
+            at += size + length
+            content = data[at - length : at]
+            if kind == Kind.BEGAN:
+                (self._began_ns,) = _BEGAN.unpack(content)
+            else:
+                yield kind, channel, self._began_ns + round(at_s * 1e9), content
+        self._rest = data[at:]

@@ -1,0 +1,197 @@
+"""Starts the recorder's process, feeds it, and starts it again should it end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, field
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from msbot.recording.recorder.recorder import Recorder
+from msbot.recording.recorder.ring import RingLimits
+from msbot_xrce.common.lazy_dataclass import dataclass
+
+DRAIN_S: Final = 0.2
+"""How often what was heard is handed over: so much is lost when the robot is killed."""
+MOST_WAITING: Final = 8 << 20
+"""Octets that may wait for the recorder's process."""
+AGAIN_S: Final = 3.0
+"""Pause before it is started again."""
+END_S: Final = 10.0
+"""Longest wait for it to finish its files at the end."""
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class RecorderStatus:
+    """How the recorder is doing."""
+
+    folder: str = ""
+    """Where the ring is; empty: there is none."""
+    file: str = ""
+    """The file that is recorded in addition; empty: none."""
+    left_out: int = 0
+    """Octets of records that had to be left out, because the recorder's process could not keep up."""
+    restarts: int = 0
+    troubles: dict[str, str] = field(default_factory=dict)
+    """File -> what is wrong with it."""
+
+
+class RecorderProcess:
+    """Hands what a `Recorder` hears to a process of its own; must be made inside the robot's event loop."""
+
+    def __init__(self, recorder: Recorder, folder: Path | None, limits: RingLimits) -> None:
+        self.recorder = recorder
+        self.status = RecorderStatus("" if folder is None else str(folder))
+        self._command = [sys.executable, "-P", "-m", "msbot.recording.recorder", self.status.folder,
+                         str(limits.seconds), str(limits.octets)]  # fmt: skip
+        self._loop = asyncio.get_running_loop()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._waiting_octets = 0
+        self._lock = threading.Lock()
+        self._end = threading.Event()
+        self._feeder: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Start the process and the thread that feeds it."""
+        self._open()
+        self._feeder = threading.Thread(target=self._feed, name="msbot-recorder-feed", daemon=True)
+        self._feeder.start()
+
+    def hand_over(self) -> None:
+        """Give the process what was heard since the last time; called in the robot's event loop."""
+        octets = self.recorder.drain()
+        if not octets:
+            return
+        with self._lock:
+            is_full = self._waiting_octets + len(octets) > MOST_WAITING
+            if not is_full:
+                self._waiting_octets += len(octets)
+        if is_full:
+            self.status.left_out += len(octets)
+            self._tell_left_out()
+        else:
+            self._waiting.put(octets)
+
+    def close(self) -> None:
+        """Wait until the files are finished."""
+        self._end.set()
+        self._waiting.put(None)
+        if self._feeder is not None:
+            self._feeder.join(END_S)
+        if self._process is not None and self._process.poll() is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(END_S)
+
+    def record(self, path: Path) -> None:
+        """Record in one more file from now on."""
+        self.status.file = str(path)
+        self.status.troubles.pop(self.status.file, None)
+        self.recorder.start(self.status.file)
+
+    def end_record(self) -> str:
+        """End that file; its path, empty if there was none."""
+        file, self.status.file = self.status.file, ""
+        if file:
+            self.recorder.stop()
+        return file
+
+    def as_json(self) -> Mapping[str, object]:
+        """Where it records, and what is wrong with it."""
+        return asdict(self.status)
+
+    def _open(self) -> None:
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        self._process = subprocess.Popen(
+            self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0
+        )
+        threading.Thread(target=self._listen, args=(self._process,), name="msbot-recorder-listen", daemon=True).start()
+
+    def _feed(self) -> None:
+        while (octets := self._waiting.get()) is not None:
+            with self._lock:
+                self._waiting_octets -= len(octets)
+            self._write(octets)
+        assert self._process is not None
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):  # it has ended by itself, which was told
+            self._process.stdin.close()
+
+    def _write(self, octets: bytes) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
+        view = memoryview(octets)
+        try:
+            while view:
+                view = view[self._process.stdin.write(view) :]
+        except OSError:
+            self._again()
+
+    def _again(self) -> None:
+        """The process has ended: start another one, which is told everything from the beginning."""
+        self.status.restarts += 1
+        logger.warning("the recorder has ended; another one is started")
+        if self._end.wait(AGAIN_S):
+            return
+        while not self._waiting.empty():
+            if self._waiting.get() is None:  # at the end
+                self._waiting.put(None)
+                break
+        with self._lock:
+            self._waiting_octets = 0
+        self._open()
+        self._from_loop(self._say_again)
+
+    def _say_again(self) -> None:
+        self.recorder.say_again()
+        self.recorder.note({"why": "the recorder had ended, and was started again"})
+        if self.status.file:
+            path = Path(self.status.file)
+            self.record(path.with_stem(f"{path.stem}-{self.status.restarts + 1}"))
+
+    def _tell_left_out(self) -> None:
+        why = "more was said than could be written"
+        self.recorder.note({"left_out_octets": self.status.left_out, "why": why})
+
+    def _listen(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            said = json.loads(line)
+            self._from_loop(partial(self._heard, said["file"], said["trouble"]))
+
+    def _heard(self, file: str, trouble: str) -> None:
+        if trouble:
+            self.status.troubles[file] = trouble
+            logger.warning("recording: %s %s", file, trouble)
+            if file == self.status.file:
+                self.status.file = ""
+        else:
+            self.status.troubles.pop(file, None)
+
+    def _from_loop(self, call: Callable[[], None]) -> None:
+        with contextlib.suppress(RuntimeError):  # the robot has ended in the meantime
+            self._loop.call_soon_threadsafe(call)
+
+
+async def run_recorder(process: RecorderProcess) -> None:
+    """Record until cancelled; then the files are finished."""
+    await asyncio.to_thread(process.start)
+    try:
+        while True:
+            await asyncio.sleep(DRAIN_S)
+            process.hand_over()
+    finally:
+        process.hand_over()
+        await asyncio.to_thread(process.close)

@@ -1,0 +1,99 @@
+"""The registry: robots, slots, parts, library and journal in a SQL database; the only room that touches SQL."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot.process.late_modules import load_late
+from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.errors import RegistryError
+
+if TYPE_CHECKING:
+    from msbot.registry.database.engine import without_password
+    from msbot.registry.database.storage import StorageHealth
+    from msbot.registry.edits.user_statements import ROLES
+    from msbot.registry.records import (
+        EditKind,
+        EditRecord,
+        JournalEntry,
+        KeyRecord,
+        PartRecord,
+        ProgramRecord,
+        ProgramSource,
+        ProgramVersion,
+        RobotRecord,
+        UserRecord,
+        ValueRecord,
+    )
+    from msbot.registry.registry import Registry, open_registry
+    from msbot.registry.running.master_lease import LeaseLost, MasterLease, check_shareable
+    from msbot.registry.running.node_ids import StoredNodeIds
+    from msbot.registry.running.robot_store import RobotStore
+
+load_late("sqlalchemy.dialects.sqlite.aiosqlite")  # comes with the dialect of SQLite, and nobody here uses it
+
+_NAMES = {
+    "msbot.registry.database.engine": ("without_password",),
+    "msbot.registry.database.storage": ("StorageHealth",),
+    "msbot.registry.edits.user_statements": ("ROLES",),
+    "msbot.registry.records": (
+        "EditKind",
+        "EditRecord",
+        "JournalEntry",
+        "KeyRecord",
+        "PartRecord",
+        "ProgramRecord",
+        "ProgramSource",
+        "ProgramVersion",
+        "RobotRecord",
+        "UserRecord",
+        "ValueRecord",
+    ),
+    "msbot.registry.registry": (
+        "Registry",
+        "open_registry",
+    ),
+    "msbot.registry.running.master_lease": (
+        "LeaseLost",
+        "MasterLease",
+        "check_shareable",
+    ),
+    "msbot.registry.running.node_ids": ("StoredNodeIds",),
+    "msbot.registry.running.robot_store": ("RobotStore",),
+}
+
+_find = lazy_face(__name__, _NAMES)
+
+
+def __getattr__(name: str) -> object:
+    try:
+        return _find(name)
+    except ModuleNotFoundError as error:
+        if error.name != "sqlalchemy":
+            raise
+        raise RegistryError("the database needs SQLAlchemy and Alembic: pip install 'msbot[master]'") from None
+
+
+__all__ = [
+    "ROLES",
+    "EditKind",
+    "EditRecord",
+    "JournalEntry",
+    "KeyRecord",
+    "LeaseLost",
+    "MasterLease",
+    "PartRecord",
+    "ProgramRecord",
+    "ProgramSource",
+    "ProgramVersion",
+    "Registry",
+    "RobotRecord",
+    "RobotStore",
+    "StorageHealth",
+    "StoredNodeIds",
+    "UserRecord",
+    "ValueRecord",
+    "check_shareable",
+    "open_registry",
+    "without_password",
+]

@@ -1,0 +1,143 @@
+"""Undoing an edit: its cell is restored to its content before, as an edit of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+from sqlalchemy import Connection, Row, select, update
+
+from msbot.config import Blueprint, Library
+from msbot.registry.blueprint import blueprint_snapshot as snapshot
+from msbot.registry.blueprint import blueprint_store
+from msbot.registry.database import statements as store
+from msbot.registry.database.tables import edits
+from msbot.registry.edits.blocks import BlockCell
+from msbot.registry.edits.edit_log import Author, Cell, edits_of, record, words_of
+from msbot.registry.edits.part_places import Belonging, PlaceCell
+from msbot.registry.edits.slot_values import ValueCell
+from msbot.registry.edits.wires import TopicCell, TopicsCell
+from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
+from msbot_agent.text.sentence import said
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class BlueprintCell:
+    """Everything that a blueprint decides about a robot."""
+
+    content: snapshot.Content
+
+    def as_json(self) -> dict[str, object]:
+        """See `Cell.as_json`."""
+        return {"of": "apply", "robot": self.content}
+
+    def as_it_is(self, connection: Connection, robot_id: int) -> Self:
+        """See `Cell.as_it_is`."""
+        return type(self)(snapshot.read(connection, robot_id, like=self.content))
+
+    def write(self, connection: Connection, author: Author) -> None:
+        """See `Cell.write`."""
+        snapshot.write(connection, author.robot, self.content)
+
+
+def read_cell(content: Mapping[str, Any]) -> Cell:
+    """The cell that a row of the edits stores, even one written by an older MsBOT."""
+    match content["of"]:
+        case "value":
+            return ValueCell(content["slot"], content["name"], content["value"])
+        case "place":
+            return PlaceCell({uid: Belonging(*place) for uid, place in content["parts"].items()})
+        case "block":
+            return BlockCell(content["kind"], content["key"], content["reason"])
+        case "bind":
+            return TopicCell.from_json(content)
+        case "binds":
+            return TopicsCell.from_json(content)
+        case _:
+            return BlueprintCell(content["robot"])
+
+
+def undo(connection: Connection, author: Author, number: int | None) -> EditRecord:
+    """Undo an edit: the newest that is not undone, if none is given; an undo can be undone, too.
+
+    `slots` and `placed` of the result say what is different now.
+
+    Raises:
+        ConfigError: there is no such edit, it is already undone, or what it changed has been changed again since.
+    """
+    row = _find(connection, author.robot, number)
+    if not row.before:
+        raise ConfigError(said("edit {id} ({edit}) cannot be undone: change it again", id=row.id, edit=words_of(row)))
+    before, after = read_cell(row.before), read_cell(row.after)
+    if not isinstance(after, PlaceCell) and after.as_it_is(connection, author.robot) != after:
+        raise ConfigError(
+            said(
+                "edit {id} ({edit}) cannot be undone: it has been changed since; undo what came later first",
+                id=row.id,
+                edit=words_of(row),
+            )
+        )
+    before.write(connection, author)
+    words = said("edit {id} undone: {edit}", id=row.id, edit=words_of(row))
+    made = record(connection, author, EditKind.UNDO, words, slot=row.slot, before=after, after=before)
+    connection.execute(update(edits).where(edits.c.undone_by == row.id).values(undone_by=None))
+    connection.execute(update(edits).where(edits.c.id == row.id).values(undone_by=made.id))
+    return made
+
+
+def apply_blueprint(
+    connection: Connection, blueprint: Blueprint, library: Library, *, who: str, now_ns: int, slot_by_hand: str = ""
+) -> tuple[RobotRecord, EditRecord | None]:
+    """Apply a blueprint; its changes to an existing robot are recorded as an edit.
+
+    `slot_by_hand` is the one slot that a person makes or takes out thereby, see `blueprint_store.apply`.
+    """
+    old = store.find_robot(connection, blueprint.robot.name, blueprint.robot.serial_number)
+    before = None if old is None else snapshot.read(connection, old.id)
+    robot = blueprint_store.apply(connection, blueprint, library, now_ns, slot_by_hand=slot_by_hand)
+    if before is None or before == (after := snapshot.read(connection, robot.id)):
+        return robot, None
+    made = blueprint.slot(slot_by_hand)
+    if made is not None:
+        words = said("slot {slot} is made, for {part}", slot=slot_by_hand, part=made.part_number)
+    elif slot_by_hand:
+        words = said("slot {slot} is taken out", slot=slot_by_hand)
+    else:
+        words = said(
+            "the blueprint of {robot} is applied: {difference}",
+            robot=robot.name,
+            difference=snapshot.difference_words(before, after),
+        )
+    author = Author(robot.id, who, now_ns)
+    return robot, record(
+        connection, author, EditKind.APPLY, words, before=BlueprintCell(before), after=BlueprintCell(after)
+    )
+
+
+def _find(connection: Connection, robot_id: int, number: int | None) -> Row[tuple[object, ...]]:
+    query = select(edits).where(edits_of(robot_id))
+    if number is None:
+        newest = query.where(edits.c.undone_by.is_(None), edits.c.kind.in_(UNDOABLE))
+        row = connection.execute(newest.order_by(edits.c.id.desc()).limit(1)).one_or_none()
+        if row is None:
+            raise ConfigError(said("there is nothing to undo"))
+        return row
+    row = connection.execute(query.where(edits.c.id == number)).one_or_none()
+    if row is None:
+        raise ConfigError(
+            said(
+                "there is no edit {number} of this robot; the last ones are shown by `msbot undo --list`", number=number
+            )
+        )
+    if row.undone_by is not None:
+        raise ConfigError(
+            said(
+                "edit {number} ({edit}) is undone already, by edit {undone_by}",
+                number=number,
+                edit=words_of(row),
+                undone_by=row.undone_by,
+            )
+        )
+    return row

@@ -1,0 +1,70 @@
+"""Everything that a running robot needs from its database, read in one go: it never queries the database again.
+
+What people change, here or in another process, is reloaded by the writer's thread after the change is stored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from sqlalchemy import Connection, func, select
+
+from msbot.config import Blueprint, PartType, Slot
+from msbot.pnp import Configuration, Group, StopRecord
+from msbot.registry.blueprint import blueprint_reader
+from msbot.registry.class_groups import read_groups
+from msbot.registry.database.statements import list_slots, read_part_types
+from msbot.registry.database.tables import blocks, edits, keys
+from msbot.registry.edits import part_places as places
+from msbot.registry.edits.user_statements import list_users
+from msbot.registry.records import UserRecord
+from msbot.registry.running import stop_record
+from msbot.registry.running.configurations import read_configurations
+from msbot_xrce.common.lazy_dataclass import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMemory:
+    """A robot as its database had it at one moment."""
+
+    newest_edit: int
+    """Number of the newest change in the database, of any robot."""
+    blueprint: Blueprint
+    """The blueprint in force, including what was set by hand."""
+    slots: tuple[Slot, ...]
+    types: Mapping[str, tuple[PartType, str]]
+    """Part number -> the type, and the versions it describes."""
+    configurations: Mapping[str, Configuration]
+    blocks: Mapping[tuple[str, str], str]
+    """(`uid` or `number`, its value) -> why it is blocked."""
+    keys: Mapping[str, bytes]
+    """UID -> key."""
+    places: Mapping[str, places.Belonging]
+    """UID -> where that part belongs."""
+    users: tuple[UserRecord, ...]
+    groups: tuple[Group, ...]
+    """Of a class, by name."""
+    stop: StopRecord | None
+    """The latest STOP that was stored; None: nobody ever said it."""
+
+
+def read_newest_edit(connection: Connection) -> int:
+    """Number of the newest change in the database; 0: there was none."""
+    return int(connection.execute(select(func.max(edits.c.id))).scalar() or 0)
+
+
+def read_memory(connection: Connection, robot_id: int) -> RobotMemory:
+    """Read everything."""
+    return RobotMemory(
+        newest_edit=read_newest_edit(connection),
+        blueprint=blueprint_reader.read(connection, robot_id, by_hand=True),
+        slots=list_slots(connection, robot_id),
+        types=read_part_types(connection),
+        configurations=read_configurations(connection, robot_id),
+        blocks={(row.kind, row.key): row.reason for row in connection.execute(select(blocks))},
+        keys={row.uid: bytes(row.key) for row in connection.execute(select(keys.c.uid, keys.c.key))},
+        places=places.read(connection, robot_id),
+        users=tuple(list_users(connection)),
+        groups=tuple(read_groups(connection, robot_id)),
+        stop=stop_record.read(connection, robot_id),
+    )

@@ -1,0 +1,295 @@
+"""The parameter services of the robot's nodes, as every ROS 2 node has them (rcl_interfaces).
+
+A request to set a parameter takes the same way as `msbot set`: who may, which values may be, one line in the journal,
+one step for undo. Requests wait in a bounded queue and are answered one after the other, because each asks the
+database. Events tell what has changed, whoever has changed it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+from collections import deque
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
+
+from msbot.config import Scalar
+from msbot.operations.dispatch import Operations
+from msbot.operations.rights import Asker, Right, role_named
+from msbot.part import Message
+from msbot.registry import ValueRecord
+from msbot.ros import parameters
+from msbot.ros.diagnostics import stamp
+from msbot.ros2 import (
+    DescribeParameters_Request,
+    DescribeParameters_Response,
+    GetParameters_Request,
+    GetParameters_Response,
+    GetParameterTypes_Request,
+    GetParameterTypes_Response,
+    ListParameters_Request,
+    ListParameters_Response,
+    Parameter,
+    ParameterEvent,
+    SetParameters_Request,
+    SetParameters_Response,
+    SetParametersAtomically_Request,
+    SetParametersAtomically_Response,
+    SetParametersResult,
+)
+from msbot.ros_forms import MOST_BEHIND
+from msbot_agent.ros.graph import EVERYBODY
+from msbot_agent.ros.node_names import NodeName
+from msbot_agent.space import Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
+from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.common.tally import Tally
+from msbot_xrce.errors import ConfigError, MsbotError, RemoteProtocolError
+
+LONGEST_QUEUE = 256
+"""Requests that wait; further ones are not answered."""
+
+SERVICE = Qos(depth=64, partitions=EVERYBODY, service=True)
+EVENTS = Qos(depth=64, partitions=EVERYBODY)
+EVENT_TOPIC = Topic("rt/parameter_events", ParameterEvent.type_name)
+
+Values = Mapping[str, ValueRecord]
+"""The parameters of a slot by name."""
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Node:
+    """A slot whose parameters are offered."""
+
+    name: NodeName
+    owner: Owner
+    ends: list[Reader | Writer]
+    events: Writer
+    known: dict[str, Scalar]
+    """The values that were told last."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    slot: str
+    service: str
+    sample: Sample
+    reply: Callable[[bytes, tuple[Guid, int] | None], int]
+
+
+def asker_from_ros(may_set: bool) -> Asker:
+    """Who asks from ROS 2, where nobody says who they are: a student, or with `parameters = "read"` a viewer."""
+    role = role_named("student" if may_set else "viewer")
+
+    def require(right: Right) -> None:
+        if role < right.least:
+            raise ConfigError(
+                'this robot lets ROS 2 only read parameters; [ros] parameters = "set" would let it set them'
+            )
+
+    return Asker("ROS 2", require, lambda right: role >= right.least)
+
+
+class ParameterServer:
+    """Answers for slots. Must be made on the event loop that the space lives on; `run` does the work."""
+
+    def __init__(self, space: Space, operations: Operations, asker: Asker, epoch_ns: Callable[[], int]) -> None:
+        """Serve nobody yet.
+
+        Args:
+            space: where the services are.
+            operations: sets parameters.
+            asker: on whose behalf.
+            epoch_ns: wall clock for events.
+        """
+        self._space = space
+        self._operations = operations
+        self._asker = asker
+        self._epoch_ns = epoch_ns
+        self._nodes: dict[str, _Node] = {}
+        self._requests: deque[_Request] = deque()
+        self._changed: dict[str, None] = {}
+        self._news = asyncio.Event()
+        self.dropped = Tally()
+        """Requests that were not answered, by reason in words."""
+
+    def open(self, slot: str, name: NodeName) -> None:
+        """Offer the parameters of a slot under that node; nothing happens if they are offered."""
+        if slot in self._nodes:
+            return
+        owner = Owner(participant=str(name))
+        node = _Node(name, owner, [], self._space.writer(EVENT_TOPIC, EVENTS, secrets.token_bytes(16), owner), {})
+        self._nodes[slot] = node
+        node.ends.append(node.events)
+        for service, (request, reply) in _TYPES.items():
+            replies = Topic(f"rr{name}/{service}Reply", reply.type_name)
+            writer = self._space.writer(replies, SERVICE, secrets.token_bytes(16), owner)
+            requests = Topic(f"rq{name}/{service}Request", request.type_name)
+            take = partial(self._take, slot, service, writer)
+            node.ends += [writer, self._space.reader(requests, SERVICE, take, owner)]
+        self.changed(slot)
+
+    def close(self, slot: str) -> None:
+        """Offer the parameters of a slot no longer."""
+        node = self._nodes.pop(slot, None)
+        for end in () if node is None else node.ends:
+            end.close()
+
+    def changed(self, slot: str) -> None:
+        """The parameters of a slot may have changed: tell what has."""
+        if slot in self._nodes:
+            self._changed[slot] = None
+            self._news.set()
+
+    async def run(self) -> None:
+        """Answer requests until cancelled."""
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            while self._changed or self._requests:
+                try:
+                    if self._changed:
+                        await self._tell_changes(self._changed.popitem()[0])
+                    else:
+                        await self._answer(self._requests.popleft())
+                except MsbotError as error:
+                    self._drop("the parameters cannot be read", str(error))
+
+    def _take(self, slot: str, service: str, writer: Writer, sample: Sample) -> bool:
+        if len(self._requests) >= LONGEST_QUEUE:
+            self._drop(f"{LONGEST_QUEUE} others wait", "they come faster than the database answers")
+        else:
+            self._requests.append(_Request(slot, service, sample, writer.write))
+            self._news.set()
+        return True
+
+    def _drop(self, reason: str, details: str) -> None:
+        if reason not in self.dropped:
+            logger.warning("a request of ROS 2 about parameters is not answered: %s: %s", reason, details)
+        self.dropped.count(reason)
+
+    async def _answer(self, request: _Request) -> None:
+        asked = _TYPES[request.service][0]
+        try:
+            message = asked.decode(request.sample.payload, most_behind=MOST_BEHIND)
+        except RemoteProtocolError as error:
+            self._drop(f"it makes no sense as {asked.type_name}", str(error))
+            return
+        reply = await _ANSWERS[request.service](self, request.slot, message)
+        request.reply(reply.encode(), (request.sample.writer, request.sample.sequence_nr))
+
+    async def _values(self, slot: str) -> Values:
+        return {record.name: record for record in await self._operations.settings.read(slot)}
+
+    async def _tell_changes(self, slot: str) -> None:
+        values = await self._values(slot)
+        node = self._nodes.get(slot)
+        if node is None:
+            return
+        now = {name: record.value for name, record in values.items()}
+        new = [_told(values[name]) for name in now if name not in node.known]
+        changed = [_told(values[name]) for name in now if name in node.known and now[name] != node.known[name]]
+        deleted = [
+            Parameter(name=name, value=parameters.parameter_value(None)) for name in node.known if name not in now
+        ]
+        node.known = now
+        if new or changed or deleted:
+            event = ParameterEvent(
+                stamp=stamp(self._epoch_ns()),
+                node=str(node.name),
+                new_parameters=new,
+                changed_parameters=changed,
+                deleted_parameters=deleted,
+            )
+            node.events.write(event.encode())
+
+    # One for each service.
+
+    async def list_parameters(self, slot: str, asked: ListParameters_Request) -> ListParameters_Response:
+        """The names of the parameters."""
+        found = parameters.list_parameters(await self._values(slot), asked.prefixes, asked.depth)
+        return ListParameters_Response(result=found)
+
+    async def describe_parameters(self, slot: str, asked: DescribeParameters_Request) -> DescribeParameters_Response:
+        """Types, units and bounds."""
+        values = await self._values(slot)
+        return DescribeParameters_Response(
+            descriptors=[
+                parameters.descriptor_of(values[name]) if name in values else parameters.no_descriptor(name)
+                for name in asked.names
+            ]
+        )
+
+    async def get_parameters(self, slot: str, asked: GetParameters_Request) -> GetParameters_Response:
+        """The values in force; NOT_SET for a parameter that does not exist."""
+        values = await self._values(slot)
+        return GetParameters_Response(
+            values=[
+                parameters.value_of(values[name]) if name in values else parameters.parameter_value(None)
+                for name in asked.names
+            ]
+        )
+
+    async def get_parameter_types(self, slot: str, asked: GetParameterTypes_Request) -> GetParameterTypes_Response:
+        """The types; NOT_SET for a parameter that does not exist."""
+        values = await self._values(slot)
+        kinds = [parameters.TYPES[values[name].kind] if name in values else parameters.NOT_SET for name in asked.names]
+        return GetParameterTypes_Response(types=bytes(kinds))
+
+    async def set_parameters(self, slot: str, asked: SetParameters_Request) -> SetParameters_Response:
+        """Set each by itself, and say of each whether it is set or why not."""
+        results = [await _result(partial(self._set, slot, one)) for one in asked.parameters]
+        return SetParameters_Response(results=results)
+
+    async def set_parameters_atomically(
+        self, slot: str, asked: SetParametersAtomically_Request
+    ) -> SetParametersAtomically_Response:
+        """Set all, or none."""
+        return SetParametersAtomically_Response(result=await _result(partial(self._set_all, slot, asked.parameters)))
+
+    async def _set(self, slot: str, wanted: Parameter) -> None:
+        self._asker.require(Right.SET)
+        text = await self._text(slot, wanted)
+        await self._operations.do("set", who=self._asker, slot=slot, name=wanted.name, value=text)
+
+    async def _set_all(self, slot: str, wanted: list[Parameter]) -> None:
+        self._asker.require(Right.SET)
+        texts = {one.name: await self._text(slot, one) for one in wanted}
+        if len(texts) < len(wanted):
+            raise ConfigError("a parameter is named twice")
+        await self._operations.set_together(slot, texts, who=self._asker)
+
+    async def _text(self, slot: str, wanted: Parameter) -> str | None:
+        values = await self._values(slot)
+        record = values.get(wanted.name)
+        if record is None:
+            known = ", ".join(values) or "none"
+            raise ConfigError(f"slot {slot} has no parameter {wanted.name!r}; it has {known}")
+        return parameters.wanted_text(record, wanted.value)
+
+
+async def _result(work: Callable[[], Awaitable[None]]) -> SetParametersResult:
+    try:
+        await work()
+    except MsbotError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True, reason="")
+
+
+def _told(record: ValueRecord) -> Parameter:
+    return Parameter(name=record.name, value=parameters.value_of(record))
+
+
+_TYPES: dict[str, tuple[type[Message], type[Message]]] = {
+    "list_parameters": (ListParameters_Request, ListParameters_Response),
+    "describe_parameters": (DescribeParameters_Request, DescribeParameters_Response),
+    "get_parameters": (GetParameters_Request, GetParameters_Response),
+    "get_parameter_types": (GetParameterTypes_Request, GetParameterTypes_Response),
+    "set_parameters": (SetParameters_Request, SetParameters_Response),
+    "set_parameters_atomically": (SetParametersAtomically_Request, SetParametersAtomically_Response),
+}
+"""Request and reply of each service."""
+
+_ANSWERS: dict[str, Callable[..., Awaitable[Message]]] = {name: getattr(ParameterServer, name) for name in _TYPES}

@@ -1,0 +1,156 @@
+"""A robot in ROS 2: a node for the robot and one for each part, with diagnostics, parameters, description and clock.
+
+A part is a node, not only the robot: parts come and go by themselves, `ros2 node info /ROVER/knob` then shows the ports
+of that part alone, and parameters in ROS 2 belong to a node, as ours belong to a slot. The node has the slot's name, so
+that it stays the same when the part in it is swapped.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import time
+from collections.abc import Callable, Iterable
+
+from msbot.config import Blueprint
+from msbot.master import Master
+from msbot.operations.dispatch import Operations
+from msbot.part import Message
+from msbot.pnp import PartEvent
+from msbot.ros.diagnostics import diagnostics, stamp
+from msbot.ros.parameter_server import ParameterServer, asker_from_ros
+from msbot.ros2 import Clock, DiagnosticArray, String
+from msbot_agent.ros.graph import EVERYBODY, LAST_ONE, RosGraph, node_of_participant
+from msbot_agent.ros.node_names import NodeName, robot_node, slot_nodes
+from msbot_agent.ros.ros_names import topic_of
+from msbot_agent.space import OwnEndpoint, Owner, Qos, SharedSpace, Topic, Writer
+
+DIAGNOSTICS_S = 1.0
+"""Period of the topic `diagnostics`, as usual in ROS."""
+CLOCK_S = 0.1
+"""Period of the topic `clock`."""
+
+TEN = Qos(depth=10, partitions=EVERYBODY)
+
+
+def is_in_ros(blueprint: Blueprint) -> bool:
+    """Whether a robot shows itself to ROS 2: it shares a topic with it, or has options for it."""
+    ros = blueprint.ros
+    return bool(ros.urdf) or ros.clock or any(binding.in_dds.ros for binding in blueprint.bindings)
+
+
+def shown_slots(blueprint: Blueprint) -> list[str]:
+    """The slots that are nodes: those at the ends of topics with `ros = true`, in the order of the blueprint."""
+    ends = {end.slot for binding in blueprint.bindings if binding.in_dds.ros for end in binding.ends}
+    return [slot.name for slot in blueprint.slots if slot.name in ends]
+
+
+class RobotInRos:
+    """Shows a running robot to ROS 2. Must be made on its event loop; `run` does the work."""
+
+    def __init__(
+        self, master: Master, operations: Operations, space: SharedSpace, *, description: str = "",
+        epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:  # fmt: skip
+        """Begin to tell the nodes.
+
+        Args:
+            master: the robot.
+            operations: what can be done to it.
+            space: where its topics are.
+            description: its URDF; empty: it has none.
+            epoch_ns: the robot's time.
+        """
+        blueprint = master.blueprint
+        self._master = master
+        self._space = space
+        self._description = description
+        self._epoch_ns = epoch_ns
+        self._clock = asyncio.get_running_loop().time
+        self._is_shown = is_in_ros(blueprint)
+        self._robot = robot_node(blueprint.robot.name)
+        self._slots = slot_nodes(blueprint.robot.name, shown_slots(blueprint))
+        self._nodes: dict[str, NodeName] = {}
+        """The slots whose parts are registered now."""
+        self._parameters = ParameterServer(
+            space, operations, asker_from_ros(may_set=blueprint.ros.parameters == "set"), epoch_ns
+        )
+        self._graph = RosGraph(space, node_of=self._node_of, standing=self._standing)
+        master.inventory.on_event(self._part_changed)
+        master.inventory.on_rights(self._rights_changed)
+        for slot in self._slots:
+            self._look_at(slot)
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._parameters.run())
+                if self._is_shown:
+                    tasks.create_task(self._diagnose())
+                if self._master.blueprint.ros.clock:
+                    tasks.create_task(self._tell_time())
+                if self._description:
+                    text: type[Message] = String
+                    self._writer("robot_description", text, LAST_ONE).write(String(data=self._description).encode())
+        finally:
+            self._graph.close()
+
+    # Nodes.
+
+    def _standing(self) -> Iterable[NodeName]:
+        return (self._robot, *self._nodes.values()) if self._is_shown else ()
+
+    def _node_of(self, endpoint: OwnEndpoint) -> NodeName | None:
+        if endpoint.owner.client == 0:
+            return node_of_participant(endpoint)
+        configuration = self._master.inventory.configuration_of(endpoint.owner.client)
+        if configuration is None:
+            return node_of_participant(endpoint)
+        return self._slots.get(configuration.slot) or node_of_participant(endpoint)
+
+    def _part_changed(self, event: PartEvent) -> None:
+        if event.slot is not None and event.slot in self._slots:
+            self._look_at(event.slot)
+        self._graph.changed()
+
+    def _look_at(self, slot: str) -> None:
+        """Bring the node of a slot in line with the inventory."""
+        holder = self._master.inventory.holder(slot, self._clock())
+        is_there = holder is not None and holder.state.is_registered
+        if is_there and slot not in self._nodes:
+            self._nodes[slot] = self._slots[slot]
+            self._parameters.open(slot, self._slots[slot])
+        elif not is_there and slot in self._nodes:
+            del self._nodes[slot]
+            self._parameters.close(slot)
+
+    def _rights_changed(self, client: int) -> None:
+        """The configuration of a part may have changed, and with it the values of its parameters."""
+        configuration = self._master.inventory.configuration_of(client)
+        if configuration is not None:
+            self._parameters.changed(configuration.slot)
+
+    # Topics.
+
+    def _writer(self, topic: str, message: type[Message], qos: Qos) -> Writer:
+        owner = Owner(participant=str(self._robot))
+        wanted = self._master.blueprint.ros.global_topics
+        name = topic_of(self._master.blueprint.robot.name, f"/{topic}" if topic in wanted else topic)
+        return self._space.writer(Topic(name, message.type_name), qos, secrets.token_bytes(16), owner)
+
+    async def _diagnose(self) -> None:
+        writer = self._writer("diagnostics", DiagnosticArray, TEN)
+        blueprint = self._master.blueprint
+        slots = [slot.name for slot in blueprint.slots]
+        while True:
+            parts = self._master.inventory.view(self._clock())
+            told = diagnostics(blueprint.robot.name, slots, parts, self._master.stop, self._epoch_ns())
+            writer.write(told.encode())
+            await asyncio.sleep(DIAGNOSTICS_S)
+
+    async def _tell_time(self) -> None:
+        writer = self._writer("clock", Clock, TEN)
+        while True:
+            writer.write(Clock(clock=stamp(self._epoch_ns())).encode())
+            await asyncio.sleep(CLOCK_S)

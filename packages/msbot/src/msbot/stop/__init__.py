@@ -1,0 +1,1 @@
+"""How `msbot stop` reaches every master of a user: sockets, names, groups."""

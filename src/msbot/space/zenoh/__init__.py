@@ -1,8 +1,0 @@
-"""Zenoh through Eclipse's library (extra `msbot[zenoh]`): the data space for wide networks, and its router."""
-
-from msbot.space.zenoh.library import load
-from msbot.space.zenoh.reachability import check_files, unreachable
-from msbot.space.zenoh.router import Allowed, Router
-from msbot.space.zenoh.space import ZenohSpace
-
-__all__ = ["Allowed", "Router", "ZenohSpace", "check_files", "load", "unreachable"]
