@@ -12,6 +12,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
+# One distribution's own tests: make test PACKAGE=xrce (or agent, msbot, school, web)
+PACKAGE ?=
+TESTS_xrce := tests/xrce tests/conformance
+TESTS_agent := tests/agent tests/link tests/space tests/idl tests/wide tests/stock
+TESTS_msbot := tests/cli tests/config tests/doctor tests/firmware tests/hardware tests/homes tests/master tests/metrics \
+	tests/operations tests/part tests/pnp tests/registry tests/ros tests/runtime tests/sim tests/stop
+TESTS_school := tests/lab tests/lessons tests/school
+TESTS_web := tests/web
 HASHES ?= yes
 
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
@@ -21,7 +29,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
-	@echo 'make test    set up, check style, types and layering, run all tests'
+	@echo 'make test    set up, check style, types and layering, run all tests; PACKAGE=xrce: those of one distribution'
 	@echo 'make tests   the tests only; ARGS="-p tests.cost" shows what each costs'
 	@echo 'make check   style, types, layering only'
 	@echo 'make vm      fetch a virtual machine for the tests on a real CAN bus (42 MB); ENGINE=qemu: with CAN controllers'
@@ -29,7 +37,7 @@ help:
 	@echo 'make screenshots   pictures of every page into build/screenshots, the best into docs/pictures (needs chromium)'
 	@echo 'make board   compile the package for boards with MicroPython into build/board'
 	@echo 'make assets  fetch the files of others that are carried along again (needs npm), and compare them'
-	@echo 'make wheel   make a package for other computers: dist/msbot-...whl'
+	@echo 'make wheel   make packages for other computers: dist/msbot*.whl'
 	@echo 'make requirements   write requirements/ anew; ARGS=--upgrade takes the newest versions'
 	@echo 'make docs    build the documentation site into site/'
 
@@ -40,17 +48,19 @@ $(BIN)/python:
 
 INSTALL = $(PYTHON) tools/set_up.py $(if $(filter no,$(HASHES)),--no-hashes) $(BIN)/python
 
-$(VENV)/.run: pyproject.toml requirements/run.txt | $(BIN)/python
+PROJECTS = $(wildcard packages/*/pyproject.toml)
+
+$(VENV)/.run: $(PROJECTS) requirements/run.txt | $(BIN)/python
 	@echo 'Setting up MsBOT in $(VENV), once: about a minute.' >&2
 	@$(INSTALL) requirements/run.txt
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml requirements/dev.txt | $(BIN)/python
+$(VENV)/.dev: $(PROJECTS) requirements/dev.txt | $(BIN)/python
 	@echo 'Setting up MsBOT for development in $(VENV), once: about two minutes.' >&2
 	@$(INSTALL) requirements/dev.txt
 	@touch $@ $(VENV)/.run
 
-$(VENV)/.docs: pyproject.toml requirements/docs.txt | $(BIN)/python
+$(VENV)/.docs: $(PROJECTS) requirements/docs.txt | $(BIN)/python
 	@$(INSTALL) requirements/docs.txt
 	@touch $@
 
@@ -64,12 +74,12 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(PYTHON) -m pip --python $(BIN)/python check
 
-test: check tests
+test: $(if $(PACKAGE),,check) tests
 
 # A file of tests stays on one worker, which makes its fixtures once; the files that take longest come first, and two
 # workers have no browser (tests/taking_turns.py).
 tests: $(VENV)/.dev
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(TESTS_$(PACKAGE)) $(ARGS)
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
@@ -103,8 +113,9 @@ bench: $(VENV)/.dev
 
 wheel: $(VENV)/.run
 	@rm -rf dist && mkdir dist
-	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
-	@echo "dist/$$(ls dist) is made. Elsewhere: pip install 'dist/$$(ls dist)[all]'"
+	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist $(dir $(PROJECTS))
+	@ls dist/*.whl
+	@echo "Elsewhere: pip install --find-links dist 'msbot[all]'"
 
 docs: $(VENV)/.docs
 	PYTHONPATH=. $(BIN)/python tools/can_picture.py docs/explain/can_frame.svg

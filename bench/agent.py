@@ -82,8 +82,8 @@ def main() -> None:
     chosen = options.parse_args()
     generator = build_generator()
     if chosen.against:
-        if not (chosen.against / "src/msbot").is_dir():
-            sys.exit(f"{chosen.against} is no checkout of MsBOT: there is no src/msbot in it")
+        if not sources_of(chosen.against):
+            sys.exit(f"{chosen.against} is no checkout of MsBOT: it has neither packages/*/src nor src")
         lines = compare(generator, chosen.against, max(1, chosen.pairs))
         name, title, command = "agent_versions", "Two versions of the agent in turn", "--against CHECKOUT --write"
     else:
@@ -193,8 +193,13 @@ def start_agent(port: int, *options: str, checkout: Path | None = None) -> subpr
     return subprocess.Popen(
         [*pinned(0), sys.executable, "-m", "msbot", "agent", "udp4", "-p", str(port), "-v", "1", *options],
         stdout=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": str((checkout or SOURCE.parent.parent).resolve() / "src")},
+        env={**os.environ, "PYTHONPATH": ":".join(sources_of((checkout or SOURCE.parent.parent).resolve()))},
     )
+
+
+def sources_of(checkout: Path) -> list[str]:
+    """The folders of a checkout that belong into PYTHONPATH."""
+    return [str(path) for path in (*sorted(checkout.glob("packages/*/src")), checkout / "src") if path.is_dir()]
 
 
 def wait_for(port: int) -> None:

@@ -23,10 +23,10 @@ from msbot.registry.database.pending_change import PendingChange
 from msbot.registry.database.writer import Writer
 
 ROOT = Path(__file__).parent.parent
-PRODUCT = ROOT / "src" / "msbot"
+PRODUCT = ROOT / "packages"
 ONLOOKERS = (ROOT / "tests", ROOT / "bench")
 """What may look something up between two steps of a robot."""
-NO_ROBOT_RUNS = PRODUCT / "operations" / "stored_robot.py"
+NO_ROBOT_RUNS = PRODUCT / "msbot/src/msbot/operations/stored_robot.py"
 
 
 class LoopHeldUp(AssertionError):
@@ -82,7 +82,7 @@ def _whose(file: str) -> Whose:
     if path in (Path(__file__), NO_ROBOT_RUNS):
         return Whose.NO_ROBOT if path == NO_ROBOT_RUNS else Whose.ASKED
     if path.is_relative_to(PRODUCT):
-        return Whose.ASKED if path.is_relative_to(PRODUCT / "registry") else Whose.ROBOT
+        return Whose.ASKED if path.is_relative_to(PRODUCT / "msbot/src/msbot/registry") else Whose.ROBOT
     return Whose.ONLOOKER if any(map(path.is_relative_to, ONLOOKERS)) else Whose.OTHERS
 
 

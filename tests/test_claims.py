@@ -13,10 +13,11 @@ from msbot.part.join.plug import ClaimMessage
 from msbot_agent.link.link_schemes import SCHEMES
 from msbot_agent.startup.extensions import GROUPS, PREFIX
 from tools import room_table
+from tools.sources import source_files
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-TOPS = ("src", "tests", "bench", "fuzz", "tools", "examples", "firmware", "micropython")
+TOPS = ("packages", "tests", "bench", "fuzz", "tools", "examples", "firmware", "micropython")
 SOURCES = {f"/{path.relative_to(ROOT).as_posix()}" for top in TOPS for path in (ROOT / top).rglob("*")}
 """Every file and folder, seen from the project."""
 MADE = {"fuzz/findings"}
@@ -43,13 +44,15 @@ def test_every_file_that_a_page_names_is_there(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_folder_that_a_page_names_is_there(page: Path) -> None:
-    named = set(re.findall(r"`((?:src|tests|bench|fuzz|tools|examples)(?:/[\w.]+)+)/?`", page.read_text()))
+    named = set(re.findall(r"`((?:packages|tests|bench|fuzz|tools|examples)(?:/[\w.]+)+)/?`", page.read_text()))
     assert [name for name in sorted(named - MADE) if not is_in_the_project(name)] == []
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "micropython.md"], ids=lambda page: page.name)
 def test_every_name_in_the_package_that_a_page_uses_is_there(page: Path) -> None:
-    named = set(re.findall(r"`(msbot(?:\.[a-zA-Z_]\w*)+)`", page.read_text())) - {PREFIX + group for group in GROUPS}
+    named = set(re.findall(r"`(msbot(?:_xrce|_agent|_school|_web)?(?:\.[a-zA-Z_]\w*)+)`", page.read_text())) - {
+        PREFIX + group for group in GROUPS
+    }
     assert [name for name in sorted(named) if not name.endswith(FILES) and not is_there(name)] == []
 
 
@@ -71,7 +74,7 @@ def test_callbacks_are_given_or_added_and_never_set_from_outside() -> None:
     """CONTRIBUTING's rule for callbacks."""
     set_outside = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
-        for path in sorted((ROOT / "src").rglob("*.py"))
+        for path in source_files()
         if ".on_" in (text := path.read_text())  # where no attribute is named so, none is set
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and node.attr.startswith("on_")

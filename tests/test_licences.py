@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -44,6 +46,8 @@ def installed() -> set[str]:
     """MsBOT's dependencies, with all extras, as far as they are installed here."""
     found: set[str] = set()
     waiting = [("msbot", tuple(distribution("msbot").metadata.get_all("Provides-Extra") or ()))]
+    workspace = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+    waiting += [(one.name, tuple(one.extras)) for one in map(Requirement, workspace["dependency-groups"]["dev"])]
     while waiting:
         package, extras = waiting.pop()
         try:
@@ -55,7 +59,7 @@ def installed() -> set[str]:
             is_wanted = one.marker is None or any(one.marker.evaluate({"extra": extra}) for extra in ("", *extras))
             if is_wanted and canonicalize_name(one.name) not in found:
                 waiting.append((one.name, tuple(one.extras)))
-    return found - {"msbot"}
+    return {name for name in found if name != "msbot" and not name.startswith("msbot-")}
 
 
 def test_every_dependency_has_a_licence_that_may_be_used() -> None:

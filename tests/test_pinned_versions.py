@@ -1,4 +1,4 @@
-"""requirements/*.txt name everything that pyproject.toml asks for, in one version each, with hashes."""
+"""requirements/*.txt name everything that the distributions ask for, in one version each, with hashes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tools.requirements import BUILD, EXTRAS
+from tools.requirements import BUILD, FILES
 
 ROOT = Path(__file__).parent.parent
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECTS = {
+    path.parent.name: tomllib.loads(path.read_text(encoding="utf-8"))
+    for path in sorted((ROOT / "packages").glob("*/pyproject.toml"))
+}
+GROUPS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["dependency-groups"]
 Pinned = dict[str, list[Requirement]]
 
 
@@ -32,18 +36,23 @@ def pinned(name: str) -> Pinned:
     return found
 
 
-def asked_for(extras: tuple[str, ...]) -> list[Requirement]:
-    """What pyproject.toml and the build ask for, with these extras and those that they name."""
-    wanted = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"], *BUILD.split()]
-    waiting = list(extras)
+def asked_for(extra: str, group: str) -> list[Requirement]:
+    """What the distributions and their build ask for, with this extra and those that it names, and this group."""
+    wanted = [*BUILD.split(), *(GROUPS[group] if group else [])]
+    for project in PROJECTS.values():
+        wanted += project["build-system"]["requires"] + project["project"]["dependencies"]
+    waiting, seen = [("msbot", extra)], set[tuple[str, str]]()
     while waiting:
-        for text in PROJECT["project"]["optional-dependencies"][waiting.pop()]:
-            requirement = Requirement(text)
-            if requirement.name == PROJECT["project"]["name"]:
-                waiting += requirement.extras
-            else:
-                wanted.append(text)
-    return [Requirement(text) for text in wanted]
+        one = waiting.pop()
+        if one in seen:
+            continue
+        seen.add(one)
+        name, extra = one
+        for requirement in map(Requirement, PROJECTS[name]["project"].get("optional-dependencies", {})[extra]):
+            wanted.append(str(requirement))
+            if requirement.name in PROJECTS:
+                waiting += [(requirement.name, each) for each in requirement.extras]
+    return [found for text in wanted if (found := Requirement(text)).name not in PROJECTS]
 
 
 def version(requirement: Requirement) -> str:
@@ -53,7 +62,7 @@ def version(requirement: Requirement) -> str:
     return only.version
 
 
-@pytest.mark.parametrize("name", EXTRAS)
+@pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
 @pytest.mark.parametrize("system", ["linux", "darwin", "win32"])
 @pytest.mark.promise("What make installs is the file that the project was tested with, or the set-up says so")
@@ -62,7 +71,7 @@ def test_all_that_is_asked_for_is_named_with_a_version_that_fits(name: str, pyth
     there |= {"platform_machine": "AMD64" if system == "win32" else "x86_64", "extra": ""}
     named = pinned(name)
     missing = []
-    for asked in asked_for(EXTRAS[name]):
+    for asked in asked_for(*FILES[name]):
         if asked.marker and not asked.marker.evaluate(there):
             continue
         lines = named.get(canonicalize_name(asked.name), [])
@@ -73,7 +82,7 @@ def test_all_that_is_asked_for_is_named_with_a_version_that_fits(name: str, pyth
 
 
 def test_the_files_name_a_package_in_the_same_versions() -> None:
-    files = [pinned(name) for name in EXTRAS]
+    files = [pinned(name) for name in FILES]
     for package in files[0].keys() & files[1].keys() & files[2].keys():
         run, dev, docs = ({version(line) for line in file[package]} for file in files)
         assert run == dev == docs, package

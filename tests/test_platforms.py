@@ -52,10 +52,11 @@ if windows:
     asyncio.set_event_loop_policy(Policy())
 """
 IMPORT_ALL = """
-import importlib, pkgutil, msbot
+import importlib, pkgutil, msbot, msbot_agent, msbot_school, msbot_web, msbot_xrce
 failed = []
-for module in pkgutil.walk_packages(msbot.__path__, "msbot."):
-    if ".migrations" in module.name or module.name == "msbot_agent.__main__":
+packages = (msbot_xrce, msbot_agent, msbot, msbot_school, msbot_web)
+for module in (one for package in packages for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")):
+    if ".migrations" in module.name or module.name.endswith(".__main__"):
         continue
     try:
         importlib.import_module(module.name)

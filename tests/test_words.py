@@ -6,6 +6,8 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
+from tools.sources import dotted, source_files
+
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs/reference/words.md").read_text()
 
@@ -14,11 +16,12 @@ PAGE = (ROOT / "docs/reference/words.md").read_text()
 def rooms_of_classes() -> dict[str, set[str]]:
     """Public class -> the rooms that define one of that name."""
     rooms = defaultdict(set)
-    source = ROOT / "src/msbot"
-    for path in source.rglob("*.py"):
+    for path in source_files():
+        package, *rest = dotted(path).split(".")
+        room = {"msbot_xrce": "xrce", "msbot_web": "web"}.get(package) or (rest[0] if rest else package)
         for node in ast.parse(path.read_text()).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                rooms[node.name].add(path.relative_to(source).parts[0].removesuffix(".py"))
+                rooms[node.name].add(room)
     return dict(rooms)
 
 

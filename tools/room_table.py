@@ -1,7 +1,8 @@
-"""Writes the table of rooms in CONTRIBUTING.md from what holds: the linter's contract, and the rooms themselves.
+"""Writes the tables of distributions and rooms in CONTRIBUTING.md from what holds: the linter's contracts, and the
+rooms.
 
-    python tools/room_table.py           writes it
-    python tools/room_table.py --check   says whether it is up to date (status 1 if not); a test does the same
+    python tools/room_table.py           writes them
+    python tools/room_table.py --check   says whether they are up to date (status 1 if not); a test does the same
 
 Order and rights come from the layers in `pyproject.toml`, what a room is from the first line of its docstring, its
 third-party libraries from the import statements in it.
@@ -12,38 +13,50 @@ from __future__ import annotations
 import ast
 import sys
 import tomllib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from tools.sources import PACKAGES, ROOT
+
 PAGE = ROOT / "CONTRIBUTING.md"
 BEGIN = "<!-- made by tools/room_table.py from pyproject.toml -->\n"
 END = "<!-- end of what is made -->\n"
+OWN = {package.name for package in PACKAGES}
 
 
 def table() -> str:
-    """The rooms from top to bottom, in Markdown."""
-    layers = [[room.strip() for room in layer.split("|")] for layer in _layers()]
-    rows = ["| room | is | may import | third party |", "|---|---|---|---|"]
-    for depth, layer in enumerate(layers):
-        below = f"`{'`, `'.join(layers[depth + 1])}` and below" if depth + 2 < len(layers) else ""
-        if depth + 2 == len(layers):
-            below = f"`{'`, `'.join(layers[depth + 1])}`"
-        for room in layer:
-            others = ", ".join(sorted(third_party(room))) or "–"
-            rows.append(f"| `{room}` | {_is(room)} | {below or '–'} | {others} |")
+    """The distributions and their rooms from top to bottom, in Markdown."""
+    rows = ["| distribution | is | needs | third party | lines |", "|---|---|---|---|---|"]
+    for package in reversed(PACKAGES):
+        files = sorted(package.rglob("*.py"))
+        project = tomllib.loads((package.parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
+        below = next((name for name in project["dependencies"] if name.startswith("msbot")), "–").partition("==")[0]
+        lines = sum(len(path.read_text("utf-8").splitlines()) for path in files)
+        others = ", ".join(sorted(third_party(files))) or "–"
+        rows.append(f"| `{project['name']}` | {project['description']} | {below} | {others} | {round(lines, -2):,} |")
+    rows += ["", "| room | is | may import | third party |", "|---|---|---|---|"]
+    for package, layers in _layers():
+        for depth, layer in enumerate(layers):
+            below = f"`{'`, `'.join(layers[depth + 1])}`" if depth + 1 < len(layers) else "–"
+            below += " and below" if depth + 2 < len(layers) else ""
+            for room in layer:
+                others = ", ".join(sorted(third_party(_files(package / room)))) or "–"
+                rows.append(f"| `{package.name}.{room}` | {_is(package / room)} | {below} | {others} |")
     return "\n".join(rows) + "\n"
 
 
-def third_party(room: str) -> set[str]:
-    """Top-level names of the libraries that a room imports."""
+def third_party(files: Iterable[Path]) -> set[str]:
+    """Top-level names of the libraries that files import."""
     found = set()
-    for path in _files(room):
+    for path in files:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 found.add(node.module or "")
-    return {name.partition(".")[0] for name in found} - set(sys.stdlib_module_names) - {"msbot"}
+    return {name.partition(".")[0] for name in found} - set(sys.stdlib_module_names) - OWN
 
 
 def page() -> str:
@@ -52,20 +65,21 @@ def page() -> str:
     return f"{before}{BEGIN}{table()}{END}{rest.partition(END)[2]}"
 
 
-def _layers() -> list[str]:
+def _layers() -> Iterator[tuple[Path, list[list[str]]]]:
+    """Each package that is divided into rooms, with its rooms from the top down."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
-    layers = next(contract for contract in contracts if contract["type"] == "layers")["layers"]
-    return list(layers)
+    for package in reversed(PACKAGES):
+        for contract in contracts:
+            if contract.get("containers") == [package.name]:
+                yield package, [[room.strip() for room in layer.split("|")] for layer in contract["layers"]]
 
 
-def _files(room: str) -> list[Path]:
-    folder = ROOT / "src/msbot" / room
-    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+def _files(room: Path) -> list[Path]:
+    return sorted(room.rglob("*.py")) if room.is_dir() else [room.with_suffix(".py")]
 
 
-def _is(room: str) -> str:
-    folder = ROOT / "src/msbot" / room
-    path = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
+def _is(room: Path) -> str:
+    path = room / "__init__.py" if room.is_dir() else room.with_suffix(".py")
     words = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
     return " ".join(words.partition("\n\n")[0].split()).rstrip(".:")
 
@@ -74,5 +88,5 @@ if __name__ == "__main__":
     wanted = page()
     if wanted != PAGE.read_text("utf-8"):
         if "--check" in sys.argv[1:]:
-            sys.exit("CONTRIBUTING.md: the table of rooms is not up to date: run `python tools/room_table.py`")
+            sys.exit("CONTRIBUTING.md: the tables are not up to date: run `python tools/room_table.py`")
         PAGE.write_text(wanted, "utf-8")

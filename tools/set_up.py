@@ -24,6 +24,7 @@ PACKAGE = re.compile(r"^\s*(?:Collecting|Requirement already satisfied:) ([\w.-]
 HASH = re.compile(r" \\\n\s*--hash=\S+")
 PHASES = {"Installing collected packages": "installing them, which takes half of the time",
           "Successfully installed": "they are installed"}  # fmt: skip
+DISTRIBUTIONS = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-web")
 COMPILING = "compiling MsBOT, so that its first start is as quick as the next one"
 WRONG_HASH = "DO NOT MATCH THE HASHES"
 """How pip begins when a file is not the one that it should be."""
@@ -34,13 +35,16 @@ def main(*arguments: str) -> int:
     python, requirements = (argument for argument in arguments if argument != "--no-hashes")
     status = install_requirements(python, Path(requirements), hashes="--no-hashes" not in arguments)
     if not status:
-        status = run_pip(python, "--no-deps", "--no-build-isolation", "--editable", ".")
+        own = [word for name in DISTRIBUTIONS for word in ("--editable", f"packages/{name}")]
+        status = run_pip(python, "--no-deps", "--no-build-isolation", *own)
     if not status:
         point_without_letters(Path(python).parents[1])
         say(COMPILING)
         # pip does this for what it installs, but not for what is used where it lies; the first start would take twice
         # as long. A folder that cannot be written to is no reason to fail.
-        subprocess.run([python, "-m", "compileall", "-q", "-j", "0", "src"], stdout=subprocess.DEVNULL, check=False)
+        subprocess.run(
+            [python, "-m", "compileall", "-q", "-j", "0", "packages"], stdout=subprocess.DEVNULL, check=False
+        )
     end_line()
     return status
 
@@ -91,7 +95,7 @@ def point_without_letters(environment: Path) -> None:
     pip writes the whole path. Python before 3.13 reads it in the letters of the locale, so that with LC_ALL=C no
     program of an environment in a folder like `Tür 1` would start.
     """
-    for pointer in environment.glob("lib/python*/site-packages/_editable_impl_msbot.pth"):
+    for pointer in environment.glob("lib/python*/site-packages/_editable_impl_msbot*.pth"):
         # Python completes the path without looking at links, and so does this.
         lines = pointer.read_text(encoding="utf-8").splitlines()
         relative = [os.path.relpath(line, os.path.abspath(pointer.parent)) for line in lines if line]

@@ -1,4 +1,4 @@
-"""Drivers of chips on I2C on a generic board; `src/msbot/hardware/drivers` cites the data sheets of their registers."""
+"""Drivers of chips on I2C on a generic board; `msbot.hardware.drivers` cites the data sheets of their registers."""
 
 import struct
 import time

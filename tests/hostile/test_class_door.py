@@ -131,9 +131,10 @@ def test_freeze_and_group_hold_for_missions(tmp_path: Path) -> None:
             assert await stage.refusal(do(name, who=pupil("ben"), **given)) == "slot AA belongs to group Red"
             assert "without missions" in await stage.refusal(do(name, who=pupil("ada"), **given))
         await stage.do.freeze("look", who="novak")
-        for name, given in (
+        frozen: tuple[tuple[str, dict[str, object]], ...] = (
             *acts, ("repair", {"repair": "quiet-bus"}), ("answer_mission", {"kind": "loss"}), ("mission_hint", {}),
-        ):  # fmt: skip
+        )  # fmt: skip
+        for name, given in frozen:
             assert await stage.refusal(do(name, who=pupil("ada"), **given)) == "the class is frozen by novak: look"
             assert "without missions" in await stage.refusal(do(name, who="novak", **given))
 
@@ -232,7 +233,7 @@ def test_a_person_has_so_many_tokens_and_no_more(tmp_path: Path) -> None:
         for number in range(MOST_TOKENS):
             await rig.accounts.new_token("teacher", f"robot {number}", who="teacher")
         for more in (rig.accounts.new_token, rig.accounts.new_ticket):
-            words = str(await refusal(lambda more=more: more("teacher", "one more", who="teacher")))
+            words = str(await refusal(partial(more, "teacher", "one more", who="teacher")))
             assert words == f"teacher has {MOST_TOKENS} tokens and tickets already: remove one that nobody uses"
         await rig.accounts.remove_token("teacher", "robot 0", who="teacher")
         assert await rig.accounts.new_token("teacher", "one more", who="teacher")

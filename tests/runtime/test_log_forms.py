@@ -15,9 +15,10 @@ from click.testing import CliRunner
 from msbot.cli.run.event_log import log_event
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot_agent.cli.logs import EVENTS, LogWishes, RoomLevel
-from msbot_agent.log.log_forms import JournalFormatter, JsonFormatter, goes_to_journal, room_of
+from msbot_agent.log.log_forms import JournalFormatter, JsonFormatter, goes_to_journal
 from msbot_agent.log.log_limiter import BURST
 from msbot_agent.log.terminal_log import TerminalHandler
+from msbot_agent.process.own_code import room_of
 
 
 def record(level: int, text: str, name: str = "msbot_agent.agent.server") -> logging.LogRecord:
@@ -34,9 +35,8 @@ def test_a_line_for_programs_is_one_object_whatever_the_message_holds() -> None:
 
 
 def test_rooms_of_loggers() -> None:
-    assert [room_of(name) for name in ("msbot_web.api.routes", "msbot", "uvicorn.error", "asyncio")] == [
-        "web", "msbot", "uvicorn", "asyncio",
-    ]  # fmt: skip
+    names = ("msbot_web.api.routes", "msbot_agent.link.base", "msbot", "uvicorn.error", "asyncio")
+    assert [room_of(name) for name in names] == ["web", "link", "msbot", "uvicorn", "asyncio"]
 
 
 def test_lines_for_the_journal_have_their_priority_and_forge_none() -> None:

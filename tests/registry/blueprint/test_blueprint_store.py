@@ -80,10 +80,10 @@ def test_a_robot_is_stored_with_all_it_has(registry: Registry) -> None:
     assert robot == RobotRecord(1, "R2", "007", "V1", "today", "us", 1_700_000_000_000_000_000)
     columns = [robots.c[name] for name in ("beat_period_s", "tick_period_s", "life", "profile_period_s", "explain")]
     assert _query(registry, *columns, robots.c.free_topics) == [(0.25, 0.5, 4, 1.0, True, ["chat"])]
-    assert _query(registry, slots.c.name, slots.c.position, slots.c.part_number, slots.c.local_name) == [
-        ("left", 0, "EYE", ""),
-        ("right", 1, "EYE", ""),
-        ("leg", 2, "LEG", "LEG-1"),
+    assert sorted(_query(registry, slots.c.position, slots.c.name, slots.c.part_number, slots.c.local_name)) == [
+        (0, "left", "EYE", ""),
+        (1, "right", "EYE", ""),
+        (2, "leg", "LEG", "LEG-1"),
     ]
     assert _query(registry, settings.c.name, settings.c.origin, settings.c.value, settings.c.slot_id) == [
         ("period_s", "library", 0.5, 1),

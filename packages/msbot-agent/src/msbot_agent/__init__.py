@@ -20,13 +20,12 @@ if TYPE_CHECKING:
     from msbot_agent.link import Link, open_link
     from msbot_agent.space import MemorySpace, Space, open_space
 
-__getattr__ = lazy_face(
-    __name__,
-    {
-        "msbot_agent.agent": ("Agent", "AgentSettings"),
-        "msbot_agent.link": ("Link", "open_link"),
-        "msbot_agent.space": ("MemorySpace", "Space", "open_space"),
-    },
-)
+_NAMES = {
+    "msbot_agent.agent": ("Agent", "AgentSettings"),
+    "msbot_agent.link": ("Link", "open_link"),
+    "msbot_agent.space": ("MemorySpace", "Space", "open_space"),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = ["Agent", "AgentSettings", "Link", "MemorySpace", "Space", "open_link", "open_space"]

@@ -29,7 +29,7 @@ class Chapter:
 
 def folder() -> Path:
     """Where the handbook is: in the installed package, or `docs` of a checkout."""
-    return carried_folder("docs", "docs")
+    return carried_folder(Path(__file__).parent, "docs", "docs")
 
 
 @cache

@@ -3,18 +3,51 @@
 Times are handed in as `now` in seconds of the caller's monotonic clock; octets go in, events and octets come out.
 """
 
-from msbot_xrce.compression.header_compression import compress, decompress
-from msbot_xrce.explain import explain
-from msbot_xrce.layout import FoundField, read_fields
-from msbot_xrce.messages.ids import Status
-from msbot_xrce.messages.whole import is_whole
-from msbot_xrce.objects.references import References
-from msbot_xrce.sessions.agent import AgentSession
-from msbot_xrce.sessions.client import ClientSession
-from msbot_xrce.sessions.client_state import ClientState
-from msbot_xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
-from msbot_xrce.streams.receiving_in_order import GIVEN_UP
-from msbot_xrce.wireshark import dissector
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot_xrce.compression.header_compression import compress, decompress
+    from msbot_xrce.explain import explain
+    from msbot_xrce.layout import FoundField, read_fields
+    from msbot_xrce.messages.ids import Status
+    from msbot_xrce.messages.whole import is_whole
+    from msbot_xrce.objects.references import References
+    from msbot_xrce.sessions.agent import AgentSession
+    from msbot_xrce.sessions.client import ClientSession
+    from msbot_xrce.sessions.client_state import ClientState
+    from msbot_xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
+    from msbot_xrce.streams.receiving_in_order import GIVEN_UP
+    from msbot_xrce.wireshark import dissector
+
+_NAMES = {
+    "msbot_xrce.compression.header_compression": (
+        "compress",
+        "decompress",
+    ),
+    "msbot_xrce.explain": ("explain",),
+    "msbot_xrce.layout": (
+        "FoundField",
+        "read_fields",
+    ),
+    "msbot_xrce.messages.ids": ("Status",),
+    "msbot_xrce.messages.whole": ("is_whole",),
+    "msbot_xrce.objects.references": ("References",),
+    "msbot_xrce.sessions.agent": ("AgentSession",),
+    "msbot_xrce.sessions.client": ("ClientSession",),
+    "msbot_xrce.sessions.client_state": ("ClientState",),
+    "msbot_xrce.sessions.settings": (
+        "AgentSessionSettings",
+        "ClientSessionSettings",
+    ),
+    "msbot_xrce.streams.receiving_in_order": ("GIVEN_UP",),
+    "msbot_xrce.wireshark": ("dissector",),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "GIVEN_UP",

@@ -79,7 +79,7 @@ brought by its distribution, by an entry point; those of distributions that are 
 BUILT_IN = {
     "idl": "idl",
     "agent": "agent.agent",
-    "relay": "run.relay",
+    "relay": "relay",
     "gateway": "wide.gateway",
     "router": "wide.router",
     "clients": "agent.clients",

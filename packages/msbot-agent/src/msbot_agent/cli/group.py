@@ -62,7 +62,7 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, help=SUMMARY, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="msbot", message="%(prog)s %(version)s")
+@click.version_option(package_name="msbot-agent", message="%(prog)s %(version)s")
 def msbot() -> None:
     """Every command."""
 

@@ -15,13 +15,12 @@ import click
 from msbot_agent.log.log_forms import JournalFormatter, JsonFormatter, goes_to_journal
 from msbot_agent.log.log_limiter import BURST
 from msbot_agent.log.terminal_log import TerminalHandler
+from msbot_agent.process.own_code import PACKAGES, UNDIVIDED
 from msbot_xrce.common.lazy_dataclass import dataclass
 
 LEVELS = {
     "debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR,
 }  # fmt: skip
-PACKAGES = ("msbot",)
-"""The packages of MsBOT: each has rooms, whose loggers are named by them. One that is not installed has none."""
 EVENTS = "msbot.pnp.events"
 """The logger of what happens to parts, in JSON; quiet in other forms, in which it is said in another way."""
 
@@ -61,10 +60,13 @@ class LogWishes:
 
 
 def rooms() -> dict[str, list[str]]:
-    """Every room, with the names of its loggers: two packages may have rooms of one name."""
+    """Every room of the packages that are installed, with the names of its loggers: two may have rooms of one name."""
     found = defaultdict[str, list[str]](list)
     for package in PACKAGES:
         spec = find_spec(package)
+        if spec is not None and package in UNDIVIDED:
+            found[UNDIVIDED[package]].append(package)
+            continue
         for one in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
             if one.ispkg:
                 found[one.name].append(f"{package}.{one.name}")

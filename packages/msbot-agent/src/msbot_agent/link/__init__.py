@@ -1,24 +1,73 @@
 """Links carry whole, opaque packets between this process and its peers; `contract.py` says what a link is."""
 
-from msbot_agent.link.base import BaseLink
-from msbot_agent.link.contract import (
-    ChoosyLink,
-    KnownPeers,
-    Link,
-    LinkCounters,
-    LinkInfo,
-    PacketHandler,
-    Peer,
-    RoomHandler,
-    Signal,
-    SignalHandler,
-    Tap,
-)
-from msbot_agent.link.disturbed import Disturbance, DisturbedLink, Treatment
-from msbot_agent.link.in_process import InprocEnd, InprocHub, inproc_pair
-from msbot_agent.link.link_schemes import Scheme, bound_name, link_kinds, open_link, parse_host_and_port
-from msbot_agent.link.lossy import LossyLink
-from msbot_agent.link.visitor import Visitor, pupil_behind, visitor_behind
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot_agent.link.base import BaseLink
+    from msbot_agent.link.contract import (
+        ChoosyLink,
+        KnownPeers,
+        Link,
+        LinkCounters,
+        LinkInfo,
+        PacketHandler,
+        Peer,
+        RoomHandler,
+        Signal,
+        SignalHandler,
+        Tap,
+    )
+    from msbot_agent.link.disturbed import Disturbance, DisturbedLink, Treatment
+    from msbot_agent.link.in_process import InprocEnd, InprocHub, inproc_pair
+    from msbot_agent.link.link_schemes import Scheme, bound_name, link_kinds, open_link, parse_host_and_port
+    from msbot_agent.link.lossy import LossyLink
+    from msbot_agent.link.visitor import Visitor, pupil_behind, visitor_behind
+
+_NAMES = {
+    "msbot_agent.link.base": ("BaseLink",),
+    "msbot_agent.link.contract": (
+        "ChoosyLink",
+        "KnownPeers",
+        "Link",
+        "LinkCounters",
+        "LinkInfo",
+        "PacketHandler",
+        "Peer",
+        "RoomHandler",
+        "Signal",
+        "SignalHandler",
+        "Tap",
+    ),
+    "msbot_agent.link.disturbed": (
+        "Disturbance",
+        "DisturbedLink",
+        "Treatment",
+    ),
+    "msbot_agent.link.in_process": (
+        "InprocEnd",
+        "InprocHub",
+        "inproc_pair",
+    ),
+    "msbot_agent.link.link_schemes": (
+        "Scheme",
+        "bound_name",
+        "link_kinds",
+        "open_link",
+        "parse_host_and_port",
+    ),
+    "msbot_agent.link.lossy": ("LossyLink",),
+    "msbot_agent.link.visitor": (
+        "Visitor",
+        "pupil_behind",
+        "visitor_behind",
+    ),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "BaseLink",

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Final, TextIO
 
 from msbot_agent.log.terminal_log import PlainFormatter
+from msbot_agent.process.own_code import room_of
 
 FIELDS: Final = "msbot_fields"
 """Attribute of a record with values that belong to its message, for programs."""
@@ -17,12 +18,6 @@ ALWAYS: Final = "msbot_always"
 """Attribute of a record that is written however many like it there are."""
 
 _PRIORITIES: Final = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
-
-
-def room_of(logger: str) -> str:
-    """The room of MsBOT that a logger belongs to; the package, for other loggers."""
-    package, _, rest = logger.partition(".")
-    return rest.partition(".")[0] if package == "msbot" and rest else package
 
 
 class JsonFormatter(logging.Formatter):

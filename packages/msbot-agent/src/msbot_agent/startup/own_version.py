@@ -11,6 +11,6 @@ def own_version() -> str:
     from importlib.metadata import PackageNotFoundError, version  # slow to load, and seldom needed
 
     try:
-        return version("msbot")
+        return version("msbot-agent")
     except PackageNotFoundError:
         return "unknown"

@@ -22,7 +22,7 @@ SIMPLE = "-simple"
 
 def shipped_folder() -> Path:
     """Where MsBOT's own lessons are."""
-    return carried_folder("lessons", "lessons")
+    return carried_folder(Path(__file__).parents[1], "lessons/carried", "lessons")
 
 
 class LessonShelf:

@@ -11,31 +11,33 @@ import hashlib
 import json
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 
 from fastapi import FastAPI, Request, Response
 
-from msbot.carried.board_package import OF_GENERIC_BOARDS, board_sources, package_files
+from msbot.carried.board_package import OF_GENERIC_BOARDS, board_sources, browser_sources, package_files
 from msbot.carried.carried_files import carried_folder
 from msbot_web.place import root
 
 FILES_PATH = "/program/files.json"
 WORKER_PATH = "/program/worker.js"
 BOARD_PATH = "/program/board.json"
+PACKAGE = Path(__file__).parents[1]
 
 
 @cache
 def home_files() -> str:
     """`{path: text}` as JSON: the package `msbot` for MicroPython, and what runs it in a browser."""
     found = {f"msbot/{path.name}": path.read_text("utf-8") for path in sorted(board_sources().glob("*.py"))}
-    ours = carried_folder("browser_home", "micropython/browser")
+    ours = browser_sources()
     return json.dumps(found | {path.name: path.read_text("utf-8") for path in sorted(ours.glob("*.py"))})
 
 
 @cache
 def examples() -> dict[str, str]:
     """The examples by their file names: the project's, then those for a phone, which only a browser can run."""
-    ours = carried_folder("browser_home", "micropython/browser") / "programs"
-    found = [*sorted(carried_folder("examples", "examples").glob("*.py")), *sorted(ours.glob("*.py"))]
+    ours = browser_sources() / "programs"
+    found = [*sorted(carried_folder(PACKAGE, "examples", "examples").glob("*.py")), *sorted(ours.glob("*.py"))]
     return {path.name: path.read_text("utf-8") for path in found}
 
 

@@ -21,6 +21,7 @@ OF_GENERIC_BOARDS = frozenset(
 )
 """Modules that only a generic board needs; a program of one's own works without."""
 
+_PACKAGE = Path(__file__).parents[1]
 _OF_PROGRAMS = ("listen", "every", "on", "on_setting", "publishes")
 """What programs call beside the names that they import: `Part` has them from the module `declaring`."""
 
@@ -66,7 +67,12 @@ def shortened() -> dict[str, str]:
 
 def board_sources() -> Path:
     """The folder of its sources."""
-    return carried_folder("micropython", "micropython/msbot")
+    return carried_folder(_PACKAGE, "carried/micropython", "micropython/msbot")
+
+
+def browser_sources() -> Path:
+    """The folder of what runs it in a browser."""
+    return carried_folder(_PACKAGE, "carried/browser_home", "micropython/browser")
 
 
 def _sources() -> list[Path]:

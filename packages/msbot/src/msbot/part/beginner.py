@@ -21,6 +21,7 @@ from weakref import WeakSet
 
 from msbot.part.join.joining import Joining, JoinState
 from msbot.part.join.thesis_master import DOES_NOT_JOIN
+from msbot_agent.process.own_code import own_folders
 from msbot_xrce.errors import MsbotError
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ STUCK_S = 0.5
 SILENCE_S = (2.0, 10.0, 60.0)
 """After this many seconds, a part that is still waiting says what it is waiting for."""
 
-_PACKAGE = str(Path(__file__).parents[1])
-_COMMANDS = str(Path(_PACKAGE, "cli"))
 _log = logging.getLogger("msbot.part")
 
 
@@ -73,7 +72,7 @@ def part_is_run(part: Part) -> None:
 def line_of(error: BaseException) -> str | None:
     """The innermost line of the program's own code: `my_part.py:12 in measure`."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        if not frame.filename.startswith(_PACKAGE) and not frame.filename.startswith("<frozen"):
+        if not frame.filename.startswith(own_folders()) and not frame.filename.startswith("<frozen"):
             return f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}".replace(" in <module>", "")
     return None
 
@@ -137,7 +136,7 @@ class HandlerWatch:
         frame = sys._current_frames().get(self._loop_thread)  # noqa: SLF001 - the documented way to ask
         while frame is not None:
             path = frame.f_code.co_filename
-            if not path.startswith((_PACKAGE, "<")) and "lib/python" not in path:
+            if not path.startswith((*own_folders(), "<")) and "lib/python" not in path:
                 return f"{Path(path).name}:{frame.f_lineno}"
             frame = frame.f_back
         return None
@@ -148,9 +147,9 @@ def _place_in_main() -> str | None:
         return None
     frame = sys._getframe(1)  # noqa: SLF001 - nothing else says whose program it is
     while frame is not None:
-        if frame.f_code.co_filename.startswith(_COMMANDS):
+        if frame.f_code.co_filename.startswith(tuple(str(Path(folder, "cli")) for folder in own_folders())):
             return None  # `msbot part`, whose script is nobody's program
-        if frame.f_globals.get("__name__") == "__main__" and not frame.f_code.co_filename.startswith(_PACKAGE):
+        if frame.f_globals.get("__name__") == "__main__" and not frame.f_code.co_filename.startswith(own_folders()):
             return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
         if frame.f_back is None:
             return None

@@ -25,6 +25,7 @@ from msbot_agent.link import Link, Peer, Signal, bound_name
 from msbot_agent.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot_agent.log.log_limiter import BURST
 from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.own_code import PACKAGES
 from msbot_agent.process.patient_output import patient_output
 from msbot_agent.ros.graph import RosGraph
 from msbot_agent.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
@@ -108,7 +109,8 @@ def serve(
     stream = sys.stderr if wishes.log.is_json else sys.stdout
     wishes.log.set_up(logging.WARNING, stream, burst=DETAILS_IN_A_ROW if wishes.verbose >= SAY_DETAILS else BURST)
     logging.getLogger().setLevel(max(LEVELS[wishes.verbose], logging.WARNING))
-    logging.getLogger("msbot").setLevel(LEVELS[wishes.verbose])  # the details of other libraries are of no use here
+    for package in PACKAGES:  # the details of other libraries are of no use here
+        logging.getLogger(package).setLevel(LEVELS[wishes.verbose])
     wishes.log.apply()
     references = None if wishes.refs is None else read_references(wishes.refs)
     if isinstance(link, TcpServerLink):

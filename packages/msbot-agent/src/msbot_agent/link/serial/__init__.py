@@ -1,7 +1,24 @@
 """Links over serial ports and pseudo terminals."""
 
-from msbot_agent.link.serial.port import SerialClientLink, SerialServerLink
-from msbot_agent.link.serial.pty import PtyServerLink
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msbot_xrce.common.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from msbot_agent.link.serial.port import SerialClientLink, SerialServerLink
+    from msbot_agent.link.serial.pty import PtyServerLink
+
+_NAMES = {
+    "msbot_agent.link.serial.port": (
+        "SerialClientLink",
+        "SerialServerLink",
+    ),
+    "msbot_agent.link.serial.pty": ("PtyServerLink",),
+}
+
+__getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "PtyServerLink",

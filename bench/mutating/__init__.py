@@ -1,1 +1,0 @@
-"""What `bench/mutants.py` is made of."""
