@@ -45,25 +45,21 @@ def tests_of(part_type: PartType) -> list[str]:
 
 def table() -> str:
     """One row for each part type."""
-    rows = ["| part number | is | driver on Linux | driver on boards |", "|---|---|---|---|"]
+    rows = ["| part number | driver on Linux | driver on boards |", "|---|---|---|"]
     for part_type in sorted(load_library(), key=lambda one: one.number):
         driver = part_type.driver
         linux = f"[{BUSES[driver.bus]}](wiring.md#{anchor(part_type)})" if driver.entry_point else f"no: {driver.none}"
         board = driver.board.driver
         boards = f"`{board}`" if board in BOARD_DRIVERS else "–"
-        rows.append(f"| `{part_type.number}` | {part_type.name} | {linux} | {boards} |")
+        rows.append(f"| `{part_type.number}` | {linux} | {boards} |")
     return "\n".join(rows) + "\n"
 
 
 def drivers_of_boards() -> str:
     """One row for each driver of boards."""
-    rows = ["| driver | uses | sources | part types |", "|---|---|---|---|"]
-    users: dict[str, list[str]] = {name: [] for name in BOARD_DRIVERS}
-    for part_type in sorted(load_library(), key=lambda one: one.number):
-        if part_type.driver.board.driver:
-            users[part_type.driver.board.driver].append(f"`{part_type.number}`")
+    rows = ["| driver | uses | sources |", "|---|---|---|"]
     for name, driver in BOARD_DRIVERS.items():
-        rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} | {', '.join(users[name])} |")
+        rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} |")
     return "\n".join(rows) + "\n"
 
 
@@ -81,7 +77,6 @@ def wiring() -> str:
             continue
         lines = [f"## {part_type.number}", ""]
         lines += [f"{part_type.name}. ![Wires of {part_type.number}](wiring/{part_type.number}.svg)", ""]
-        lines += ["| pin | goes to |", "|---|---|"]
         wires = {wire.pin: wire for wire in driver.pins}
         for pin in part_type.pins:
             supply = str(part_type.supply or "supply")
@@ -94,14 +89,13 @@ def wiring() -> str:
             elif pin.kind.value == "bus" and driver.bus is BusKind.I2C:
                 goes = {"SDA": "SDA, GPIO 2", "SCL": "SCL, GPIO 3"}.get(pin.name, "")
             said = "" if pin.kind.value == "bus" else pin.description
-            if goes or said:
-                lines.append(f"| {pin.name} | {'; '.join(filter(None, (goes, said)))} |")
+            if said or (goes and goes != "ground"):
+                lines.append(f"* {pin.name}: {'; '.join(filter(None, (goes, said)))}")
         lines += ["", "```", example(part_type), "```", ""]
         if driver.options:
-            lines += ["| option | default | means |", "|---|---|---|"]
             for option in driver.options:
                 unit = f" {option.unit}" if option.unit else ""
-                lines.append(f"| `{option.name}` | {scalar_text(option.default)}{unit} | {option.description} |")
+                lines.append(f"* `{option.name}`, {scalar_text(option.default)}{unit}: {option.description}")
             lines.append("")
         sections.append("\n".join(lines))
     return "\n".join(sections)

@@ -139,8 +139,12 @@ def test_every_row_is_a_key(asked: set[tuple[str, str]]) -> None:
             assert (heading, key) in asked or (heading == key and ("", key) in asked)
 
 
-def test_the_sample_is_the_one_that_is_written() -> None:
-    assert f"```toml\n{SAMPLE_ROBOT_TOML}```" in PAGE
+def test_the_example_is_a_blueprint(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "parts").mkdir()
+    path = tmp_path / "robot.toml"
+    path.write_text(example)
+    assert [slot.name for slot in load_blueprint(path, load_library()).slots] == ["dial", "fan"]
 
 
 def test_the_values_of_the_presets_are_right() -> None:
