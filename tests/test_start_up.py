@@ -80,8 +80,8 @@ def test_the_models_of_an_api_description_are_built_when_somebody_asks_for_one()
 
 def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
     loaded = all_modules_after(
-        "import uvicorn, msbot_web.late_websocket\n"
-        "uvicorn.Config(lambda: None, ws=msbot_web.late_websocket.LateWebSocket).load()"
+        "import uvicorn, msbot_web.nicegui_internals.late_websocket\n"
+        "uvicorn.Config(lambda: None, ws=msbot_web.nicegui_internals.late_websocket.LateWebSocket).load()"
     )
     assert "uvicorn.protocols.http.httptools_impl" in loaded
     assert not {name for name in loaded if name.startswith("websockets")}

@@ -20,13 +20,13 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, the_loop
 from msbot.operations.rights import Role
-from msbot_web import page_sockets
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
-from msbot_web.open_pages import OpenPages
+from msbot_web.nicegui_internals import page_sockets
+from msbot_web.nicegui_internals.open_pages import OpenPages
+from msbot_web.nicegui_internals.page_sockets import MOST_WAITING, MOST_WAITING_OCTETS, Outgoing, PageSockets
 from msbot_web.page_errors import say_errors_once
-from msbot_web.page_sockets import MOST_WAITING, MOST_WAITING_OCTETS, Outgoing, PageSockets
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 PATH = "/_nicegui_ws"

@@ -17,7 +17,7 @@ from msbot_agent.text.json_reading import read_json
 from msbot_agent.text.printable import printable, whole
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
-from msbot_web.page_sockets import NONSENSE, TOO_SLOW
+from msbot_web.nicegui_internals.page_sockets import NONSENSE, TOO_SLOW
 from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import PlainHasher, user
 

@@ -17,8 +17,8 @@ from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
-from msbot_web.open_pages import LEFT, MADE_ANEW, OpenPages
-from msbot_web.page_sockets import COMPLAINTS, NONSENSE
+from msbot_web.nicegui_internals.open_pages import LEFT, MADE_ANEW, OpenPages
+from msbot_web.nicegui_internals.page_sockets import COMPLAINTS, NONSENSE
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 WHOLE = {

@@ -18,7 +18,7 @@ from msbot.operations.rights import Role
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.pace.steady_rate import SteadyRate
 from msbot_web.access.sessions import Session
-from msbot_web.page_sockets import (
+from msbot_web.nicegui_internals.page_sockets import (
     BURST,
     MESSAGES_PER_S,
     MOST_OF_SESSION,

@@ -14,9 +14,9 @@ from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
 from msbot.process.virtual_time import run_virtual
-from msbot_web import page_turns
 from msbot_web.access.sessions import Session
-from msbot_web.page_turns import (
+from msbot_web.nicegui_internals import page_turns
+from msbot_web.nicegui_internals.page_turns import (
     LONGEST_S,
     LONGEST_STEP_S,
     LONGEST_TURN_S,

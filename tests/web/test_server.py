@@ -21,7 +21,8 @@ import pytest
 from fastapi import FastAPI
 
 from msbot.config import write_sample
-from msbot_web.server import NEXT_PORTS, WebServer, WebSettings, _bind, _undisturbed
+from msbot_web.nicegui_internals.startup import undisturbed
+from msbot_web.server import NEXT_PORTS, WebServer, WebSettings, _bind
 from msbot_web.service import Service
 from msbot_xrce.errors import ConfigError
 from tests.certificate import Certificate
@@ -154,7 +155,7 @@ def test_the_server_begins_without_a_mistake_in_a_thread_that_fills_a_tuple_at_t
                 failed.append(error)
 
     async def begin_often() -> None:
-        begin = _undisturbed(as_nicegui_begins)
+        begin = undisturbed(as_nicegui_begins)
         for _ in range(8):
             async with begin(FastAPI()):
                 await asyncio.sleep(0)

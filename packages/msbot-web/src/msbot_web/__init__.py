@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot.process.late_modules import leave_out, load_late
+from msbot_web.nicegui_internals.startup import load_less
 from msbot_xrce.common.lazy_face import lazy_face
 
 if TYPE_CHECKING:
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from msbot_web.pages.layout import Page
     from msbot_web.service import Service
 
-load_late("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here
-load_late("ifaddr")  # for NiceGUI's list of its addresses, which asks a program of the system for a library
-leave_out("pydantic.v1")  # FastAPI asks of each argument whether it is of pydantic 1, which is loaded for it
+load_less()
 
 _NAMES = {
     "msbot_web.pages.extension_page": ("ExtensionPage",),

@@ -49,12 +49,3 @@ class NonceLoader(BaseLoader):
         """As the environment asks for it."""
         source, path, is_current = self._loader.get_source(environment, template)
         return _SCRIPT.sub(f'<script nonce="{{{{ request.scope.state.{NONCE} }}}}"', source), path, is_current
-
-
-def mark_page_scripts() -> None:
-    """Let the scripts in NiceGUI's own template run."""
-    from nicegui import client
-
-    environment = client.templates.env
-    if environment.loader is not None and not isinstance(environment.loader, NonceLoader):
-        environment.loader = NonceLoader(environment.loader)

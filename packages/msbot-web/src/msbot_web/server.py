@@ -9,29 +9,22 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import gc
 import hashlib
 import json
-import logging
 import socket
 import ssl
-import sys
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
-from nicegui import core, ui
-from nicegui.middlewares import RedirectWithPrefixMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute
 from starlette.staticfiles import StaticFiles
-from starlette.types import Lifespan
 
 from msbot_agent.link.net import WebSocketServerLink
 from msbot_agent.log.log_limiter import write_by_root_alone
@@ -48,13 +41,13 @@ from msbot_web.api.problems import tell_problems
 from msbot_web.api.stop_call import make_stop_api
 from msbot_web.call_pace import CallPace
 from msbot_web.connections import HEAD_S, RESERVED, Connections, WatchedConnection
-from msbot_web.content_policy import mark_page_scripts
 from msbot_web.known_addresses import KnownAddresses
-from msbot_web.late_websocket import LateWebSocket, websocket_protocol
-from msbot_web.open_pages import OpenPages
+from msbot_web.nicegui_internals.application import LOGGER, serve_pages, set_ping
+from msbot_web.nicegui_internals.late_websocket import LateWebSocket, websocket_protocol
+from msbot_web.nicegui_internals.open_pages import OpenPages
+from msbot_web.nicegui_internals.page_sockets import PageSockets
+from msbot_web.nicegui_internals.page_turns import PageTurns
 from msbot_web.page_errors import say_errors_once
-from msbot_web.page_sockets import PageSockets
-from msbot_web.page_turns import PageTurns
 from msbot_web.pages import register_pages
 from msbot_web.pages.help import picture_answer
 from msbot_web.part_socket import PartSocket
@@ -81,7 +74,6 @@ MAX_MESSAGE = 1024 * 1024
 """Octets of one message of a websocket."""
 MOST_MESSAGES = 4
 """Messages of one websocket that may have come and wait to be read."""
-_LONG_S = 1.0
 KEPT_S = 30.0
 """How long a page whose connection is lost is kept, as it was: with an open menu, what is being typed, and the rest."""
 PING_S, PATIENCE_S = 4.0, 6.0
@@ -116,7 +108,7 @@ class _Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
         await super().startup([])  # no socket for asyncio's own server: `ProtocolAcceptor` looks after it
-        core.sio.eio.ping_interval, core.sio.eio.ping_timeout = PING_S, PATIENCE_S  # NiceGUI has set its own by now
+        set_ping(PING_S, PATIENCE_S)
         write_by_root_alone()  # uvicorn, socket.io and engine.io bring handlers of their own
         self.ready.set()
 
@@ -240,17 +232,8 @@ class WebServer:
         app.mount("/web", StaticFiles(directory=STATIC), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)
         register_pages(service)
-        mark_page_scripts()
-        ui.run_with(app, title=f"{service.robot_name} · MsBOT", dark=None, show_welcome_message=False, tailwind=False,
-                    reconnect_timeout=KEPT_S, favicon=STATIC / "icon.svg")  # fmt: skip
-        # `BehindProxies` leads redirects into the page's folder; NiceGUI would do so once more.
-        leads_twice: object = RedirectWithPrefixMiddleware
-        core.app.user_middleware = [one for one in core.app.user_middleware if one.cls is not leads_twice]
-        app.router.lifespan_context = _undisturbed(app.router.lifespan_context)
-        core.app.config.socket_io_js_transports = ["websocket", "polling"]  # the second where the first does not pass
-        # NiceGUI would build a whole page, with all that belongs to it, for every address that there is not.
-        core.app.add_exception_handler(404, _not_there)
-        core.app.add_exception_handler(Exception, _failed)
+        serve_pages(app, title=f"{service.robot_name} · MsBOT", icon=STATIC / "icon.svg", kept_s=KEPT_S,
+                    not_there=_not_there, failed=_failed)  # fmt: skip
         pages = OpenPages(service.accounts)
         say_errors_once()
         guard = AccessGuard(
@@ -285,29 +268,6 @@ def _late_routes(service: Service) -> list[BaseRoute]:
     return [route for router in routers for route in router.routes]
 
 
-def _undisturbed(lifespan: Lifespan[FastAPI]) -> Lifespan[FastAPI]:
-    """Begin the server where no other thread is in the middle of something.
-
-    NiceGUI begins with `gc.get_objects()`. A tuple that another thread (the database's, the lessons') is filling at
-    that moment would be held twice, and CPython ends the filling with a SystemError. What is there already is kept from
-    that list, and between the two no other thread has its turn.
-    """
-
-    @contextlib.asynccontextmanager
-    async def begin(app: FastAPI) -> AsyncIterator[Any]:
-        usual_s = sys.getswitchinterval()
-        sys.setswitchinterval(_LONG_S)
-        gc.freeze()
-        try:
-            async with lifespan(app) as state:
-                sys.setswitchinterval(usual_s)
-                yield state
-        finally:
-            sys.setswitchinterval(usual_s)
-
-    return begin
-
-
 async def _not_there(request: Request, _error: Exception) -> Response:
     return _refusal(request, 404, said("there is no such page"))
 
@@ -315,7 +275,7 @@ async def _not_there(request: Request, _error: Exception) -> Response:
 async def _failed(request: Request, error: Exception) -> Response:
     """A page that cannot be made; NiceGUI's own one would have neither STOP nor a way back."""
     if not await request.is_disconnected():  # else nobody waits for it, and that is why
-        logging.getLogger("nicegui").error("a page could not be made", exc_info=error)
+        LOGGER.error("a page could not be made", exc_info=error)
     return _refusal(request, 500, said("this page could not be made: the robot's log says why"))
 
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from fastapi import Request
 from nicegui import ui
-from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
@@ -19,6 +18,7 @@ from msbot.registry import ProgramSource
 from msbot_web.access.sessions import Session
 from msbot_web.api.models import Done
 from msbot_web.html import Markup, render
+from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.arrivals import adopt
 from msbot_web.pages.layout import BUILD_S, Page, page_frame
 from msbot_web.pages.page_elements import show_dialog

@@ -6,10 +6,10 @@ import json
 from collections.abc import Callable, Sequence
 
 from nicegui import ui
-from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from msbot.operations.rights import Right
 from msbot.registry import ProgramSource
+from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.layout import Page
 from msbot_web.pages.program_blocks import ProgramBlocks
 

@@ -21,7 +21,7 @@ from socketio.exceptions import ConnectionRefusedError
 
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
-from msbot_web.page_sockets import COMPLAINTS, NONSENSE, is_well_formed
+from msbot_web.nicegui_internals.page_sockets import COMPLAINTS, NONSENSE, is_well_formed
 
 MADE_ANEW = "Implicit handshake failed"
 """NiceGUI's own words to a browser whose page is not there any more, or is not its own: it loads the page again."""

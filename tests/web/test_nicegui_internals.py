@@ -1,0 +1,83 @@
+"""What depends on NiceGUI's inside is in one folder, and is there in the version that is installed."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import engineio
+import pytest
+import socketio
+from nicegui import Client, client, core
+from nicegui.middlewares import RedirectWithPrefixMiddleware
+from packaging.requirements import Requirement
+
+from msbot_web import nicegui_internals, server
+from tools.sources import ROOT, source_files
+
+FOLDER = Path(nicegui_internals.__file__).parent
+OFFERED = {"nicegui": {"ui", "Client"}, "nicegui.events": None, "nicegui.version": {"__version__"}}
+"""What NiceGUI offers to everybody, and may be used anywhere; None: all of a module."""
+PROJECT = tomllib.loads((ROOT / "packages/msbot-web/pyproject.toml").read_text())["project"]
+
+
+def test_only_the_folder_uses_what_is_inside_nicegui() -> None:
+    outside = []
+    for path in source_files():
+        text = path.read_text()
+        if "nicegui" not in text or path.is_relative_to(FOLDER):
+            continue
+        tree = ast.parse(text)
+        types = [one for one in tree.body if isinstance(one, ast.If) and ast.unparse(one.test) == "TYPE_CHECKING"]
+        only_types = {id(node) for block in types for node in ast.walk(block)}  # mypy finds what has moved there
+        for node in ast.walk(tree):
+            if id(node) in only_types:
+                continue
+            if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "nicegui":
+                names = OFFERED.get(node.module or "", set())
+                outside += [(path.name, one.name) for one in node.names if names is not None and one.name not in names]
+            elif isinstance(node, ast.Attribute) and ast.unparse(node) == "Client.instances":
+                outside.append((path.name, "Client.instances"))
+    assert outside == []
+
+
+def test_only_the_folder_changes_how_the_page_starts() -> None:
+    package = Path(server.__file__).parent
+    words = ("gc.freeze", "setswitchinterval", "load_late(", 'leave_out("')
+    users = {path for path in package.rglob("*.py") for word in words if word in path.read_text()}
+    assert users == {FOLDER / "startup.py"}
+
+
+def test_the_version_has_an_upper_bound_and_is_within_it() -> None:
+    (wanted,) = (found for one in PROJECT["dependencies"] if (found := Requirement(one)).name == "nicegui")
+    assert any(one.operator == "<" for one in wanted.specifier)
+    assert wanted.specifier.contains(version("nicegui"))
+
+
+@pytest.mark.parametrize(
+    ("where", "names"),
+    [
+        (core.app, ("user_middleware", "add_exception_handler", "config", "storage")),
+        (core.app.storage, ("max_tab_storage_age",)),
+        (core.sio, ("handlers", "on", "disconnect", "eio")),
+        (core.sio.eio, ("handlers", "on", "sockets", "ping_interval", "ping_timeout")),
+        (Client, ("instances", "delete")),
+        (client, ("templates",)),
+    ],
+    ids=lambda where: type(where).__name__,
+)
+def test_what_is_used_is_still_there(where: object, names: tuple[str, ...]) -> None:
+    assert [name for name in names if not hasattr(where, name)] == []
+
+
+def test_what_is_used_is_what_it_was() -> None:
+    assert isinstance(core.sio, socketio.AsyncServer)
+    assert isinstance(core.sio.eio, engineio.AsyncServer)
+    assert isinstance(Client.instances, dict)
+    assert {"connect", "disconnect", "message"} <= set(core.sio.eio.handlers)
+    assert {"connect", "disconnect", "event", "javascript_response", "ack"} <= set(core.sio.handlers["/"])
+    assert client.templates.env.loader is not None
+    assert inspect.isclass(RedirectWithPrefixMiddleware)
