@@ -157,7 +157,7 @@ class School:
         if role not in ROLES:
             raise ConfigError(f"there is no role {role!r}; there are {', '.join(ROLES)}")
         if name in (" ", "a\nb"):
-            raise ConfigError(f"{name!r} is not a name for a user: use letters")
+            raise ConfigError(f"{name!r} is no name: 1 to 64 printable characters, without blanks around it")
         before: UserRecord | None = known.get(name)
         if before is not None and before.role == "administrator" and role != "administrator":
             self.spare_the_last(name)

@@ -101,12 +101,12 @@ def test_a_list_makes_accounts_groups_and_tickets(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         desk, teacher = rig.service.pupils, rig.session(Role.TEACHER)
         who = rig.service.asker(teacher)
-        made = await desk.add(teacher, "Ada; Red\nBen", 7, who)
-        assert [(one.name, one.group) for one in made] == [("Ada", "Red"), ("Ben", "")]
+        made = await desk.add(teacher, "Anna; Red\nBen", 7, who)
+        assert [(one.name, one.group) for one in made] == [("Anna", "Red"), ("Ben", "")]
         word = made[0].path.partition("word=")[2]
-        assert desk.passes.admit(word).name == "Ada"
+        assert desk.passes.admit(word).name == "Anna"
         assert (await rig.accounts.sign_in("Ben", made[1].password, "1.2.3.4")).role is Role.STUDENT
-        assert str(await refusal(lambda: desk.add(teacher, "Cleo\n\nAda", 7, who))).startswith(
+        assert str(await refusal(lambda: desk.add(teacher, "Cleo\n\nAnna", 7, who))).startswith(
             "line 3: there is a user"
         )
         assert rig.accounts.role_of("Cleo") is None  # all or none
@@ -114,11 +114,11 @@ def test_a_list_makes_accounts_groups_and_tickets(tmp_path: Path) -> None:
             assert (await desk.add(teacher, f"{name}; {group}", 7, who))[0].group == (
                 "Red" if group == "red" else "Blue"
             )
-        assert {one.name for one in desk.tickets(teacher, 1)} >= {"Ada", "Ben"}
+        assert {one.name for one in desk.tickets(teacher, 1)} >= {"Anna", "Ben"}
         assert not any(one.password for one in desk.tickets(teacher, 1))
         assert "tell no groups" in str(await refusal(lambda: desk.make_groups(teacher, who)))
-        found = await desk.groups_now(teacher, {"Ada": ()}, frozenset())
-        assert found[1] == GroupNow("Red", ("Ada", "Cleo"), 0, 0, 1, 0, 0.0)
+        found = await desk.groups_now(teacher, {"Anna": ()}, frozenset())
+        assert found[1] == GroupNow("Red", ("Anna", "Cleo"), 0, 0, 1, 0, 0.0)
         names = [one.name for one in await desk.now(teacher, "en", {})]
         await rig.service.operations.do("hand", who="student")
         first = (await desk.now(teacher, "en", {}))[0]

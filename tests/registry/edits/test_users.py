@@ -58,8 +58,8 @@ def test_somebody_stays_administrator(registry: Registry) -> None:
     ("name", "role", "sentence"),
     [
         ("ann", "king", f"there is no role 'king'; there are {', '.join(ROLES)}"),
-        (" ", "viewer", "' ' is not a name for a user: use letters"),
-        ("a\nb", "viewer", "'a\\\\nb' is not a name for a user: use letters"),
+        (" ", "viewer", "' ' is no name: 1 to 64 printable characters"),
+        ("a\nb", "viewer", "'a\\\\nb' is no name: 1 to 64 printable characters"),
     ],
 )
 def test_a_user_that_cannot_be(registry: Registry, name: str, role: str, sentence: str) -> None:

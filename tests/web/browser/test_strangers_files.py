@@ -52,7 +52,8 @@ class Planted:
 
 
 plant = Planted()
-plant("group")  # goes into a path: a form without a slash
+for name in ("group", "token"):  # names that go into a path: forms without a slash
+    plant(name)
 
 
 def quoted(word: str) -> str:

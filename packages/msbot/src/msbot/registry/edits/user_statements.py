@@ -47,8 +47,8 @@ def keep_user(
         raise ConfigError(said("there is no role {role!r}; there are {roles}", role=role, roles=", ".join(ROLES)))
     before = find_user(connection, name)
     if before is None:
-        check_reserved(name)
         check_name(name, connection.execute(select(users.c.name)).scalars())
+        check_reserved(name)
     if before is not None and before.role == ROLES[-1] != role:
         _keep_an_administrator(connection, name)
     values = {
