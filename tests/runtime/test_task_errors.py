@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 
 import pytest
 
-import msbot
 from msbot_agent.process.task_errors import ungrouped
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
+from tools.sources import source_files
 
 
 async def fail(*errors: BaseException) -> None:
@@ -47,5 +46,4 @@ async def test_an_error_without_a_group_comes_out_as_it_is() -> None:
 
 
 def test_nobody_writes_it_the_way_that_older_versions_do_not_have() -> None:
-    sources = Path(str(msbot.__path__[0])).rglob("*.py")
-    assert [path.name for path in sources if "except* " in path.read_text("utf-8")] == []
+    assert [path.name for path in source_files() if "except* " in path.read_text("utf-8")] == []

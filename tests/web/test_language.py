@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from starlette.requests import HTTPConnection
 
-import msbot
+import msbot_agent
 import msbot_web
 from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
 from msbot.doctor import Finding
@@ -26,12 +26,14 @@ from msbot_web.language import COOKIE, language_of, languages
 from msbot_web.pages.part_sentences import PART_SAYS
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.doctor.healthy import ROBOT
+from tools.sources import source_files
 
 
 def texts_of_the_pages() -> set[str]:
     """Every text that is handed to `say` as it stands, the titles of the menu and of the pages, and the help."""
     found = set()
-    for path in Path(str(msbot_web.__path__[0])).rglob("*.py"):
+    package = Path(str(msbot_web.__path__[0]))
+    for path in (path for path in package.rglob("*.py") if not path.is_relative_to(package / "cli")):
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.Call):
                 continue
@@ -62,7 +64,7 @@ def sentences_of_the_robot() -> set[str]:
     found |= {refusal.name.lower().replace("_", " ") for refusal in Refusal}
     found |= set(packet_words.FORMS)
     found |= {words for role in Role for words in (role.word, role.one)} | {right.value for right in Right}
-    for path in Path(str(msbot.__path__[0])).rglob("*.py"):
+    for path in source_files():
         for node in ast.walk(ast.parse(path.read_text())):
             called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
             if isinstance(node, ast.Call) and called in ("said", "counted"):
@@ -81,7 +83,7 @@ def _forms(node: ast.AST) -> set[str]:
 def losses_of_the_links() -> set[str]:
     """Why links drop packets, as far as it stands in their code."""
     found: set[str] = set()
-    for path in (Path(str(msbot.__path__[0])) / "link").rglob("*.py"):
+    for path in (Path(str(msbot_agent.__path__[0])) / "link").rglob("*.py"):
         tree = ast.parse(path.read_text())
         names = {
             target.id: node.value
