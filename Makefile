@@ -20,17 +20,20 @@ TESTS_msbot := tests/cli tests/config tests/doctor tests/firmware tests/hardware
 	tests/operations tests/part tests/pnp tests/registry tests/ros tests/runtime tests/sim tests/stop
 TESTS_school := tests/lab tests/lessons tests/school
 TESTS_web := tests/web
+# Protocols and rules: what a change breaks first, in about a minute.
+QUICK := tests/xrce tests/conformance tests/agent tests/link/can/protocol tests/idl tests/config tests/part tests/pnp
 HASHES ?= yes
 
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test tests check format vm bench wheel docs screenshots assets board requirements clean help
+.PHONY: demo test tests quick check format vm bench wheel docs screenshots assets board requirements clean help
 
 help:
 	@echo 'make demo    set up and run a robot of ten parts, all simulated; ARGS="--robot thesis --link fd" passes options on'
 	@echo 'make test    set up, check style, types and layering, run all tests; PACKAGE=xrce: those of one distribution'
 	@echo 'make tests   the tests only; ARGS="-p tests.cost" shows what each costs'
+	@echo 'make quick   the tests of protocols and rules that start no process and no browser: about a minute'
 	@echo 'make check   style, types, layering only'
 	@echo 'make vm      fetch a virtual machine for the tests on a real CAN bus (42 MB); ENGINE=qemu: with CAN controllers'
 	@echo 'make bench   print the tables of figures'
@@ -80,6 +83,9 @@ test: $(if $(PACKAGE),,check) tests
 # workers have no browser (tests/taking_turns.py).
 tests: $(VENV)/.dev
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(TESTS_$(PACKAGE)) $(ARGS)
+
+quick: $(VENV)/.dev
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -p tests.quick $(QUICK) $(ARGS)
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

@@ -1,4 +1,4 @@
-"""`pytest --quick`: the tests without processes, browsers, servers and virtual machines.
+"""`pytest -p tests.quick`: only the tests without processes, browsers, servers and virtual machines (`make quick`).
 
 A file of tests is left out if it imports what starts one of these, itself or by another module of the tests.
 """
@@ -9,8 +9,6 @@ import re
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parent
 STARTS = re.compile(r"^\s*(?:import|from) (?:subprocess|multiprocessing|playwright|schemathesis)\b", re.MULTILINE)
 _OURS = re.compile(r"^\s*(?:from (tests[\w.]*) import ([\w, ()\n]+)|import (tests[\w.]+))", re.MULTILINE)
@@ -18,15 +16,8 @@ ANYWAY = ("registry/postgres.py",)
 """Their users run without it, too."""
 
 
-def add_option(parser: pytest.Parser) -> None:
-    """For `conftest.py`: a plugin that is registered later is asked too late."""
-    parser.addoption("--quick", action="store_true", help="only what needs neither processes, browsers nor servers")
-
-
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
     """Leave out folders whose fixtures start something, and files that do."""
-    if not config.getoption("--quick"):
-        return None
     fixtures = collection_path / "conftest.py" if collection_path.is_dir() else collection_path
     if collection_path != ROOT and fixtures.is_file() and fixtures.suffix == ".py" and starts_something(fixtures):
         return True
