@@ -31,6 +31,10 @@ class SteadyRate:
         """How long that caller has to wait for the next call; 0: not at all."""
         return max(0.0, (self._owed(caller, now) + 1.0 - self._burst) / self.per_s)
 
+    def debt_s(self, caller: Hashable, now: float) -> float:
+        """How long that caller has to rest to make up for what was too much; 0: not at all."""
+        return max(0.0, (self._owed(caller, now) - self._burst) / self.per_s)
+
     def note(self, caller: Hashable, now: float, calls: float = 1.0) -> None:
         """A call is made, or something that counts as so many."""
         owed = self._owed(caller, now)

@@ -5,6 +5,8 @@ Nothing is thrown away: a connection that sends more is read later, so that its 
 
 from __future__ import annotations
 
+from msbot_agent.pace.steady_rate import SteadyRate
+
 PACKETS_S = 500.0
 """A part in a lesson sends 10 to 100 messages a second, and several fit into a packet."""
 OCTETS_S = 256 * 1024.0
@@ -15,16 +17,12 @@ BURST_S = 1.0
 class RateBudget:
     """See the module's docstring."""
 
-    def __init__(self, now: float, packets_s: float = PACKETS_S, octets_s: float = OCTETS_S) -> None:
-        self._packets_s = packets_s
-        self._octets_s = octets_s
-        self._packets = packets_s * BURST_S
-        self._octets = octets_s * BURST_S
-        self._at = now
+    def __init__(self, packets_s: float = PACKETS_S, octets_s: float = OCTETS_S) -> None:
+        self._packets = SteadyRate(packets_s, packets_s * BURST_S, most=1)
+        self._octets = SteadyRate(octets_s, octets_s * BURST_S, most=1)
 
     def spend(self, octets: int, now: float) -> float:
         """Count a packet; returns for how many seconds nothing more may be read, 0 = go on."""
-        passed, self._at = max(0.0, now - self._at), now
-        self._packets = min(self._packets_s * BURST_S, self._packets + passed * self._packets_s) - 1
-        self._octets = min(self._octets_s * BURST_S, self._octets + passed * self._octets_s) - octets
-        return max(0.0, -self._packets / self._packets_s, -self._octets / self._octets_s)
+        self._packets.note(self, now)
+        self._octets.note(self, now, octets)
+        return max(self._packets.debt_s(self, now), self._octets.debt_s(self, now))

@@ -49,7 +49,7 @@ class SocketPeer:
         self._octets = 0
         self._is_full = False
         self._more = asyncio.Event()
-        self._budget = RateBudget(now)
+        self._budget = RateBudget()
         self._told_at: float | None = None
 
     @property
