@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 from msbot_agent.process.own_code import PACKAGES as NAMES
 from msbot_agent.startup.extensions import OWN_PACKAGES
-from tools.sources import PACKAGES, ROOT
+from tools.sources import PACKAGES, ROOT, dotted
 
 PROJECTS = {
     package.parents[1].name: tomllib.loads((package.parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
@@ -72,3 +73,14 @@ def test_an_import_loads_what_it_uses_and_no_more() -> None:
     assert len(frames) < 20
     assert not [name for name in frames if ".net" in name or ".serial" in name]
     assert len(loaded("msbot_agent")) < 10
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_no_name_of_a_lazy_package_is_that_of_a_module_in_it(package: Path) -> None:
+    """An import of the module would put it in the place of the name."""
+    wrong = []
+    for path in package.rglob("__init__.py"):
+        names = vars(importlib.import_module(dotted(path))).get("_NAMES", {})
+        shown = {name for found in names.values() for name in found}
+        wrong += [f"{dotted(path)}.{other.stem}" for other in path.parent.iterdir() if other.stem in shown]
+    assert wrong == []

@@ -11,7 +11,7 @@ from msbot_agent.link.can import CanMasterLink, CanPartLink, open_can_bus
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.protocol.ids import CanIds
 from msbot_agent.link.can.protocol.notation import parse_frame
-from msbot_agent.link.can.selftest import selftest
+from msbot_agent.link.can.self_test import selftest
 from tests.socketcan.bus import SETTINGS, candump, cansend, listening, running
 
 FRAMES = [

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from msbot.cli.bus import selftest as bus_selftest
 from msbot.cli.bus.bus import command
 from msbot_agent.link.can.controller import CanBus
-from msbot_agent.link.can.selftest import CheckResult
+from msbot_agent.link.can.self_test import CheckResult
 
 
 def test_every_check_is_a_line() -> None:

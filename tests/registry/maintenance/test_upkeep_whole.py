@@ -3,31 +3,46 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 from sqlalchemy import Engine
 
+from msbot.registry import registry
+from msbot.registry.database import schema
 from msbot.registry.database.engine import make_engine
-from msbot.registry.database.schema import own_migrations
+from msbot.registry.database.schema import folder_migrations, own_migrations
 from msbot.registry.maintenance import backup_check, upkeep
 from msbot.registry.maintenance.upkeep import Migrated
 from msbot_xrce.errors import RegistryError
 
-OLD = (Path(__file__).parents[1] / "edits" / "old" / "schema4.sql").read_text()
-NOW = own_migrations().newest
-"""The schema of an up-to-date database, as `NONE` that of what is no database of MsBOT."""
+BEFORE = own_migrations().newest
+NOW = BEFORE + 1
+"""The schema of an up-to-date database of the next version, as `NONE` that of what is no database of MsBOT."""
 NONE = None
+NEXT = f"""
+import sqlalchemy as sa
+from alembic import op
+
+revision, down_revision = "{NOW:04}", "{BEFORE:04}"
+
+
+def upgrade() -> None:
+    op.create_table("next", sa.Column("id", sa.Integer(), primary_key=True))
+"""
+"""A migration as the next version may have it."""
 
 MISSING = "there is no database ~/robot.db: `msbot master` makes one when it runs, or choose another --db"
 FOLDER = "the database ~/robot.db is a folder: name a file in it, for example ~/robot.db/robot.db"
 TEXT = "~/robot.db is not a database: some other file has this name; move it away, or choose another --db"
 OLDER = (
-    f"the database ~/robot.db was written by an older MsBOT (schema 4, this one knows {NOW}): `msbot db migrate --db "
-    "~/robot.db`"
+    f"the database ~/robot.db was written by an older MsBOT (schema {BEFORE}, this one knows {NOW}): `msbot db migrate "
+    "--db ~/robot.db`"
 )
 EMPTY = "the database ~/robot.db is empty: `msbot master ROBOT.toml --db ~/robot.db` puts a robot there"
 NEWER = (
@@ -36,6 +51,7 @@ NEWER = (
 )
 OTHER = "the database ~/robot.db belongs to another program (it has cats): choose another --db"
 NO_BACKUP = "there is no backup ~/robot.db: name a file that `msbot db backup` has written"
+KEPT = f"robot.db.schema{BEFORE}.1.backup"
 IN_BACKUP = "this backup is not used: "
 
 
@@ -44,7 +60,7 @@ def _sql(path: Path, script: str) -> None:
         connection.executescript(script)
 
 
-def _make(kind: str, path: Path, ours: bytes) -> None:
+def _make(kind: str, path: Path, ours: bytes, older: bytes) -> None:
     """The file before, open for all to read."""
     match kind:
         case "folder":
@@ -54,7 +70,7 @@ def _make(kind: str, path: Path, ours: bytes) -> None:
         case "text":
             path.write_text("[robot] of mine, and no database at all")
         case "older":
-            _sql(path, OLD)
+            path.write_bytes(older)
         case "other":
             _sql(path, "CREATE TABLE cats (name TEXT)")
         case "newer" | "ours":
@@ -82,27 +98,40 @@ TABLE: dict[str, dict[str, object]] = {
     "check": {"missing": MISSING, "folder": FOLDER, "empty": EMPTY, "text": TEXT, "older": OLDER, "newer": NEWER,
               "other": OTHER, "ours": []},
     "migrate": {"missing": MISSING, "folder": FOLDER, "empty": Migrated(0, NOW), "text": TEXT,
-                "older": Migrated(4, NOW), "newer": NEWER, "other": OTHER, "ours": Migrated(NOW, NOW)},
+                "older": Migrated(BEFORE, NOW), "newer": NEWER, "other": OTHER, "ours": Migrated(NOW, NOW)},
     "back up": {"missing": MISSING, "folder": FOLDER, "empty": EMPTY, "text": TEXT, "older": OLDER, "newer": NEWER,
                 "other": OTHER, "ours": 0},
     "bring back": {"missing": NO_BACKUP, "folder": FOLDER, "empty": f"{IN_BACKUP}it is not a database", "text": TEXT,
                    "older": None, "newer": IN_BACKUP + NEWER.replace("~/", ""),
                    "other": IN_BACKUP + OTHER.replace("~/", ""), "ours": None},
     "replace": {"missing": None, "folder": FOLDER, "empty": None, "text": TEXT,
-                "older": "~/robot.db.replaced.1.backup", "newer": NEWER, "other": OTHER, "ours": None},
+                "older": None, "newer": NEWER, "other": OTHER, "ours": None},
 }  # fmt: skip
 MORE_FILES: dict[tuple[str, str], dict[str, int]] = {
-    ("migrate", "older"): {"robot.db": NOW, "robot.db.schema4.1.backup": 4},
+    ("migrate", "older"): {"robot.db": NOW, KEPT: BEFORE},
     ("migrate", "empty"): {"robot.db": NOW},
     ("back up", "ours"): {"copy.db": NOW},
     ("bring back", "older"): {"new.db": NOW},
     ("bring back", "ours"): {"new.db": NOW},
     ("replace", "missing"): {"robot.db": NOW},
     ("replace", "empty"): {"robot.db": NOW},
-    ("replace", "older"): {"robot.db": NOW, "robot.db.schema4.1.backup": 4, "robot.db.replaced.1.backup": NOW},
+    ("replace", "older"): {
+        "robot.db": NOW,
+        f"robot.db.schema{BEFORE}.1.backup": BEFORE,
+    },
 }
 """Files that are there afterwards, besides what was there, with their schemas."""
-SCHEMAS: dict[str, int | None] = {"older": 4, "newer": 9999, "ours": NOW}
+SCHEMAS: dict[str, int | None] = {"older": BEFORE, "newer": 9999, "ours": NOW}
+
+
+@pytest.fixture
+def next_version(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MsBOT as its next version is: with one migration more."""
+    folder = tmp_path_factory.mktemp("next") / "migrations"
+    shutil.copytree(str(files("msbot.registry") / "migrations"), folder)
+    (folder / "versions" / f"v{NOW:04}_next.py").write_text(NEXT)
+    for module in (schema, upkeep, registry):
+        monkeypatch.setattr(module, "own_migrations", lambda: folder_migrations(folder))
 
 
 @pytest.fixture
@@ -142,18 +171,22 @@ def _open_below(folder: Path) -> list[str]:
 @pytest.mark.parametrize("action", TABLE)
 @pytest.mark.parametrize("kind", TABLE["check"])
 def test_what_is_answered_and_what_is_left(
-    path: Path, empty_database: bytes, engines: list[Engine], kind: str, action: str
+    path: Path, empty_database: bytes, next_version: None, engines: list[Engine], kind: str, action: str
 ) -> None:
-    _make(kind, path, empty_database)
+    path.write_bytes(empty_database)
+    _sql(path, f"CREATE TABLE next (id INTEGER PRIMARY KEY); UPDATE alembic_version SET version_num = '{NOW:04}'")
+    ours = path.read_bytes()
+    path.unlink()
+    _make(kind, path, ours, empty_database)
     content = path.read_bytes() if path.is_file() else b""
     expected = TABLE[action][kind]
-    is_refused = isinstance(expected, str) and not expected.startswith("~/robot.db.replaced")
+    is_refused = isinstance(expected, str)
     if is_refused:
         with pytest.raises(RegistryError) as caught:
-            ACTIONS[action](path, empty_database)
+            ACTIONS[action](path, ours)
         answer: object = str(caught.value)
     else:
-        answer = ACTIONS[action](path, empty_database)
+        answer = ACTIONS[action](path, ours)
     assert (str(answer).replace(str(path.parent), "~") if isinstance(answer, str | Path) else answer) == expected
     files: dict[str, int | None] = {} if kind == "missing" else {path.name: SCHEMAS.get(kind)}
     files |= {"good.db": NOW} if action == "replace" else {}

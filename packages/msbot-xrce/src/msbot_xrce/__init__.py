@@ -11,8 +11,8 @@ from msbot_xrce.common.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from msbot_xrce.compression.header_compression import compress, decompress
-    from msbot_xrce.explain import explain
     from msbot_xrce.layout import FoundField, read_fields
+    from msbot_xrce.message_words import explain
     from msbot_xrce.messages.ids import Status
     from msbot_xrce.messages.whole import is_whole
     from msbot_xrce.objects.references import References
@@ -28,7 +28,7 @@ _NAMES = {
         "compress",
         "decompress",
     ),
-    "msbot_xrce.explain": ("explain",),
+    "msbot_xrce.message_words": ("explain",),
     "msbot_xrce.layout": (
         "FoundField",
         "read_fields",

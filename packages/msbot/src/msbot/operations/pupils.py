@@ -126,13 +126,13 @@ class ClassControl:
         """
         if asker.may(Right.ARRANGE) or row.right not in (Right.OPERATE, Right.SET):
             return
-        if given.get("part"):
-            self._running.check_named(str(given["part"]))
         word = next((str(given[name]) for name in _OF_A_SLOT if given.get(name)), None)
         if word is not None:
             self.check_slot(asker.name, self._slot_meant(word, is_port="port" in given))
         elif row.name in _WITHOUT_SLOT and (held := self._pupils.held(asker.name)):
             raise ConfigError(held)
+        if given.get("part"):
+            self._running.check_named(str(given["part"]))
         if row.name == "publish":
             self.drives(asker.name)
 

@@ -20,7 +20,7 @@ from msbot.pnp.part_events import PartEvent, PartState
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
 from msbot_agent.text.sentence import from_json
 
-SCHEMA: Final = "0013"
+SCHEMA: Final = "0001"
 """The schema whose columns the queries below know; a database with any other schema is not read here."""
 NO_MASTER: Final = "its robot has no master at the moment"
 """Why a part of a robot that nobody runs is lost."""

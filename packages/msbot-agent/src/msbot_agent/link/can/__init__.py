@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from msbot_agent.link.can.legacy_link import CanLegacyLink
     from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink
     from msbot_agent.link.can.peer_framing import Codec
-    from msbot_agent.link.can.selftest import CheckResult, selftest
+    from msbot_agent.link.can.self_test import CheckResult, selftest
 
 _NAMES = {
     "msbot_agent.link.can.can_address": (
@@ -37,7 +37,7 @@ _NAMES = {
         "CanPartLink",
     ),
     "msbot_agent.link.can.peer_framing": ("Codec",),
-    "msbot_agent.link.can.selftest": (
+    "msbot_agent.link.can.self_test": (
         "CheckResult",
         "selftest",
     ),

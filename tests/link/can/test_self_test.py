@@ -11,7 +11,7 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link.can.controller import CanBusInfo
 from msbot_agent.link.can.protocol import Frame
-from msbot_agent.link.can.selftest import CheckResult, selftest
+from msbot_agent.link.can.self_test import CheckResult, selftest
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
 
 
