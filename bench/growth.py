@@ -39,6 +39,7 @@ from msbot import HelloWorld
 from msbot.part import JoinState, Part
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import open_link
+from msbot_agent.process.own_code import PACKAGES
 
 PICTURE = Path(__file__).parent.parent / "docs/explain/growth.svg"
 SESSIONS = (10, 30, 100, 300, 1000, 3000, 5000)
@@ -244,7 +245,8 @@ def one_bus(numbers: tuple[int, ...]) -> list[str]:
 
 async def be_rings(addresses: list[str]) -> None:
     """The parts of some robots: each says something to the next once a second. Prints what it hears, when told to."""
-    logging.getLogger("msbot").setLevel(logging.CRITICAL)
+    for package in PACKAGES:
+        logging.getLogger(package).setLevel(logging.CRITICAL)
     took: list[float] = []
 
     def make(number: int) -> Part:

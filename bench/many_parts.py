@@ -36,6 +36,7 @@ from random import randbytes
 from bench.machine import describe_machine
 from msbot.part import JoinState, Part
 from msbot_agent.link import open_link
+from msbot_agent.process.own_code import PACKAGES
 
 PART_NUMBER = "ABCD"
 LONGEST_S = 120.0
@@ -68,7 +69,8 @@ def blueprint(size: int) -> str:
 
 async def be_parts(first: int, count: int, address: str, flood: int) -> None:
     """Run that many parts; say how many are active whenever that changes."""
-    logging.getLogger("msbot").setLevel(logging.CRITICAL)
+    for package in PACKAGES:
+        logging.getLogger(package).setLevel(logging.CRITICAL)
     parts = [
         Part(PART_NUMBER, local_name=f"P{number:04}", robot="CROWD", uid=randbytes(8))
         for number in range(first, first + count)

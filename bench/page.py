@@ -60,6 +60,7 @@ part = "FAN-5V"
 topic = "power{0:02}"
 type = "Level"
 from = "knob{0:02}.level"
+from msbot_agent.process.own_code import PACKAGES
 to = ["fan{0:02}.power"]
 """
 
@@ -103,7 +104,8 @@ async def serve(parts: int, *, with_page: bool) -> None:
 async def be_parts(parts: int) -> None:
     """Run all parts until the process is killed."""
     library = load_library()
-    logging.getLogger("msbot").setLevel(logging.ERROR)  # each says when STOP comes
+    for package in PACKAGES:  # each says when STOP comes
+        logging.getLogger(package).setLevel(logging.ERROR)
     async with asyncio.TaskGroup() as tasks:
         for number in range(parts):
             kind, name = (("FAN-5V", "fan"), ("POT-10K", "knob"))[number % 2]

@@ -31,6 +31,7 @@ from bench.scale import running, wait_for
 from msbot import HelloWorld
 from msbot.part import Part
 from msbot_agent.link import open_link
+from msbot_agent.process.own_code import PACKAGES
 
 MASTER, BETWEEN = "udp:127.0.0.1:9100", "udp:127.0.0.1:9101"
 WAYS = {
@@ -42,7 +43,8 @@ WAYS = {
 
 async def be_parts(count: int, rate: float, seconds: float, address: str) -> None:
     """The parts' process: says when all are active, and what came of the messages."""
-    logging.getLogger("msbot").setLevel(logging.CRITICAL)
+    for package in PACKAGES:
+        logging.getLogger(package).setLevel(logging.CRITICAL)
     began = time.monotonic()
     took: list[float] = []
     sent, active = 0, 0

@@ -13,6 +13,7 @@ from msbot_agent.cli.agent import serving
 from msbot_agent.cli.agent.serving import Wishes, read_references
 from msbot_agent.link import Signal
 from msbot_agent.link.net import UdpServerLink
+from msbot_agent.process.own_code import PACKAGES
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.messages import ObjectKind
 from tests.agent.wiring import FakeLink
@@ -24,10 +25,11 @@ PROFILES = """<profiles><participant profile_name="default"><rtps><name>p</name>
 def _own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Status files of these agents are nobody's business; levels of logging are put back."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    levels = logging.getLogger().level, logging.getLogger("msbot").level
+    loggers = [logging.getLogger(), *map(logging.getLogger, PACKAGES)]
+    levels = [logger.level for logger in loggers]
     yield
-    logging.getLogger().setLevel(levels[0])
-    logging.getLogger("msbot").setLevel(levels[1])
+    for logger, level in zip(loggers, levels, strict=True):
+        logger.setLevel(level)
 
 
 def wishes(verbose: int = 4, middleware: str = "ced", refs: Path | None = None) -> Wishes:
