@@ -30,6 +30,7 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 from msbot_agent.link import open_link
+from msbot_agent.process.own_code import PACKAGES
 
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 BROWSERS = (0, 1, 3)
@@ -60,7 +61,6 @@ part = "FAN-5V"
 topic = "power{0:02}"
 type = "Level"
 from = "knob{0:02}.level"
-from msbot_agent.process.own_code import PACKAGES
 to = ["fan{0:02}.power"]
 """
 
