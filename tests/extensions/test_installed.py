@@ -15,7 +15,7 @@ import pytest
 
 from msbot.config import write_sample
 from msbot_agent.cli import BUILT_IN
-from msbot_agent.startup.extensions import GROUPS, PREFIX
+from msbot_agent.startup.extensions import GROUPS, OWN_PACKAGES, PREFIX
 from tests.e2e.processes import Process, run, running
 
 EXAMPLE = Path(__file__).parents[2] / "examples/extension"
@@ -116,14 +116,16 @@ def test_its_service_runs_beside_a_master_and_an_agent(env: dict[str, str], tmp_
 
 
 def without(place: Path, *groups: str) -> dict[str, str]:
-    """MsBOT as if the packages were not installed that bring these groups."""
-    info = place / "msbot-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: msbot\nVersion: 1\n")
-    points = distribution("msbot").entry_points
-    (info / "entry_points.txt").write_text(
-        "".join(f"[{one.group}]\n{one.name} = {one.value}\n" for one in points if one.group not in groups)
-    )
+    """MsBOT as if the distributions were not installed that bring these groups."""
+    for name in OWN_PACKAGES:
+        info = place / f"{name.replace('-', '_')}-1.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+        points = distribution(name).entry_points
+        (info / "entry_points.txt").write_text(
+            f"[{PREFIX}checks]\n"  # something of MsBOT's, so that it hides the one that is installed
+            + "".join(f"[{one.group}]\n{one.name} = {one.value}\n" for one in points if one.group not in groups)
+        )
     return {"PYTHONPATH": str(place), "COLUMNS": "100"}
 
 
