@@ -15,7 +15,7 @@ PAGES = [name for chapter in handbook.chapters() for name, _ in chapter.pages]
 
 def test_every_chapter_has_its_pages_with_their_titles() -> None:
     titles = {chapter.title: dict(chapter.pages) for chapter in handbook.chapters()}
-    assert list(titles) == ["Tutorial", "How to", "Explanation", "Reference"]
+    assert list(titles) == ["Tutorial", "How to", "Explanation", "Reference", "Evidence", "Decisions"]
     assert titles["How to"]["howto/swap_a_part"] == "Swap a part"
 
 
@@ -26,7 +26,7 @@ def test_every_link_and_picture_of_a_page_leads_somewhere(name: str) -> None:
     for path in re.findall(r'(?:href|src)="/handbook/([^"#]+)', html):
         if path.startswith("pictures/"):
             assert handbook.picture(path.removeprefix("pictures/")) is not None, path
-        elif path.startswith(("tutorial/", "howto/", "explain/", "reference/")) and not path.endswith("/"):
+        elif path.startswith(tuple(f"{folder}/" for folder, _ in handbook.CHAPTERS)) and not path.endswith("/"):
             assert path in PAGES, path
 
 
