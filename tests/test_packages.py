@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from msbot_agent.cli import package_of
 from msbot_agent.process.own_code import PACKAGES as NAMES
 from msbot_agent.startup.extensions import OWN_PACKAGES
 from tools.sources import PACKAGES, ROOT, dotted
@@ -84,3 +85,9 @@ def test_no_name_of_a_lazy_package_is_that_of_a_module_in_it(package: Path) -> N
         shown = {name for found in names.values() for name in found}
         wrong += [f"{dotted(path)}.{other.stem}" for other in path.parent.iterdir() if other.stem in shown]
     assert wrong == []
+
+
+def test_the_package_that_a_command_is_said_to_be_in_brings_it() -> None:
+    for name in PROJECTS:
+        points = PROJECTS[name].get("entry-points", {}).get("msbot.commands", {})
+        assert {command: package_of(command) for command in points} == dict.fromkeys(points, name)

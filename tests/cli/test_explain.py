@@ -22,7 +22,7 @@ from msbot_school.quiz import frame_question, questions, stuffed
 from msbot_xrce import read_fields
 from msbot_xrce.errors import ConfigError
 
-dpkt = pytest.importorskip("dpkt", reason="pip install 'msbot[pcap]'")
+dpkt = pytest.importorskip("dpkt", reason="pip install 'msbot-agent[pcap]'")
 
 VECTORS = Path(__file__).parent.parent / "vectors"
 CAPTURES = ("udp_reqrep_req", "udp_raw_keyed_session", "udp_ex_big_pub")

@@ -148,6 +148,10 @@ def test_an_agent_runs_alone(tmp_path: Path) -> None:
     env = without(tmp_path, "msbot.agent_services", "msbot.services", "msbot.commands", "msbot.loaders")
     listed = re.findall(r"^  ([a-z]+)  ", told("--help", env=env).partition("Commands:")[2], re.MULTILINE)
     assert listed == [*BUILT_IN]
+    for command, package in (("part", "msbot"), ("lesson", "msbot-school"), ("demo", "msbot-web")):
+        done = run(command, env=env)
+        assert done.returncode == 2
+        assert f"`msbot {command}` is in the package {package}, which is not installed here." in done.stderr
     done = run("master", env=env)
     assert done.returncode == 2
     assert "No such command 'master'" in done.stderr

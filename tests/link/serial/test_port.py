@@ -231,7 +231,7 @@ async def test_without_the_library_the_extra_is_named(
     link: SerialServerLink | SerialClientLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(LinkDown, match=r"serial:p: serial ports need .* `pip install 'msbot\[serial\]'`"):
+    with pytest.raises(LinkDown, match=r"serial:p: serial ports need .* `pip install 'msbot-agent\[serial\]'`"):
         await link.run()
 
 

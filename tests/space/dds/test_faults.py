@@ -44,7 +44,9 @@ def test_a_wrong_address_is_told(text: str, words: str) -> None:
 
 async def test_no_libddsc(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("CYCLONEDDS_HOME", str(tmp_path))
-    words = f"DDS: CYCLONEDDS_HOME is {tmp_path}, and there is no libddsc in its lib folder: pip install 'msbot[dds]'"
+    words = (
+        f"DDS: CYCLONEDDS_HOME is {tmp_path}, and there is no libddsc in its lib folder: pip install 'msbot-agent[dds]'"
+    )
     with pytest.raises(ConfigError, match=re.escape(words)):
         DdsSpace()
     monkeypatch.delenv("CYCLONEDDS_HOME")

@@ -381,7 +381,7 @@ def test_an_address_of_another_computer_cannot_be_served() -> None:
 
 async def test_without_the_library_one_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "zenoh", None)
-    with pytest.raises(ConfigError, match=r"not here: pip install 'msbot\[zenoh\]'"):
+    with pytest.raises(ConfigError, match=r"not here: pip install 'msbot-agent\[zenoh\]'"):
         open_space(parse_space("zenoh"))
 
 

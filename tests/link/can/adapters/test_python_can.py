@@ -321,7 +321,7 @@ def test_without_python_can_the_command_that_brings_it_is_named(monkeypatch: pyt
 
     monkeypatch.setattr(importlib.util, "find_spec", find)
     assert opening("slcan", "/dev/ttyACM0") == (
-        "can:x: this adapter needs the library python-can: `pip install 'msbot[can]'` brings it"
+        "can:x: this adapter needs the library python-can: `pip install 'msbot-agent[can]'` brings it"
     )
 
 

@@ -106,6 +106,17 @@ def main() -> None:
     run()
 
 
+IN_SCHOOL = ("class", "fault", "mission", "lesson", "quiz")
+IN_WEB = ("demo", "user", "pupils")
+
+
+def package_of(command: str) -> str:
+    """The distribution of MsBOT that brings a command of `COMMANDS`."""
+    if command in BUILT_IN:
+        return "msbot-agent"
+    return "msbot-school" if command in IN_SCHOOL else "msbot-web" if command in IN_WEB else "msbot"
+
+
 def command_lines() -> dict[str, str]:
     """Every command that is there with its line in `msbot --help`; none is imported.
 

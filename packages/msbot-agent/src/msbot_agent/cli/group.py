@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines
+from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, package_of
 from msbot_agent.cli.first_page import SUMMARY, leave_output
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.startup.made_to_stay import made_to_stay
@@ -44,6 +44,16 @@ class LazyGroup(click.Group):
                 command = None if brought is None else brought.load()
         assert isinstance(command, click.Command | None)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command; of one whose package is not installed its package is named."""
+        name = args[0] if args else ""
+        if name in COMMANDS and self.get_command(ctx, name) is None:
+            package = package_of(name)
+            raise click.UsageError(f"`msbot {name}` is in the package {package}, which is not installed here.", ctx)
+        return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """The commands that begin with `incomplete`, from the table above; click would import them all."""

@@ -33,6 +33,6 @@ space_option = click.option(
     metavar="memory|dds[:DOMAIN]|zenoh[:ENDPOINT]",
     default="memory",
     show_default=True,
-    help="Where topics are: in this process; in DDS, where ROS 2 and others see them (extra msbot[dds]); or at a Zenoh "
-    "router, for sites far apart (extra msbot[zenoh]).",
+    help="Where topics are: in this process; in DDS, where ROS 2 and others see them (extra msbot-agent[dds]); or at a "
+    "Zenoh router, for sites far apart (extra msbot-agent[zenoh]).",
 )

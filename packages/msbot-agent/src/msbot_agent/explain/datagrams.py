@@ -12,7 +12,7 @@ from msbot_agent.text.given_file import open_given
 from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
 
-REMEDY: Final = "pip install 'msbot[pcap]'"
+REMEDY: Final = "pip install 'msbot-agent[pcap]'"
 ENDINGS: Final = (".pcap", ".pcapng", ".cap")
 _CAN: Final = struct.Struct(">IBB2x")
 _EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000

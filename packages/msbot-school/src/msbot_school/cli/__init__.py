@@ -1,1 +1,1 @@
-"""The flight recorder and its recordings: `msbot rec`, `msbot log`."""
+"""The commands of teaching: `msbot lesson`, `mission`, `fault`, `quiz`, `class`."""

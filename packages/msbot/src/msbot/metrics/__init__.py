@@ -1,4 +1,4 @@
-"""MomentFigures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
+"""Figures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
 
 from msbot.metrics.collecting import Collecting, Noting
 from msbot.metrics.figures import AgentFigures, Buckets, DatabaseFigures, MomentFigures, PageFigures, RobotFigures

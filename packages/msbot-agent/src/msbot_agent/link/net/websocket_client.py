@@ -97,7 +97,7 @@ class WebSocketClientLink(BaseLink):
             from websockets.asyncio.client import connect
             from websockets.exceptions import InvalidHandshake, InvalidProxy, InvalidProxyStatus, InvalidStatus
         except ImportError:
-            raise LinkDown("links by WebSocket need the library websockets: pip install 'msbot[ws]'") from None
+            raise LinkDown("links by WebSocket need the library websockets: pip install 'msbot-agent[ws]'") from None
         while True:
             refusal = ""
             try:

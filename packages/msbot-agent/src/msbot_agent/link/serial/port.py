@@ -1,4 +1,4 @@
-"""Serial ports, with the library serialx (`pip install 'msbot[serial]'`): several at once, plugged in at any time.
+"""Serial ports, with the library serialx (`pip install 'msbot-agent[serial]'`): several at once, plugged in at any time.
 
 A port that is not there yet, or has vanished, is looked for twice a second and opened once it is there.
 """
@@ -108,7 +108,7 @@ def need_library(name: str) -> None:
         LinkDown: the library is not installed.
     """
     if importlib.util.find_spec("serialx") is None:
-        raise LinkDown(f"{name}: serial ports need the library serialx: `pip install 'msbot[serial]'` brings it")
+        raise LinkDown(f"{name}: serial ports need the library serialx: `pip install 'msbot-agent[serial]'` brings it")
 
 
 async def usb_ports() -> list[str]:

@@ -19,7 +19,9 @@ from pathlib import Path
 from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
 
-REMEDY = "pip install 'msbot[dds]', or apt install libddsc0debian, or let CYCLONEDDS_HOME name where Cyclone DDS is"
+REMEDY = (
+    "pip install 'msbot-agent[dds]', or apt install libddsc0debian, or let CYCLONEDDS_HOME name where Cyclone DDS is"
+)
 
 OLDEST = (0, 10)
 NEWEST = (11, 99)

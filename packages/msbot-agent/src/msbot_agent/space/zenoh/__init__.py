@@ -1,4 +1,4 @@
-"""Zenoh through Eclipse's library (extra `msbot[zenoh]`): the data space for wide networks, and its router."""
+"""Zenoh through Eclipse's library (extra `msbot-agent[zenoh]`): the data space for wide networks, and its router."""
 
 from msbot_agent.space.zenoh.library import load
 from msbot_agent.space.zenoh.reachability import check_files, unreachable

@@ -18,7 +18,7 @@ from msbot_xrce.errors import ConfigError
 if TYPE_CHECKING:
     import zenoh
 
-MISSING = "Zenoh needs the library eclipse-zenoh, and it is not here: pip install 'msbot[zenoh]'"
+MISSING = "Zenoh needs the library eclipse-zenoh, and it is not here: pip install 'msbot-agent[zenoh]'"
 
 RETRY = {"period_init_ms": 500, "period_max_ms": 2000, "period_increase_factor": 2}
 """How often a lost connection is tried again."""

@@ -95,7 +95,8 @@ def command(
 ) -> None:  # fmt: skip
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
 
-    Its page is at the address that is printed; at the first start a link that makes you its administrator.
+    With msbot-web installed it has a page, at the address that is printed; at the first start that is a link that makes
+    you its administrator.
     """
     services = wanted_services()
     own_group()  # as below

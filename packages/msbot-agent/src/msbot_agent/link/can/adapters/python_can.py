@@ -3,7 +3,7 @@
 Theory of operation. A bus that can be waited for (`fileno`) is read in the event loop. Any other has a thread that
 reads and passes frames on through a bounded ring. Sending may block in an adapter's library, so it has a thread of its
 own, too, which takes three frames at a time, as a controller does. python-can is imported when a bus is opened (`pip
-install 'msbot[can]'`).
+install 'msbot-agent[can]'`).
 """
 
 from __future__ import annotations
@@ -90,7 +90,9 @@ class PythonCanAdapter:
         """See `Adapter`."""
         name = self.info.name
         if importlib.util.find_spec("can") is None:
-            raise LinkDown(f"{name}: this adapter needs the library python-can: `pip install 'msbot[can]'` brings it")
+            raise LinkDown(
+                f"{name}: this adapter needs the library python-can: `pip install 'msbot-agent[can]'` brings it"
+            )
         opening = asyncio.get_running_loop().run_in_executor(None, self._make)
         try:
             bus = await asyncio.shield(opening)
