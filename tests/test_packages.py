@@ -88,6 +88,6 @@ def test_no_name_of_a_lazy_package_is_that_of_a_module_in_it(package: Path) -> N
 
 
 def test_the_package_that_a_command_is_said_to_be_in_brings_it() -> None:
-    for name in PROJECTS:
-        points = PROJECTS[name].get("entry-points", {}).get("msbot.commands", {})
+    for name, project in PROJECTS.items():
+        points = project.get("entry-points", {}).get("msbot.commands", {})
         assert {command: package_of(command) for command in points} == dict.fromkeys(points, name)

@@ -1,4 +1,4 @@
-"""Serial ports, with the library serialx (`pip install 'msbot-agent[serial]'`): several at once, plugged in at any time.
+"""Serial ports, with the library serialx (`pip install 'msbot-agent[serial]'`): several, plugged in at any time.
 
 A port that is not there yet, or has vanished, is looked for twice a second and opened once it is there.
 """
