@@ -14,9 +14,11 @@ that fails is left out, and the robot runs on; one of MsBOT's own ends the comma
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar, cast
 
 import click
@@ -205,4 +207,7 @@ def _in_order(services: Mapping[str, CommandService[Any, Any]], about: Mapping[s
 
 
 def _words(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}"
+    """What went wrong, and the line of code that raised it."""
+    innermost = traceback.extract_tb(error.__traceback__)[-1:]
+    places = "".join(f" ({Path(one.filename).name}:{one.lineno} in {one.name})" for one in innermost)
+    return f"{type(error).__name__}: {error}{places}"
