@@ -121,7 +121,7 @@ wheel: $(VENV)/.run
 	@rm -rf dist && mkdir dist
 	@$(PYTHON) -m pip --python $(BIN)/python wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist $(dir $(PROJECTS))
 	@ls dist/*.whl
-	@echo "Elsewhere: pip install --find-links dist 'msbot[all]'"
+	@echo "Elsewhere: pip install '$$(ls dist/msbot-*.whl)[all]' dist/msbot_*.whl"
 
 docs: $(VENV)/.docs
 	PYTHONPATH=. $(BIN)/python tools/can_picture.py docs/explain/can_frame.svg
