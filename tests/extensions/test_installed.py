@@ -98,7 +98,7 @@ def test_its_page_call_and_fault_work_at_a_running_robot(robot: Process, env: di
         page = visitor.get("/x/hello").text
         assert "Hello, ROVER: " in page
         assert "/x/hello" in visitor.get("/").text, "in the menu"
-    assert "hiccup" in told("fault", "add", "hiccup", "fan", env=env, cwd=tmp_path)
+    assert "hiccup" in told("fault", "add", "hiccup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
     assert robot.end() == 0
     assert not any("Traceback" in line for line in robot.lines)
 
