@@ -21,9 +21,12 @@ from tools.room_table import third_party
 from tools.sources import PACKAGES, ROOT
 
 USED = {
-    "msbot_xrce": "msbot_xrce.sessions.client", "msbot_agent": "msbot_agent.agent.server", "msbot": "msbot.part.part",
-    "msbot_school": "msbot_school.lessons.reading", "msbot_web": "msbot_web.assembly",
-}  # fmt: skip
+    "msbot_xrce": "msbot_xrce.sessions.client",
+    "msbot_agent": "msbot_agent.agent.server",
+    "msbot": "msbot.part.part",
+    "msbot_school": "msbot_school.lessons.reading",
+    "msbot_web": "msbot_web.assembly",
+}
 """What a program of that distribution imports first."""
 RUNS = 10
 

@@ -60,10 +60,12 @@ class Bench(Robot):
             (self.folder / f"{name}.py").write_text(text)
             program = self.stack.enter_context(
                 subprocess.Popen(
-                    [sys.executable, f"{name}.py"], cwd=self.folder, stdout=subprocess.DEVNULL,
+                    [sys.executable, f"{name}.py"],
+                    cwd=self.folder,
+                    stdout=subprocess.DEVNULL,
                     env={**os.environ, **self.env, "MSBOT_LINK": self.link},
                 )
-            )  # fmt: skip
+            )
             self.stack.callback(program.kill)
         until(lambda: self.heard() > 0)
 

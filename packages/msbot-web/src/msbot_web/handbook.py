@@ -11,9 +11,13 @@ from msbot_web.place import root
 from msbot_xrce.common.lazy_dataclass import dataclass
 
 CHAPTERS = (
-    ("tutorial", "Tutorial"), ("howto", "How to"), ("explain", "Explanation"), ("reference", "Reference"),
-    ("evidence", "Evidence"), ("decisions", "Decisions"),
-)  # fmt: skip
+    ("tutorial", "Tutorial"),
+    ("howto", "How to"),
+    ("explain", "Explanation"),
+    ("reference", "Reference"),
+    ("evidence", "Evidence"),
+    ("decisions", "Decisions"),
+)
 """Folders of the handbook with their titles, in the order of reading."""
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml"}
 """What a page of the handbook may show besides text: endings and media types."""

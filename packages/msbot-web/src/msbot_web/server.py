@@ -232,8 +232,14 @@ class WebServer:
         app.mount("/web", StaticFiles(directory=STATIC), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)
         register_pages(service)
-        serve_pages(app, title=f"{service.robot_name} · MsBOT", icon=STATIC / "icon.svg", kept_s=KEPT_S,
-                    not_there=_not_there, failed=_failed)  # fmt: skip
+        serve_pages(
+            app,
+            title=f"{service.robot_name} · MsBOT",
+            icon=STATIC / "icon.svg",
+            kept_s=KEPT_S,
+            not_there=_not_there,
+            failed=_failed,
+        )
         pages = OpenPages(service.accounts)
         say_errors_once()
         guard = AccessGuard(

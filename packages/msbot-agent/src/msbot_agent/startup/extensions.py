@@ -16,6 +16,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from msbot_agent.process.own_code import PACKAGES
 from msbot_agent.text.printable import printable
 from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import MsbotError
@@ -32,7 +33,7 @@ GROUPS = (
 """What an extension can bring; `PREFIX` before it is the group of its entry points."""
 OWN_GROUPS = ("loaders", "mission_pages")
 """What one distribution of MsBOT brings to a lower one. Not for others: it may change with any version."""
-OWN_PACKAGES = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-web")
+OWN_PACKAGES = tuple(name.replace("_", "-") for name in PACKAGES)
 """The distributions of MsBOT: what they bring is a part of it, not an extension."""
 _NAME = re.compile(r"[a-z][a-z0-9_-]{0,49}")
 """A name stands in addresses and on command lines."""

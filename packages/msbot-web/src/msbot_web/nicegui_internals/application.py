@@ -21,9 +21,7 @@ LOGGER = logging.getLogger("nicegui")
 Refusal = Callable[[Request, Exception], Awaitable[Response]]
 
 
-def serve_pages(
-    app: FastAPI, *, title: str, icon: Path, kept_s: float, not_there: Refusal, failed: Refusal
-) -> None:  # fmt: skip
+def serve_pages(app: FastAPI, *, title: str, icon: Path, kept_s: float, not_there: Refusal, failed: Refusal) -> None:
     """Serve NiceGUI's pages from an application.
 
     Args:
@@ -35,8 +33,9 @@ def serve_pages(
         failed: answers for a page that cannot be made.
     """
     _mark_page_scripts()
-    ui.run_with(app, title=title, dark=None, show_welcome_message=False, tailwind=False, reconnect_timeout=kept_s,
-                favicon=icon)  # fmt: skip
+    ui.run_with(
+        app, title=title, dark=None, show_welcome_message=False, tailwind=False, reconnect_timeout=kept_s, favicon=icon
+    )
     # `BehindProxies` leads redirects into the page's folder; NiceGUI would do so once more.
     leads_twice: object = RedirectWithPrefixMiddleware
     core.app.user_middleware = [one for one in core.app.user_middleware if one.cls is not leads_twice]

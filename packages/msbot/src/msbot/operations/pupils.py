@@ -29,10 +29,19 @@ MOST_HANDS = 200
 MOST_TAKEN = 200
 _OF_A_SLOT = ("slot", "port", "part", "at")
 """Arguments that say at which slot something is done; an empty one: at the robot as a whole."""
-_WITHOUT_SLOT = frozenset({
-    "undo", "pause_world", "step_world", "reset_world", "world_speed", "put_robot", "repair", "answer_mission",
-    "mission_hint",
-})  # fmt: skip
+_WITHOUT_SLOT = frozenset(
+    {
+        "undo",
+        "pause_world",
+        "step_world",
+        "reset_world",
+        "world_speed",
+        "put_robot",
+        "repair",
+        "answer_mission",
+        "mission_hint",
+    }
+)
 """What a pupil who is held cannot do either."""
 EndWhere = Callable[[Callable[[str, str], bool]], object]
 """Lets go of what people hold by hand, of which `(slot, who holds it)` is true."""
