@@ -24,6 +24,7 @@ from tests.firmware.pipe import Firmware
 from tests.homes.chromium import BrowserHome, Chromium
 from tests.homes.test_conformance import HOMES
 from tests.homes.world import Home
+from tests.stop.cuts import AGENT, LINKS, RELAY, cut_stories, deeds_for
 from tests.stop.gap import gap_stories
 from tests.stop.kinds import CHome, stories
 from tests.stop.oracle import Verdict
@@ -37,8 +38,6 @@ NAMES = {
     "micropython-serial": "MicroPython, serial", "browser": "in the browser",
 }  # fmt: skip
 
-
-WITHOUT_A_BUS = ("micropython-serial", "browser")
 
 Told = Iterator[tuple[str, str, Verdict]]
 """Parts, what happened meanwhile, and what came of it."""
@@ -55,8 +54,15 @@ def tell(firmware: Firmware, chromium: Chromium) -> Told:
     for kind, name in NAMES.items():
         for words, verdict in stories(home(kind)).items():
             yield name, words, verdict
-        for words, verdict in gap_stories(home(kind), has_bus=kind not in WITHOUT_A_BUS).items():
+        for words, verdict in gap_stories(home(kind), has_bus=kind not in LINKS).items():
             yield name, words, verdict
+        for way, near in ((AGENT, False), (AGENT, True), (RELAY, False), (RELAY, True)):
+            if near and kind in LINKS:
+                continue
+            place = f"{name}; behind {way}, its partner {'beside it' if near else 'at the master'}"
+            deeds = deeds_for(kind, also_long=True)
+            for words, verdict in cut_stories(home(kind), kind, way, deeds, near=near).items():
+                yield place, words, verdict
     with tempfile.TemporaryDirectory() as folder:
         verdict = takeover_story(Path(folder), firmware)
         yield "Python, C", "the master is killed, another one takes over", verdict

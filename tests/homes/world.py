@@ -213,13 +213,17 @@ class World:
     def _make_master(self) -> Master:
         blueprint = Blueprint(RobotProfile(self.robot.name, "1", "7", "today", "us"), (), options=self.robot.options)
         master = Master(blueprint, self.store, random=self.random, epoch_ns=lambda: 0)
+        self._add_links(master)
+        return master
+
+    def _add_links(self, master: Master) -> None:
+        """Where parts come in."""
         self.driver.detach("master")
         end = self.driver.attach("master")
         profile_hash = master.profile.profile_hash()
         master.add_link(CanMasterLink(end, profile_hash=profile_hash, random=self.random, codec=CODEC))
         master.add_link(self.lines)
         master.add_link(self.page)
-        return master
 
 
 class PagePeer:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.operations.pupils import MOST_HANDS
+from msbot.operations.pupils import MOST_HANDS, MOST_PUPILS
 from msbot.operations.rights import Asker, Right, Role
 from msbot.pnp import Group
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
@@ -88,6 +88,22 @@ def test_what_a_pupil_drives_by_hand_is_let_go_when_the_class_is_frozen(tmp_path
         assert (await stage.do.thaw(who="novak")).words == "the class goes on"
         assert await stage.refusal(stage.do.thaw(who="novak")) == "the class is not frozen"
         assert (await do("set", who=pupil("ada"), slot="AA", name="period_s", value=2)).words
+
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=RING)
+
+
+@pytest.mark.promise("A pupil leaves neither group, freeze nor take-over, by whatever door")
+@pytest.mark.parametrize("before", [0, MOST_PUPILS, 2 * MOST_PUPILS])
+def test_a_freeze_ends_what_a_pupil_drives_however_many_have_driven(tmp_path: Path, before: int) -> None:
+    async def scene(stage: Stage) -> None:
+        do, control = stage.operations.do, stage.operations.pupils
+        await do("publish", who=pupil("ada"), port="BB.in", values=["1", "on"], seconds=3600)
+        for number in range(before):
+            control.drives(f"pupil {number}")
+        await do("publish", who=pupil("ben"), port="CC.in", values=["1", "on"], seconds=3600)
+        assert len(control._drivers) <= MOST_PUPILS
+        await stage.do.freeze("look", who="novak")
+        assert stage.operations.by_hand.held() == {}
 
     play(tmp_path, scene, AA_IS_A_DIAL, parts=RING)
 

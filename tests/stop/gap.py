@@ -97,7 +97,7 @@ class Stage:
 
     async def _begin_master(self, begin: Callable[[], None]) -> None:
         begin()
-        self.oracle.watch(self.world.master)
+        self.oracle.watch(self.world.master.agent)
         await self.world.master.ready.wait()
 
     def _plug_partner(self) -> None:

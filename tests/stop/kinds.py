@@ -145,7 +145,7 @@ def stories(home: Home) -> Mapping[str, Verdict]:
         world = World(ROBOT, home, PROGRAM, "program.py")
         world.start_master()
         await world.master.ready.wait()
-        oracle.watch(world.master)
+        oracle.watch(world.master.agent)
         oracle.expect("the part", "the partner")
         world.log = Heard(oracle)
 

@@ -12,6 +12,7 @@ import struct
 from dataclasses import dataclass, field
 
 from msbot.master import Master
+from msbot_agent.agent import Agent
 from msbot_agent.link import Peer
 
 POWER, SPEED = 77.125, 33.0625
@@ -52,16 +53,16 @@ class Oracle:
         self.counts: dict[str, int] = {}
         """By function."""
         self.on_the_way = 0
-        """Samples that have left a master."""
+        """Samples that have left a master or an agent."""
 
-    def watch(self, master: Master) -> None:
-        """Listen to all links of a master."""
+    def watch(self, agent: Agent) -> None:
+        """Listen to all links of an agent, as every master has one."""
 
         def tap(_now: float, way: str, _peer: Peer, packet: bytes) -> None:
             if way == "out" and any(mark in packet for mark in _MARKS):
                 self.on_the_way += 1
 
-        master.agent.tap = tap
+        agent.tap = tap
 
     def expect(self, *names: str) -> None:
         """These are listened to: they count from 0."""

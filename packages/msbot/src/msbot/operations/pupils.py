@@ -57,8 +57,8 @@ class ClassControl:
         self._pupils = running.inventory.pupil_parts.pupils
         self._hands: dict[str, float] = {}
         """Who asks for help -> since when, on the robot's clock."""
-        self._drivers: set[str] = set()
-        """Pupils who have driven ports, or simulated parts, by hand since the last freeze."""
+        self._drivers: dict[str, None] = {}
+        """Pupils who have driven ports, or simulated parts, by hand since the last freeze, the latest last."""
         self._ends: list[EndWhere] = [by_hand.end_where]
         self._people: Callable[[], Iterable[str]] = tuple
         if running.registry is not None and running.robot is not None:
@@ -68,7 +68,7 @@ class ClassControl:
         """A person is removed: whoever has that name later is in no group, and nobody holds them."""
         self._hands.pop(pupil, None)
         self.end_holds(pupil)
-        self._drivers.discard(pupil)
+        self._drivers.pop(pupil, None)
         self._pupils.taken.pop(pupil, None)
         if self._pupils.group_of(pupil):
             groups = (replace(one, pupils=tuple(name for name in one.pupils if name != pupil)) for one in self.groups)
@@ -85,8 +85,10 @@ class ClassControl:
 
     def drives(self, pupil: str) -> None:
         """A pupil drives something by hand."""
-        if len(self._drivers) < MOST_PUPILS:
-            self._drivers.add(pupil)
+        self._drivers.pop(pupil, None)
+        self._drivers[pupil] = None
+        if len(self._drivers) > MOST_PUPILS:
+            self._forget_a_driver()
 
     def use_people(self, people: Callable[[], Iterable[str]]) -> None:
         """Say who can sign in besides those who are here."""
@@ -345,6 +347,20 @@ class ClassControl:
         self._pupils.use_groups(groups)
         self._running.inventory.pupil_parts.regroup(self._running.now())
         self._end_where(lambda slot, who: who in self._drivers and not self._pupils.may_use(who, slot))
+
+    def _forget_a_driver(self) -> None:
+        """Forget the one who has driven nothing for longest, and holds nothing now: nothing of theirs could go on."""
+        holders: set[str] = set()
+
+        def note(_slot: str, who: str) -> bool:
+            holders.add(who)
+            return False
+
+        self._end_where(note)
+        latest = next(reversed(self._drivers))
+        idle = next((who for who in self._drivers if who not in holders and who != latest), None)
+        if idle is not None:
+            del self._drivers[idle]
 
     def _end_where(self, is_over: Callable[[str, str], bool]) -> None:
         for end_where in self._ends:
