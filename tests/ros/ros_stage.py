@@ -79,8 +79,9 @@ class RosStage:
         self.stage = stage
         self.space = stage.master.space
         assert isinstance(self.space, MemorySpace)
+        self.shared = SharedMemory(self.space)
         self.robot = RobotInRos(
-            stage.master, operations or stage.operations, SharedMemory(self.space), description=description,
+            stage.master, operations or stage.operations, self.shared, description=description,
             epoch_ns=lambda: round(1_000_000_000 * stage.now()),
         )  # fmt: skip
         assert stage.tasks is not None
@@ -98,6 +99,10 @@ class RosStage:
     def nodes(self) -> list[str]:
         """The names of the nodes that were told last."""
         return [str(node.name) for node in decode(self._told[-1], SINCE_IRON)[1]]
+
+    def readers(self) -> dict[str, frozenset[Guid]]:
+        """Whose readers each node has, as was told last."""
+        return {str(node.name): frozenset(node.readers) for node in decode(self._told[-1], SINCE_IRON)[1]}
 
     def listen(self, topic: str, message: type[_M], *, late: bool = False) -> Callable[[], list[_M]]:
         """What comes on a topic of the robot, or with `/` in front of all; `late`: also what was kept."""

@@ -28,6 +28,7 @@ from msbot.ros2 import (
     SetParametersResult,
     String,
 )
+from msbot_agent.space import Qos, Topic
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 from tests.ros.ros_stage import RosStage
 
@@ -249,6 +250,21 @@ def test_a_blueprint_may_let_ros_only_read(tmp_path: Path) -> None:
         ros.end()
 
     play(tmp_path, scene, AA_IS_A_DIAL, IN_ROS, READ_ONLY, parts=RING)
+
+
+def test_what_the_master_itself_hears_is_the_robots_node(tmp_path: Path) -> None:
+    """`ros2 topic info -v` shows no endpoint without a node."""
+
+    async def scene(stage: Stage) -> None:
+        ros = RosStage(stage)
+        topic = Topic("rt/MSBOT_MASTER/anything", "T")
+        ros.shared.reader(topic, Qos(reliable=False), lambda _: True)
+        (shown,) = [endpoint.guid for endpoint in ros.shared.endpoints() if endpoint.name == topic.name]
+        await asyncio.sleep(0.1)
+        assert [node for node, readers in ros.readers().items() if shown in readers] == ["/MSBOT_MASTER"]
+        ros.end()
+
+    play(tmp_path, scene, AA_IS_A_DIAL, IN_ROS, parts=RING)
 
 
 def test_nonsense_and_a_flood_get_no_answer_and_are_told_once(tmp_path: Path, caplog: object) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import sys
 from collections.abc import AsyncIterator
 from struct import pack, unpack_from
@@ -101,6 +102,44 @@ async def test_a_board_serves_and_asks_nodes_of_both_kinds(node: Node) -> None:
             assert "/switch" in await node.does("services_of", name="board", namespace="/")
             # As `ros2 param list`: a board without parameters does not keep it waiting.
             assert (await node.does("parameters", names=["/board", "/peer"]))["/board"] == []
+            refused = {"successful": False, "reason": "this node has no parameters"}
+            wished = {"speed": 1.5, "name": "it"}
+            assert await node.does("set_parameters", name="/board", values=wished) == [refused, refused]
+            assert await node.does("set_parameters_atomically", name="/board", values=wished) == refused
+            assert await node.does("get_parameters", name="/board", names=["speed"]) == []
+
+
+async def test_a_micro_ros_board_with_parameters_has_all_services_that_ros2_param_waits_for(node: Node) -> None:
+    """The parameter server of rclc has five services, without the one that sets several at once."""
+    five = ("ListParameters", "DescribeParameters", "GetParameters", "GetParameterTypes", "SetParameters")
+    with DdsSpace() as space:
+        async with board(space) as (client, participant):
+            repliers: dict[int, tuple[Entity, str]] = {}
+            for kind in five:
+                name = re.sub("(?<=.)(?=[A-Z])", "_", kind).lower()
+                type_name, topic = f"rcl_interfaces::srv::dds_::{kind}", f"/board/{name}"
+                names = ServiceNames(
+                    name, f"{type_name}_Request_", f"{type_name}_Response_", f"rq{topic}Request", f"rr{topic}Reply"
+                )
+                made = client.create_replier(participant, names)
+                repliers[made.object_id] = made, kind
+
+            def answer(asked: int, _request: int, identity: bytes, _payload: bytes) -> None:
+                replier, kind = repliers[asked]
+                if kind == "ListParameters":
+                    client.reply(replier, identity, pack("<I", 1) + text("speed") + bytes(2) + pack("<I", 0))
+                else:
+                    client.reply(replier, identity, pack("<I?3x", 1, True) + text(""))
+
+            client.on_request = answer
+            for made, _ in repliers.values():
+                client.read(made)
+            await client.until_all_statuses(30)
+            assert await node.does("parameters", names=["/board"]) == {"/board": ["speed"]}
+            done = {"successful": True, "reason": ""}
+            assert await node.does("set_parameters", name="/board", values={"speed": 1.5}) == [done]
+            refused = {"successful": False, "reason": "this node sets its parameters one by one"}
+            assert await node.does("set_parameters_atomically", name="/board", values={"speed": 1.5}) == refused
 
 
 @contextlib.asynccontextmanager

@@ -39,7 +39,7 @@ def last_nodes(inbox: Inbox) -> dict[str, tuple[int, int]]:
 
 
 async def test_nodes_come_and_go_with_their_endpoints() -> None:
-    """Each has a reader and a writer more: the service that says that it has no parameters."""
+    """Each has six readers and writers more: the services that say that it has no parameters."""
     heard = Inbox()
     with DdsSpace() as here, DdsSpace() as there:
         graph = RosGraph(here, environment=NOWHERE)
@@ -48,10 +48,10 @@ async def test_nodes_come_and_go_with_their_endpoints() -> None:
         here.writer(Topic("rt/unnamed", "T"), Qos(), bytes(15) + b"\1")
         writer = here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
         reader = here.reader(FLOAT, Qos(), Inbox(), KNOB)
-        await until(lambda: last_nodes(heard) == {"/garden/knob": (2, 2)})
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (7, 7)})
         assert heard.payloads == [heard.payloads[-1]]  # all of it was told at once
         reader.close()
-        await until(lambda: last_nodes(heard) == {"/garden/knob": (1, 2)})
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (6, 7)})
         writer.close()
         await until(lambda: heard.samples and last_nodes(heard) == {})
         assert len(heard.samples) == 3
@@ -95,7 +95,7 @@ async def test_a_requester_reads_the_replies_that_its_agent_reads_for_all() -> N
         there.reader(TOLD, LAST_ONE, heard)
         here.reader(Topic("rr/addReply", "R"), Qos(service=True), Inbox())
         here.writer(Topic("rq/addRequest", "Q"), Qos(service=True), bytes(16), KNOB)
-        await until(lambda: last_nodes(heard) == {"/garden/knob": (2, 2)})
+        await until(lambda: last_nodes(heard) == {"/garden/knob": (7, 7)})
 
 
 async def test_nodes_up_to_humble_are_told_in_their_own_form() -> None:
@@ -165,17 +165,15 @@ async def test_a_micro_ros_client_is_a_node_for_a_ros_node_and_talks_to_it() -> 
                 "hear", "power", "Float32", "1", "gone", "/garden/blinker",
             ) as node:  # fmt: skip
                 await node.says("node /garden/blinker is complete")
-                assert sorted(line for line in node.lines if line.startswith("/garden/blinker ")) == [
-                    "/garden/blinker reads rq/garden/blinker/get_parametersRequest "
-                    "rcl_interfaces::srv::dds_::GetParameters_Request_",
-                    "/garden/blinker reads rq/garden/blinker/list_parametersRequest "
-                    "rcl_interfaces::srv::dds_::ListParameters_Request_",
-                    "/garden/blinker writes rr/garden/blinker/get_parametersReply "
-                    "rcl_interfaces::srv::dds_::GetParameters_Response_",
-                    "/garden/blinker writes rr/garden/blinker/list_parametersReply "
-                    "rcl_interfaces::srv::dds_::ListParameters_Response_",
-                    "/garden/blinker writes rt/power std_msgs::msg::dds_::Float32_",
-                ]
+                mine = {
+                    line.removeprefix("/garden/blinker ") for line in node.lines if line.startswith("/garden/blinker ")
+                }
+                assert "writes rt/power std_msgs::msg::dds_::Float32_" in mine
+                kinds = {"list": "List", "get": "Get", "set": "Set", "describe": "Describe"}
+                for verb, kind in kinds.items():  # the one that it has, and those that it gets
+                    at, of = f"/garden/blinker/{verb}_parameters", f"rcl_interfaces::srv::dds_::{kind}Parameters"
+                    assert {f"reads rq{at}Request {of}_Request_", f"writes rr{at}Reply {of}_Response_"} <= mine
+                assert len(mine) == 2 * 6 + 1
                 assert '"double_value": 2.5' in await node.says("get_parameters: ")
                 await until(lambda: (client.write(writer, pack("<f", 0.25)), "power: " in "".join(node.lines))[1])
                 await node.says('power: {"data": 0.25}')

@@ -13,7 +13,6 @@ from itertools import cycle
 
 import rclpy
 from mcap.reader import make_reader
-from rcl_interfaces.srv import ListParameters
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
@@ -256,15 +255,9 @@ class Does:
         ]
 
     def parameters(self, names):
-        """As `ros2 param list`: every node is asked, and nobody gets an answer before all have answered."""
-        asked = {name: self.node.create_client(ListParameters, f"{name}/list_parameters") for name in names}
-        answers = {}
-        for name, client in asked.items():
-            if not client.wait_for_service(GENEROUS_S):
-                raise TimeoutError(f"{name} does not list its parameters")
-            answers[name] = sorted(wait(client.call_async(ListParameters.Request()), name).result.names)
-            self.node.destroy_client(client)
-        return answers
+        """As `ros2 param list`: it waits for all parameter services of each node, and then asks it."""
+        asked = {name: self._parameters(name) for name in names}
+        return {name: sorted(wait(client.list_parameters(), name).result.names) for name, client in asked.items()}
 
     def get_parameters(self, name, names):
         """As `ros2 param get`."""
@@ -274,6 +267,11 @@ class Does:
         """As `ros2 param set`."""
         wanted = [Parameter(key, value=value) for key, value in values.items()]
         return [plain(one) for one in wait(self._parameters(name).set_parameters(wanted), name).results]
+
+    def set_parameters_atomically(self, name, values):
+        """All or none, in one request."""
+        wanted = [Parameter(key, value=value) for key, value in values.items()]
+        return plain(wait(self._parameters(name).set_parameters_atomically(wanted), name).result)
 
     def _parameters(self, name):
         client = AsyncParameterClient(self.node, name)

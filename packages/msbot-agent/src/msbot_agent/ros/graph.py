@@ -3,8 +3,8 @@
 In ROS 2 a node is not a thing of DDS: each program publishes the list of its nodes with the GUIDs of their endpoints
 (topic `ros_discovery_info`, transient-local, only the last one counts). Here a part of the robot is a node, and so is
 every participant of a micro-ROS client. The list is published again when something has changed, once for all changes
-within `SETTLE_S` (longer with many). A node that does not say which parameters it has gets the service that says
-none, because `ros2 param list` waits for every node.
+within `SETTLE_S` (longer with many). A node that lacks parameter services gets them, because `ros2 param list` waits
+for all of them at every node.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import asyncio
 import logging
 import os
 import secrets
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from msbot_agent.ros import discovery_info
-from msbot_agent.ros.bare_parameters import BareParameters, requests_of
+from msbot_agent.ros.bare_parameters import BareParameters, missing_services
 from msbot_agent.ros.discovery_info import NodeInfo, decode, encode, gid_octets_of, usual_gid_octets
 from msbot_agent.ros.node_names import NodeName, node_named
 from msbot_agent.space import Guid, OwnEndpoint, Qos, Reader, Sample, SharedSpace, Topic, Writer
@@ -63,7 +64,8 @@ class RosGraph:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._writers: dict[int, Writer] = {}
-        self._bare: dict[tuple[int, NodeName], BareParameters] = {}
+        self._bare: dict[tuple[int, NodeName, str, str], BareParameters] = {}
+        """By domain, node, service and why it sets nothing."""
         self._readers: list[Reader] = []
         self._told: dict[int, bytes] = {}
         self._size = 0
@@ -126,25 +128,31 @@ class RosGraph:
                 self._writer(domain).write(octets)
 
     def _see_to_parameters(self) -> None:
-        """A node that does not list its parameters itself has none, and somebody must say so."""
+        """A node that lacks some of the parameter services gets them from here."""
         answering = {id(bare.owner) for bare in self._bare.values()}
         theirs = [endpoint for endpoint in self._space.endpoints() if id(endpoint.owner) not in answering]
         first = next(iter(self._space.participants()), 0)
-        wanted = dict.fromkeys((first, name) for name in self._standing())
-        listing = set()
+        nodes = dict.fromkeys((first, name) for name in self._standing())
+        read: defaultdict[int, set[str]] = defaultdict(set)
+        """By domain."""
         for endpoint in theirs:
             if is_ros(endpoint.name):
                 name = self._node_of(endpoint)
                 if name is not None:
-                    wanted[endpoint.domain, name] = None
+                    nodes[endpoint.domain, name] = None
                 if not endpoint.is_writer:
-                    listing.add((endpoint.domain, endpoint.name))
-        wanted = {(domain, name): None for domain, name in wanted if (domain, requests_of(name)) not in listing}
-        for key in [key for key in self._bare if key not in wanted]:
+                    read[endpoint.domain].add(endpoint.name)
+        wanted = [
+            (domain, node, service, reason)
+            for domain, node in nodes
+            for service, reason in missing_services(node, read[domain]).items()
+        ]
+        for key in self._bare.keys() - set(wanted):
             self._bare.pop(key).close()
-        for domain, name in wanted:
-            if (domain, name) not in self._bare:
-                self._bare[domain, name] = BareParameters(self._space, name, domain)
+        for key in wanted:
+            if key not in self._bare:
+                domain, node, service, reason = key
+                self._bare[key] = BareParameters(self._space, node, domain, service, reason)
 
     def _nodes(self) -> dict[int, list[NodeInfo]]:
         """The nodes in each domain, in the order in which they appeared."""

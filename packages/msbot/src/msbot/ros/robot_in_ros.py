@@ -103,7 +103,8 @@ class RobotInRos:
 
     def _node_of(self, endpoint: OwnEndpoint) -> NodeName | None:
         if endpoint.owner.client == 0:
-            return node_of_participant(endpoint)
+            # What nobody is named for is the master's own: what the page shows and the recorder keeps.
+            return node_of_participant(endpoint) or (self._robot if self._is_shown else None)
         configuration = self._master.inventory.configuration_of(endpoint.owner.client)
         if configuration is None:
             return node_of_participant(endpoint)
