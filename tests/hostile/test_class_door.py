@@ -118,6 +118,65 @@ def test_what_a_teacher_holds_and_who_has_another_session_are_left_alone(tmp_pat
     show(tmp_path, scene, bench=SimulatedBench(robot))
 
 
+HELD = "What somebody holds by hand is let go when the page, session or API token with which they hold it is gone"
+
+
+@pytest.mark.promise(HELD)
+@pytest.mark.parametrize("role", [Role.STUDENT, Role.TEACHER, Role.ADMINISTRATOR])
+def test_what_is_held_is_let_go_with_the_page_session_or_token_that_holds_it(role: Role, tmp_path: Path) -> None:
+    robot = Simulators(AA="BUTTON", BB="PILOT")
+
+    async def scene(rig: Rig) -> None:
+        def holds(session: Session, page: object | None) -> None:
+            for slot, control, value in (("AA", "press", True), ("BB", "left_power", 80)):
+                rig.service.operate(session, slot, control, value, on_page=page)
+
+        def held() -> tuple[object, object]:
+            return robot.parts["AA"].value("press"), robot.parts["BB"].value("left_power")
+
+        stays, page, other = rig.session(role), object(), object()
+        holds(stays, page)
+        rig.service.let_go(other)
+        assert held() == (True, 80), "another page is closed"
+        rig.service.let_go(page)
+        assert held() == (False, 0), "the page is closed"
+
+        leaves = rig.session(role)
+        holds(leaves, page)
+        rig.accounts.sign_out(leaves)
+        assert held() == (False, 0), "the session is over; the person has another one"
+
+        token = await rig.accounts.new_token(stays.name, "program", who=stays.name)
+        await rig.accounts.new_token(stays.name, "another", who=stays.name)
+        program = rig.accounts.by_api_token(token)
+        assert program is not None
+        holds(program, None)
+        await rig.act(program, "publish", port="CC.in", values=["1", "on"], seconds=3600)
+        await rig.accounts.remove_token(stays.name, "another", who=stays.name)
+        assert held() == (True, 80), "another program's token is taken back"
+        await rig.act(program, "publish", port="CC.in", values=["1", "on"], seconds=3600)
+        await rig.accounts.remove_token(stays.name, "program", who=stays.name)
+        assert held() == (False, 0), "its token is taken back"
+        assert rig.stage.operations.by_hand.held() == {}
+
+    show(tmp_path, scene, parts=("CC=WXYZ",), bench=SimulatedBench(robot))
+
+
+@pytest.mark.promise(HELD)
+def test_a_token_that_another_program_takes_back_in_the_database_lets_go_too(tmp_path: Path) -> None:
+    robot = Simulators(AA="BUTTON")
+
+    async def scene(rig: Rig) -> None:
+        token = await rig.accounts.new_token("student", "program", who="student")
+        program = rig.accounts.by_api_token(token)
+        assert program is not None
+        rig.service.operate(program, "AA", "press", value=True)
+        rig.accounts.load([replace(one, tokens=()) for one in rig.accounts.users()])
+        assert robot.parts["AA"].value("press") is False
+
+    show(tmp_path, scene, bench=SimulatedBench(robot))
+
+
 @pytest.mark.promise(CLASS)
 def test_freeze_and_group_hold_for_missions(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:

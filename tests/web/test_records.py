@@ -47,13 +47,13 @@ async def test_users_are_kept_with_role_and_tokens(tmp_path: Path) -> None:
 def test_the_journal_is_told_newest_first_with_its_evidence(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         rig.stage.registry.storage.flush()
-        lines = await rig.service.journal(100)
+        lines = await rig.service.journal(rig.session(Role.TEACHER), 100)
         assert [line.number for line in lines] == sorted((line.number for line in lines), reverse=True)
         entered = next(line for line in lines if line.part == "AA" and line.to_state == "active")
         assert (entered.slot, entered.from_state) == ("AA", "checking")
         assert entered.evidence
-        assert len(await rig.service.journal(2)) == 2
-        assert {line.part for line in await rig.service.journal(100, "AA")} == {"AA"}
+        assert len(await rig.service.journal(rig.session(Role.TEACHER), 2)) == 2
+        assert {line.part for line in await rig.service.journal(rig.session(Role.TEACHER), 100, "AA")} == {"AA"}
 
     show(tmp_path, scene)
 

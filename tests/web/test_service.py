@@ -118,6 +118,7 @@ def test_all_deeds_are_in_the_table() -> None:
         {name for name in vars(Service) if not name.startswith("_")}
         - seeing
         - {"robot_name", "robot_id", "is_stopped", "asker", "now"}
+        - {"let_go"}  # whoever is gone holds nothing, whatever their rights
     )
     named = {word for _, deed in DEEDS.values() for word in deed.__code__.co_names}
     assert deeds <= named
@@ -300,7 +301,7 @@ async def test_a_robot_without_a_database_says_so() -> None:
         stopped=False, window_s=0, trouble="", slots=[], arrivals=0,
     )  # fmt: skip
     records = no_records(lambda: robot)
-    assert await records.journal(10, None) == []
+    assert await records.journal(10, None, False) == []
     assert [(tile.name, tile.here) for tile in await records.robots()] == [("R", True)]
     for deed in (records.export, lambda: records.diff("x"), lambda: records.apply("x", "y"), records.backup,
                  lambda: records.restore(chunks(b""), "y")):  # fmt: skip

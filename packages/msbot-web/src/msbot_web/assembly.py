@@ -22,6 +22,7 @@ from msbot_agent.link import bound_name
 from msbot_agent.space import SpaceAddress
 from msbot_school.lessons.lesson_desk import LessonDesk
 from msbot_web.access.accounts import Accounts
+from msbot_web.access.clocks import since_boot_s
 from msbot_web.access.kept_sessions import session_file
 from msbot_web.access.users import MemoryUsers, UserStore
 from msbot_web.api.models import Robot
@@ -127,7 +128,7 @@ class WebRoom:
         self._use_library(library)
         operations.on_library(self._use_library)
         self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
-        self._accounts = accounts = Accounts(self._users, clock=clock)
+        self._accounts = accounts = Accounts(self._users, clock=since_boot_s)
         if entry_link:
             accounts.entry_token()
         describe = _describer(master, operations)

@@ -78,7 +78,8 @@ class Pieces:
 class Records:
     """What the database knows, as functions, so that a robot without a database also has pages."""
 
-    journal: Callable[[int, str | None], Awaitable[list[JournalLine]]]
+    journal: Callable[[int, str | None, bool], Awaitable[list[JournalLine]]]
+    """(most lines, of which part, whether parts are found by names only) -> the newest lines, newest first."""
     robots: Callable[[], Awaitable[list[RobotTile]]]
     export: Callable[[], Awaitable[str]]
     """The present blueprint as TOML."""
@@ -212,7 +213,7 @@ def no_records(robot: Callable[[], Robot]) -> Records:
     async def no_edits(_limit: int) -> Sequence[EditRecord]:
         return []
 
-    async def no_lines(_limit: int, _part: str | None) -> list[JournalLine]:
+    async def no_lines(_limit: int, _part: str | None, _by_name: bool) -> list[JournalLine]:
         return []
 
     async def tile() -> list[RobotTile]:
@@ -250,11 +251,13 @@ def _backup(address: str) -> BinaryIO:
     return kept
 
 
-def journal_lines(registry: Registry, robot: RobotRecord) -> Callable[[int, str | None], Awaitable[list[JournalLine]]]:
+def journal_lines(
+    registry: Registry, robot: RobotRecord
+) -> Callable[[int, str | None, bool], Awaitable[list[JournalLine]]]:
     """The journal of a robot, newest line first."""
 
-    async def read(limit: int, part: str | None) -> list[JournalLine]:
-        entries = await registry.storage.in_time(registry.robots.journal, limit, part, robot=robot)
+    async def read(limit: int, part: str | None, by_name: bool) -> list[JournalLine]:
+        entries = await registry.storage.in_time(registry.robots.journal, limit, part, robot=robot, by_name=by_name)
         return [journal_line(entry) for entry in reversed(entries)]
 
     return read

@@ -6,7 +6,6 @@ role that was taken away, or a session that has ended, counts at once, also for 
 
 from __future__ import annotations
 
-import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -108,13 +107,16 @@ class Service:
         self.arena = ArenaSight(arena)
         self.learning = learning or Learning(None, None, accounts)
         shelf = programs or NoShelf()
-        self.pupils = PupilDesk(accounts, operations, Passes(accounts, clock, time.time), shelf, self.learning)
+        self.pupils = PupilDesk(
+            accounts, operations, Passes(accounts, accounts.clock, accounts.forward_clock.now), shelf, self.learning
+        )
         """The class."""
         self.programs = ProgramDeeds(shelf, accounts, self.pupils.check_writing)
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._held = HeldControls(lambda: views.bench)
         operations.pupils.use_holds(self._held.end_where)
         accounts.sessions.on_end(self._signed_out)
+        accounts.on_token_end(self._token_ended)
 
     @property
     def robot_name(self) -> str:
@@ -176,9 +178,9 @@ class Service:
             for value in await self.operations.settings.read(slot)
         ]
 
-    async def journal(self, limit: int, part: str | None = None) -> list[JournalLine]:
-        """The newest lines of the journal, newest first."""
-        return await self._records.journal(limit, part)
+    async def journal(self, session: Session, limit: int, part: str | None = None) -> list[JournalLine]:
+        """The newest lines of the journal, newest first; who may not see UIDs and addresses finds nothing by them."""
+        return await self._records.journal(limit, part, not session.may(Right.ARRANGE))
 
     async def edits(self, limit: int) -> list[EditLine]:
         """What people changed, newest first."""
@@ -215,12 +217,15 @@ class Service:
 
     # Doing: students
 
-    def operate(self, session: Session, slot: str, control: str, value: Scalar) -> Done:
-        """Do something to a simulated part."""
+    def operate(
+        self, session: Session, slot: str, control: str, value: Scalar, *, on_page: object | None = None
+    ) -> Done:
+        """Do something to a simulated part; what is held by a page is let go when that is gone (`let_go`)."""
         self._need(session, Right.OPERATE)
         self._check_simulated(session, slot)
         self.views.bench.operate(slot, control, value)
-        if self._held.operated("" if session.may(Right.ARRANGE) else session.name, slot, control, value):
+        by = (session.holder,) if on_page is None else (session.holder, on_page)
+        if self._held.operated("" if session.may(Right.ARRANGE) else session.name, by, slot, control, value):
             self.operations.pupils.drives(session.name)
         return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
 
@@ -233,12 +238,22 @@ class Service:
             # It would look for another slot, and that may be another group's.
             raise ConfigError(said("slot {slot} has another part now: pull that out first", slot=slot))
         if not plugged:
-            self._held.end_where(lambda held, _who: held == slot)
+            self._held.end_at(slot)
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
 
+    def let_go(self, page: object) -> None:
+        """Nobody holds anything with that page any more: it is closed, or its connection is lost."""
+        self._held.end_by(page)
+
+    def _token_ended(self, token: str, name: str) -> None:
+        """What a program drives by hand is let go of when its token is taken back."""
+        self._held.end_by(token)
+        self.operations.by_hand.end_those_of([name])
+
     def _signed_out(self, session: Session) -> None:
-        """No pupil holds anything by hand who has no session left."""
+        """Nobody holds anything with a session that is over; no pupil does who has none left."""
+        self._held.end_by(session.holder)
         if not session.may(Right.ARRANGE) and not self.accounts.sessions.of(session.name):
             self.operations.pupils.end_holds(session.name)
 

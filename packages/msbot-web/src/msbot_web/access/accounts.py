@@ -19,6 +19,7 @@ from msbot.registry.reserved_names import check_name, check_reserved
 from msbot_agent.text.sentence import said
 from msbot_web.access.attempts import Attempts, SignInRefused
 from msbot_web.access.class_list import Newcomer
+from msbot_web.access.clocks import ForwardClock
 from msbot_web.access.guests import DEMO, Guests
 from msbot_web.access.known_browsers import KnownBrowsers
 from msbot_web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
@@ -50,16 +51,22 @@ class Accounts:
 
     Args:
         store: where users are kept.
-        hasher: for passwords.
         clock: seconds, monotonic.
+        hasher: for passwords.
+        wall_clock: seconds since 1970.
 
     Raises:
         RegistryError: the users cannot be read.
     """
 
-    def __init__(self, store: UserStore, *, clock: Callable[[], float], hasher: Hasher | None = None) -> None:
+    def __init__(
+        self, store: UserStore, *, clock: Callable[[], float], hasher: Hasher | None = None,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:  # fmt: skip
         self._store = store
         self._clock = clock
+        self.forward_clock = ForwardClock(wall_clock, clock)
+        """For what is printed with a date."""
         self._hasher = hasher or Argon2Hasher()
         self.sessions = Sessions(clock)
         self.guests = Guests(self, clock)
@@ -74,6 +81,7 @@ class Accounts:
         """For the proofs on pupils' tickets; kept over restarts with the sessions."""
         self._gone_listeners: list[Callable[[str], object]] = []
         self._role_listeners: list[Callable[[str], object]] = []
+        self._token_listeners: list[Callable[[str, str], object]] = []
         self._changing = asyncio.Lock()
         """Held from reading a user until the change is stored, so that no other change comes in between."""
         self.load(store.users())
@@ -94,6 +102,26 @@ class Accounts:
         """Call the listener with the name of everybody who gets another role."""
         self._role_listeners.append(listener)
 
+    def on_token_end(self, listener: Callable[[str, str], object]) -> None:
+        """Call the listener with every API token that is worthless from now on (as `Session.program` has it), and whose
+        it was."""
+        self._token_listeners.append(listener)
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """By which sessions and tickets age: seconds, monotonic."""
+        return self._clock
+
+    def _index_tokens(self) -> None:
+        """Find users by their tokens, and say which tokens have ended."""
+        before, self._token_users = self._token_users, {
+            digest: user.name for user in self._users.values() for _, digest in user.tokens
+        }  # fmt: skip
+        for digest, name in before.items():
+            if self._token_users.get(digest) != name:
+                for listener in self._token_listeners:
+                    listener(digest, name)
+
     def _role_changed(self, name: str, role: Role) -> None:
         self.sessions.change_role(name, role)
         for listener in self._role_listeners:
@@ -101,7 +129,7 @@ class Accounts:
 
     def _take(self, users: Iterable[User]) -> None:
         before, self._users = self._users, {user.name: user for user in users}
-        self._token_users = {digest: user.name for user in self._users.values() for _, digest in user.tokens}
+        self._index_tokens()
         for name, old in before.items():
             new = self._users.get(name)
             is_another = new is not None and 0 < old.since_ns < new.since_ns - _CLOCKS_NS
@@ -455,7 +483,7 @@ class Accounts:
         """Store users; a change that the store refuses does not take effect."""
         await self._store.keep_users(users, who)
         self._users.update({user.name: user for user in users})
-        self._token_users = {digest: one.name for one in self._users.values() for _, digest in one.tokens}
+        self._index_tokens()
 
     def _check_name(self, name: str) -> None:
         check_reserved(name)

@@ -3,6 +3,10 @@
 The file holds SHA-256s of the cookies' words, so reading it signs nobody in. It is written in a thread, whole, and put
 in place of the old one at once.
 
+How long nobody ran is known by the computer's own seconds as long as it has not been started anew, else by the wall
+clock. A file from the future says that the clock was set back: nobody knows how old its sessions are, so they have
+ended.
+
 Robots come and go, so the files of all robots of this user are tidied up, too: one that is too old to restore anything
 is removed, and there are never more than `MOST_FILES`.
 """
@@ -14,6 +18,7 @@ import json
 import logging
 import os
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,6 +26,7 @@ from typing import Any
 from msbot_agent.process.user_folders import check_owner, running_folder
 from msbot_agent.text.json_reading import read_json
 from msbot_web.access.accounts import Accounts
+from msbot_web.access.clocks import boot_id, since_boot_s
 from msbot_web.access.sessions import LONGEST_S, KeptSession
 from msbot_xrce.errors import ConfigError
 
@@ -38,11 +44,18 @@ class SessionFile:
     Args:
         accounts: whose sessions.
         path: the file.
+        wall_clock: seconds since 1970.
+        boot: tells this start of the computer from others; empty: unknown.
+        boot_clock: seconds since then.
     """
 
-    def __init__(self, accounts: Accounts, path: Path) -> None:
+    def __init__(
+        self, accounts: Accounts, path: Path, *, wall_clock: Callable[[], float] = time.time,
+        boot: Callable[[], str] = boot_id, boot_clock: Callable[[], float] = since_boot_s,
+    ) -> None:  # fmt: skip
         self._accounts = accounts
         self._path = path
+        self._wall_clock, self._boot, self._boot_clock = wall_clock, boot, boot_clock
         self._written = ""
         self._has_failed = False
 
@@ -53,10 +66,11 @@ class SessionFile:
             if self._path.stat().st_size > LARGEST:
                 return
             content = read_json(self._path.read_text("utf-8"))
-            away_s = max(0.0, time.time() - float(content["at"]))
+            away_s = self._away_s(content)
             kept = [_kept(one) for one in content["sessions"]]
             browsers = [(str(digest), str(name)) for digest, name in content["browsers"]]
             ticket_key = bytes.fromhex(content["ticket_key"])
+            forward_s = float(content["forward_s"])
         except FileNotFoundError:
             return
         except (OSError, ConfigError, ValueError, KeyError, TypeError, OverflowError) as error:
@@ -64,8 +78,19 @@ class SessionFile:
             return
         if away_s < LONGEST_S and len(ticket_key) == 32:
             self._accounts.ticket_key = ticket_key
+            self._accounts.forward_clock.not_before(forward_s)
             self._accounts.browsers.bring_back(one for one in browsers if self._accounts.role_of(one[1]) is not None)
+            if away_s < 0.0:
+                _log.warning("people sign in again: the computer's clock was set back since they have signed in")
+                return
             self._accounts.sessions.bring_back(kept, away_s, self._accounts.role_of, self._accounts.mark_of)
+
+    def _away_s(self, content: dict[str, Any]) -> float:
+        """For how long nobody ran; below 0: nobody knows, because the wall clock was set back."""
+        boot, boot_s = self._boot(), self._boot_clock() - float(content["boot_s"])
+        if boot and boot == content["boot"] and boot_s >= 0.0:
+            return boot_s
+        return self._wall_clock() - float(content["at"])
 
     async def tidy_up(self) -> None:
         """Remove what robots have left that nobody can use any more; to be called at the start, after `bring_back`."""
@@ -79,7 +104,10 @@ class SessionFile:
         if mark == self._written:
             return
         content = {
-            "at": time.time(),
+            "at": self._wall_clock(),
+            "forward_s": self._accounts.forward_clock.now(),
+            "boot": self._boot(),
+            "boot_s": self._boot_clock(),
             "ticket_key": self._accounts.ticket_key.hex(),
             "browsers": browsers,
             "sessions": [asdict(one) for one in kept],

@@ -77,6 +77,11 @@ class Session:
         return f"({self.name})" if self.is_lasting or self.guest_of else self.name
 
     @property
+    def holder(self) -> str:
+        """What holds what is driven by hand: the browser's session, or the API token."""
+        return self.key or self.program
+
+    @property
     def is_program(self) -> bool:
         """Whether a program with an API token is behind it, and no browser."""
         return not self.key

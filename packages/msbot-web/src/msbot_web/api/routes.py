@@ -147,7 +147,7 @@ def _add_reads(router: APIRouter, service: Service) -> None:
         part: Annotated[str | None, Query(max_length=254)] = None,
     ) -> list[JournalLine]:
         """The newest lines of the journal, newest first."""
-        return journal_for(session, await service.journal(limit, part))
+        return journal_for(session, await service.journal(session, limit, part))
 
     @router.get("/bus")
     async def bus(session: SignedIn) -> BusFigures:  # noqa: ARG001

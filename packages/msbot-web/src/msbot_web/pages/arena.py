@@ -20,7 +20,6 @@ from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import heading, panel, set_html
 from msbot_web.place import root
 from msbot_web.service import Service
-from msbot_xrce.errors import MsbotError
 
 PUSH_S = 0.1
 SPEEDS = {"¼": 0.25, "½": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
@@ -75,7 +74,7 @@ class _ArenaPage:
             ui.on(event, handler)
         ui.timer(PUSH_S, self._push)
         if page.client is not None:
-            page.client.on_delete(self._let_go)
+            page.client.on_disconnect(self._stands)
         page.every_look(self._show)
 
     def _make(self) -> None:
@@ -147,7 +146,8 @@ class _ArenaPage:
         if self._is_seen and self._page.is_connected:
             ui.run_javascript(f"msbotArena.show({json.dumps(self._arena.state())})")
         if self._driven_at is not None and self._page.service.now() - self._driven_at > HELD_S:
-            self._let_go()
+            self._stands()
+            self._page.let_go()
 
     def _show(self) -> None:
         page = self._page
@@ -216,17 +216,11 @@ class _ArenaPage:
 
     def _power(self, session: Session, powers: Sequence[float]) -> Done:
         done = [
-            self._page.service.operate(session, self._pilot, control, power)
+            self._page.operate(self._pilot, control, power, session)
             for control, power in zip(POWERS, powers, strict=False)
         ]
         return done[-1] if done else Done(words="")
 
-    def _let_go(self) -> None:
-        """Nobody holds a button any more, or the page is gone: stand."""
-        if self._driven_at is None:
-            return
+    def _stands(self) -> None:
+        """Nobody holds a button any more: the page or its connection is gone, or says nothing."""
         self._driven_at = None
-        try:
-            self._power(self._page.session, [0.0] * len(POWERS))
-        except MsbotError:
-            return  # signed out, held by a teacher, or pulled out: then it was let go of

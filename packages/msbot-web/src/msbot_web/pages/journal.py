@@ -7,6 +7,7 @@ from functools import partial
 from fastapi import Request
 from nicegui import ui
 
+from msbot.operations.rights import Right
 from msbot_web.api.models import EditLine
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
@@ -35,14 +36,15 @@ def register(service: Service) -> None:
 
 
 def _parts(page: Page, part: str) -> None:
-    find = ui.input(page.say("Part, slot or UID"), value=part).props("dense outlined clearable")
+    words = "Part, slot or UID" if page.may(Right.ARRANGE) else "Part or slot"
+    find = ui.input(page.say(words), value=part).props("dense outlined clearable")
     shown = ui.html("", sanitize=False).classes("w-full panel scroll").props("tabindex=0")
 
     heads = [page.say(title) for title in ("Time", "Part", "State", "Reason")]
 
     async def show() -> None:
         try:
-            found, error = await page.service.journal(LINES, str(find.value or "") or None), ""
+            found, error = await page.service.journal(page.session, LINES, str(find.value or "") or None), ""
         except MsbotError as refused:
             found, error = [], page.say(str(refused))
         lines = [(line, page.when(line.at_ms), state_chip(line.to_state, page.say(line.to_state))) for line in found]

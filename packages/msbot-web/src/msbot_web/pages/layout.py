@@ -21,7 +21,7 @@ from msbot_school.lessons.shelf import SIMPLE
 from msbot_web.access.accounts import SignedOut
 from msbot_web.access.sessions import Session
 from msbot_web.api.bus_lines import FrameLine
-from msbot_web.api.models import Done
+from msbot_web.api.models import Done, Scalar
 from msbot_web.api.private_octets import PrivateOctets
 from msbot_web.api.session import octets_for, words_for
 from msbot_web.html import render
@@ -223,8 +223,20 @@ class Page:
         """Whether the browser hears at once what it is told."""
         return self.client is None or self.client.has_socket_connection
 
+    def operate(self, slot: str, control: str, value: Scalar, session: Session) -> Done:
+        """Do something to a simulated part: what is held is let go when this page is closed or its connection lost."""
+        done = self.service.operate(session, slot, control, value, on_page=self.client)
+        if not self.is_connected:  # it went while this waited for its turn
+            self.let_go()
+        return done
+
+    def let_go(self) -> None:
+        """Let go of what is held with this page."""
+        self.service.let_go(self.client)
+
     def closed(self) -> None:
         """Show nothing any more: the browser's page was closed, maybe while something was being read for it."""
+        self.let_go()
         self.refreshers.clear()
         for task in self.tasks:
             task.cancel()
@@ -279,6 +291,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     session = request.scope["state"]["session"]
     page = Page(service, session, language_of(request), is_easy(request), client=ui.context.client)
     ui.context.client.on_delete(page.closed)
+    ui.context.client.on_disconnect(page.let_go)
     ui.add_head_html(str(render("head", language=page.language.code, easy=page.easy)))
     # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
     # Its script runs after socket.io and NiceGUI are there and before they connect.

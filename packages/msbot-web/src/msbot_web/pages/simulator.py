@@ -6,8 +6,7 @@ from functools import partial
 
 from nicegui import ui
 
-from msbot_web.access.sessions import Session
-from msbot_web.api.models import ControlLine, Done, Scalar
+from msbot_web.api.models import ControlLine, Scalar
 from msbot_web.pages.layout import Page
 from msbot_web.pages.number_field import NumberField
 from msbot_web.pages.page_elements import END_WITH_MASTER, heading
@@ -59,15 +58,17 @@ def _control(page: Page, slot: str, control: ControlLine) -> None:
     unit = f" [{control.unit}]" if control.unit else ""
 
     async def changed(value: Scalar | None) -> None:
-        await page.do(partial(_operate, page, slot, control.name, value), quiet=True)
+        await page.do(partial(page.operate, slot, control.name, "" if value is None else value), quiet=True)
 
-    if control.kind == "bool" and control.momentary:
+    rest = page.service.views.bench.rest(slot, control.name)
+    if control.kind == "bool" and rest is not None:
+        # Not what it is now: somebody else may be pressing it.
         button = ui.button(title, icon="touch_app").props("outline")
-        button.on("pointerdown", lambda: changed(not control.value)).on("pointerup", lambda: changed(control.value))
-        button.on("pointerleave", lambda: changed(control.value))
-        button.on("keydown", lambda: changed(not control.value), js_handler=_HELD)
-        button.on("keyup", lambda: changed(control.value), js_handler=_HELD)
-        button.on("blur", lambda: changed(control.value))
+        button.on("pointerdown", lambda: changed(not rest)).on("pointerup", lambda: changed(rest))
+        button.on("pointerleave", lambda: changed(rest))
+        button.on("keydown", lambda: changed(not rest), js_handler=_HELD)
+        button.on("keyup", lambda: changed(rest), js_handler=_HELD)
+        button.on("blur", lambda: changed(rest))
     elif control.kind == "bool":
         ui.switch(title, value=bool(control.value), on_change=lambda event: changed(event.value))
     elif control.kind == "number" and control.least is not None and control.most is not None:
@@ -80,13 +81,11 @@ def _control(page: Page, slot: str, control: ControlLine) -> None:
         slider.props["aria-label"] = title
         # It stays where it was put: an answer that comes late would take the next key presses back.
         slider.LOOPBACK = slider.props["loopback"] = False
+        if isinstance(rest, int | float) and page.client is not None:  # let go of with the connection: it shows that
+            page.client.on_disconnect(partial(slider.set_value, float(rest)))
     elif control.kind == "number":
         NumberField(page, f"{title}{unit}", number=float(control.value or 0), on_number=changed)
     elif control.kind == "choice":
         ui.select(control.choices, label=title, value=control.value, on_change=lambda event: changed(event.value))
     else:
         ui.input(title, value=str(control.value or ""), on_change=lambda event: changed(event.value))
-
-
-def _operate(page: Page, slot: str, control: str, value: Scalar | None, session: Session) -> Done:
-    return page.service.operate(session, slot, control, "" if value is None else value)

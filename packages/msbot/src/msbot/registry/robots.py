@@ -110,7 +110,7 @@ class Robots:
         return records
 
     def journal(
-        self, limit: int = 100, part: str | None = None, *, robot: RobotRecord | None = None
+        self, limit: int = 100, part: str | None = None, *, robot: RobotRecord | None = None, by_name: bool = False
     ) -> list[JournalEntry]:
         """The newest lines of the journal, the oldest of them first.
 
@@ -118,7 +118,10 @@ class Robots:
             limit: the most lines to return.
             part: only lines about this part: its name, slot, local name, part number or UID; case does not matter.
             robot: only lines about this robot.
+            by_name: no part is found by what only teachers see: UID and address.
         """
         robot_id = None if robot is None else robot.id
         self._storage.catch_up()
-        return self._storage.read(partial(store.read_journal, robot_id=robot_id, part=part, limit=limit))
+        return self._storage.read(
+            partial(store.read_journal, robot_id=robot_id, part=part, limit=limit, by_name=by_name)
+        )

@@ -198,13 +198,20 @@ def write_journal(connection: Connection, robot_id: int, event: PartEvent, now_n
     connection.execute(_JOURNAL_LINE, row)
 
 
-def read_journal(connection: Connection, robot_id: int | None, part: str | None, limit: int) -> list[JournalEntry]:
-    """The newest lines, the oldest of them first; only those of one part if its name, slot, number or UID is given."""
+def read_journal(
+    connection: Connection, robot_id: int | None, part: str | None, limit: int, *, by_name: bool = False
+) -> list[JournalEntry]:
+    """The newest lines, the oldest of them first; only those of one part if its name, slot or number is given, or (but
+    not with `by_name`) its UID or address."""
     query = select(journal, robots.c.name.label("robot")).join(robots, journal.c.robot_id == robots.c.id)
     if robot_id is not None:
         query = query.where(journal.c.robot_id == robot_id)
     if part is not None:
-        names = (journal.c.part, journal.c.slot, journal.c.local_name, journal.c.part_number, journal.c.uid)
+        names = [journal.c.part, journal.c.slot, journal.c.local_name, journal.c.part_number]
+        if by_name:  # who has not said a name is called by the address
+            query = query.where(or_(journal.c.part != journal.c.address, journal.c.part != part))
+        else:
+            names.append(journal.c.uid)
         # SQLite's lower() knows ASCII only, so the word itself is compared as well.
         query = query.where(or_(*(or_(name == part, func.lower(name) == part.lower()) for name in names)))
     rows = connection.execute(query.order_by(journal.c.id.desc()).limit(limit)).all()
