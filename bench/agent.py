@@ -126,10 +126,13 @@ def compare(generator: Path, other: Path, pairs: int) -> list[str]:
     ]
     print("\n".join(lines), flush=True)
     for load in LOADS:
-        before, after = [], []
-        for _ in range(pairs):
-            before.append(run(generator, load, 1, checkout=other))
-            after.append(run(generator, load, 1))
+        before: list[Result] = []
+        after: list[Result] = []
+        for number in range(pairs):
+            # Each goes first in every other pair: a computer that was idle is faster in the run that follows.
+            turns = [(before, other), (after, None)]
+            for results, checkout in turns if number % 2 == 0 else reversed(turns):
+                results.append(run(generator, load, 1, checkout=checkout))
         line = pair_row(load, before, after)
         print(line, flush=True)
         lines.append(line)

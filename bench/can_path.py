@@ -30,12 +30,12 @@ from msbot_agent.agent import Agent
 from msbot_agent.link import LinkCounters, Peer
 from msbot_agent.link.can import CanBusInfo, CanMasterLink, Codec
 from msbot_agent.link.can.adapters import CanDriver
+from msbot_agent.link.can.adapters.error_frames import FD_SIZE, pack_frame, unpack_frame
 from msbot_agent.link.can.adapters.interface import CanInterface
 from msbot_agent.link.can.adapters.remedies import Wanted
 from msbot_agent.link.can.adapters.socketcan import SocketCanAdapter
-from msbot_agent.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
 from msbot_agent.link.can.filters import IdFilter
-from msbot_agent.link.can.peer_framing import CanWire
+from msbot_agent.link.can.legacy_link import CanWire
 from msbot_agent.link.can.protocol import CanIds, Frame
 from msbot_agent.link.can.protocol.ids import COMPRESSION, join_frame, read_assign
 from msbot_agent.space import MemorySpace

@@ -26,8 +26,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot_school.classroom.access import AccessBook, FarAccess
-from msbot_web.cli.user.user import command as user
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
+from msbot_web.cli.user import user_command as user
 from tests.e2e.processes import Process
 from tests.web.browser.conftest import ARGUMENTS, chromium, free_port, go
 
@@ -138,8 +138,8 @@ def main(robots: int, folder_of_pictures: Path | None) -> int:
             started.append(
                 (run(made.name, "--port", str(port), "--link", f"sim:f{word}{number}", env=elsewhere), "The page is at")
             )
-            AccessBook().keep(FarAccess(f"http://127.0.0.1:{port}", token, "MSBOT_MASTER", f"FAR{number}"))
-        AccessBook().keep(FarAccess(f"http://127.0.0.1:{free_port()}", "msbot_x", "MSBOT_MASTER", "GONE"))
+            RemoteAccessFile().keep(RemoteAccess(f"http://127.0.0.1:{port}", token, "MSBOT_MASTER", f"FAR{number}"))
+        RemoteAccessFile().keep(RemoteAccess(f"http://127.0.0.1:{free_port()}", "msbot_x", "MSBOT_MASTER", "GONE"))
         main_robot = run("robot.toml", "--port", "0", "--link", f"sim:m{word}")
         for process, words in started:
             process.wait_for(words)

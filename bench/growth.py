@@ -39,7 +39,7 @@ from msbot import HelloWorld
 from msbot.part import JoinState, Part
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import open_link
-from msbot_agent.process.own_code import PACKAGES
+from msbot_agent.process.user_folders import PACKAGES
 
 PICTURE = Path(__file__).parent.parent / "docs/explain/growth.svg"
 SESSIONS = (10, 30, 100, 300, 1000, 3000, 5000)

@@ -36,7 +36,7 @@ from random import randbytes
 from bench.machine import describe_machine
 from msbot.part import JoinState, Part
 from msbot_agent.link import open_link
-from msbot_agent.process.own_code import PACKAGES
+from msbot_agent.process.user_folders import PACKAGES
 
 PART_NUMBER = "ABCD"
 LONGEST_S = 120.0

@@ -30,7 +30,7 @@ from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 from msbot_agent.link import open_link
-from msbot_agent.process.own_code import PACKAGES
+from msbot_agent.process.user_folders import PACKAGES
 
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 BROWSERS = (0, 1, 3)
@@ -80,13 +80,13 @@ async def serve(parts: int, *, with_page: bool) -> None:
             master.add_link(link)
             async with asyncio.TaskGroup() as tasks:
                 if with_page:
-                    from msbot_web.assembly import Database, Seen, WebRoom
+                    from msbot_web.assembly import Database, PageSources, RobotPages
                     from msbot_web.frames import FrameRing
                     from msbot_web.server import WebSettings
 
-                    room = WebRoom(
+                    room = RobotPages(
                         master, RunningOperations(master, registry, record, library=library), library,
-                        database=Database(registry, record, address), seen=Seen(FrameRing()),
+                        database=Database(registry, record, address), seen=PageSources(FrameRing()),
                         settings=WebSettings(port=0), entry_link=True,
                     )  # fmt: skip
                     tasks.create_task(room.run())

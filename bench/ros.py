@@ -21,7 +21,7 @@ from struct import pack
 
 from bench.machine import describe_machine
 from bench.result import write_result
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.space import Qos, Sample, Topic
 from msbot_agent.space.dds import DdsSpace
 from tests.ros.genuine.environment import MIDDLEWARES, environment

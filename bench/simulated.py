@@ -22,8 +22,8 @@ from msbot.config import load_blueprint, load_library, write_sample
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.door import OwnDoor
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.connection import LocalWorldConnection
+from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.world_reader import open_world
 from msbot_school.demo import DemoRobot
 
@@ -44,8 +44,8 @@ def life(folder: Path, sample: str, world: str, seconds: float, profile: cProfil
         with open_registry(folder / "robot.db") as registry:
             record = registry.robots.apply_blueprint(blueprint, library)
             store = registry.runs.begin(record)
-            living = LivingArena(Arena(open_world(world))) if world else None
-            door = None if living is None else OwnDoor(living, "robot")
+            living = RunningArena(Arena(open_world(world))) if world else None
+            door = None if living is None else LocalWorldConnection(living, "robot")
             robot = DemoRobot(blueprint, store, random=Random(1), library=library, door=door)
             task = asyncio.create_task(robot.run())
             await robot.master.ready.wait()

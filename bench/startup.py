@@ -30,7 +30,7 @@ from bench.machine import describe_machine
 from bench.many_parts import cpu_s
 from bench.result import write_result
 from msbot.config import open_blueprint, write_sample
-from msbot.registry.database_identity import database_identity
+from msbot.registry.records import database_identity
 from msbot.stop.asking import ask_masters
 
 COMMAND = [sys.executable, "-m", "msbot"]

@@ -31,7 +31,7 @@ from bench.scale import running, wait_for
 from msbot import HelloWorld
 from msbot.part import Part
 from msbot_agent.link import open_link
-from msbot_agent.process.own_code import PACKAGES
+from msbot_agent.process.user_folders import PACKAGES
 
 MASTER, BETWEEN = "udp:127.0.0.1:9100", "udp:127.0.0.1:9101"
 WAYS = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fuzz.case import Violation
 from msbot_agent.agent import Agent, AgentSettings
+from msbot_agent.agent.flushing import MOST_STALE
 from msbot_agent.agent.proxy import Proxy
-from msbot_agent.agent.timers import MOST_STALE
 from msbot_xrce import AgentSession, ClientSession
 from msbot_xrce.streams.sending_and_resending import ReliableOutput
 

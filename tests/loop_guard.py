@@ -19,8 +19,7 @@ from typing import Any
 
 from sqlalchemy import Engine, event
 
-from msbot.registry.database.pending_change import PendingChange
-from msbot.registry.database.writer import Writer
+from msbot.registry.database.writer import PendingChange, Writer
 
 ROOT = Path(__file__).parent.parent
 PRODUCT = ROOT / "packages"

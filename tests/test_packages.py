@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.cli import package_of
-from msbot_agent.process.own_code import PACKAGES as NAMES
+from msbot_agent.process.user_folders import PACKAGES as NAMES
 from msbot_agent.startup.extensions import OWN_PACKAGES
 from tools.sources import PACKAGES, ROOT, dotted
 

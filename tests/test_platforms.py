@@ -79,7 +79,7 @@ loop.run_until_complete(main())
 """
 ECHO = """
 from msbot_agent.link.net import UdpClientLink, UdpServerLink
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 
 async def echo():
     server, heard = UdpServerLink("127.0.0.1", 0), asyncio.get_running_loop().create_future()

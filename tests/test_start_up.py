@@ -50,7 +50,7 @@ def test_the_core_rooms_need_only_the_standard_library(room: str, packages: set[
 
 
 def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_need() -> None:
-    loaded = all_modules_after("import msbot_web.cli.demo.demo, msbot_web.assembly, msbot_web.simulated.demo_bench")
+    loaded = all_modules_after("import msbot_web.cli.demo.demo, msbot_web.assembly, msbot_web.simulated.demo_controls")
     # Names of parts of libraries: socket.io and uvicorn import the libraries themselves, which does no harm.
     foreign = {
         "aiohttp.client", "requests.api", "urllib3", "matplotlib", "plotly", "pandas", "polars", "numpy", "altair",
@@ -80,8 +80,8 @@ def test_the_models_of_an_api_description_are_built_when_somebody_asks_for_one()
 
 def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
     loaded = all_modules_after(
-        "import uvicorn, msbot_web.nicegui_internals.late_websocket\n"
-        "uvicorn.Config(lambda: None, ws=msbot_web.nicegui_internals.late_websocket.LateWebSocket).load()"
+        "import uvicorn, msbot_web.nicegui_internals.application\n"
+        "uvicorn.Config(lambda: None, ws=msbot_web.nicegui_internals.application.LateWebSocket).load()"
     )
     assert "uvicorn.protocols.http.httptools_impl" in loaded
     assert not {name for name in loaded if name.startswith("websockets")}
@@ -89,7 +89,7 @@ def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
 
 @pytest.mark.parametrize("command", ["parts", "why", "robots"])
 def test_a_look_at_a_robot_waits_for_no_large_library(command: str) -> None:
-    loaded = modules_after(f"import msbot.cli.look.{command}, msbot.cli.look.looking")
+    loaded = modules_after(f"import msbot.cli.look.{command}, msbot.cli.look")
     assert not loaded & ((HEAVY | {"pydantic"}) - {"asyncio"})
 
 

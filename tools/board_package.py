@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from msbot.carried.board_package import FOLDER, compiled
+from msbot.carried.carried_files import FOLDER, compiled
 
 SOURCES = Path(__file__).parents[1] / "micropython"
 PACKAGES = ("package.json", "generic.json")

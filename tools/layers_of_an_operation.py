@@ -22,7 +22,7 @@ from sqlalchemy import event
 import msbot
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
-from msbot.registry.database.pending_change import PendingChange
+from msbot.registry.database.writer import PendingChange
 from msbot_web.api.operation_routes import _call_of
 from tests.web.rig import Rig, show
 

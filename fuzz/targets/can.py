@@ -15,9 +15,8 @@ from fuzz.virtual import play, read_logs, the_loop
 from msbot_agent.link import Link, Peer
 from msbot_agent.link.can.controller import BusState, CanBusInfo, FrameHandler, StateHandler
 from msbot_agent.link.can.eprosima_fd import MAX_PEERS, CanFdEprosimaLink
-from msbot_agent.link.can.native_link import MASTER, CanMasterLink, CanPartLink
-from msbot_agent.link.can.native_link_base import NativeEnd
-from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.legacy_link import Codec
+from msbot_agent.link.can.native_link import MASTER, CanMasterLink, CanPartLink, NativeEnd
 from msbot_agent.link.can.protocol.frames import FD_LENGTHS, FIRST, LAST, Frame, FrameJoiner, check_frame, split
 from msbot_agent.link.can.protocol.ids import (
     Assign,
@@ -31,7 +30,7 @@ from msbot_agent.link.can.protocol.ids import (
     stop_frame,
 )
 from msbot_agent.link.can.protocol.join_master import LISTEN_S
-from msbot_xrce.compression.header_compression import compress, decompress
+from msbot_xrce.compression import compress, decompress
 from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError
 
 MTU = 300

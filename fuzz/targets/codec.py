@@ -10,7 +10,7 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.corpus import packets
 from fuzz.mutate import mutate_octets
 from msbot_agent.agent.discovery import discovery_answer
-from msbot_agent.agent.pending_requests import decode_identity, encode_identity
+from msbot_agent.agent.reply_routing import decode_identity, encode_identity
 from msbot_xrce import References, explain
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from msbot_xrce.messages import CdrReader, Create, CreateClient, Header, Submessage, decode_header, iter_submessages

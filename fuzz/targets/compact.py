@@ -9,7 +9,7 @@ from fuzz import grammar
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.corpus import packets
 from fuzz.mutate import LONGEST, mutate_octets
-from msbot_xrce.compression.header_compression import LARGEST, compress, decompress
+from msbot_xrce.compression import LARGEST, compress, decompress
 from msbot_xrce.errors import RemoteProtocolError
 from msbot_xrce.messages import Header
 

@@ -11,7 +11,8 @@ from typing import Annotated
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.part import HelloWorld, Message
-from msbot.part.join import plug, trouble
+from msbot.part.join import plug
+from msbot.part.join import refusal as trouble
 from msbot.part.join.plug import (
     ClaimMessage,
     ConfigurationMessage,
@@ -22,7 +23,8 @@ from msbot.part.join.plug import (
     decode_reply,
     decode_request,
 )
-from msbot.part.messages import hello, standard
+from msbot.part.messages import standard
+from msbot.part.messages import standard as hello
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.wire_types import AtMost, Octets, float32, float64, int8, int16, int64, uint8, uint16, uint64
 from msbot.pnp.fed_agents import messages

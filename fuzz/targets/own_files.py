@@ -15,11 +15,11 @@ from typing import Any
 from fuzz.case import Violation
 from fuzz.targets.parser import Parser, file_of, lines
 from fuzz.virtual import play
+from msbot.cli.board.board import SETTINGS, settings_file
 from msbot.cli.board.connection import Board, Facts
-from msbot.cli.board.installing import SETTINGS, settings_file
 from msbot.config import SAMPLE_ROBOT_TOML, load_blueprint, load_library
 from msbot.master import stop_socket
-from msbot.master.stop_on_disk import BrokenRecord, StopFile
+from msbot.master.stop_persistence import BrokenRecord, StopFile
 from msbot.master.stop_socket import StopSocket
 from msbot.operations.arguments import read_arguments
 from msbot.operations.rights import Role
@@ -27,18 +27,18 @@ from msbot.operations.table import OPERATIONS
 from msbot.pnp.emergency_stop import StopStatus
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance.backup_check import fault_of
-from msbot_agent.agent.status_files import FORMAT, PREFIX, find_files
+from msbot.registry.maintenance.upkeep import fault_of
 from msbot_agent.agent.status_reader import status_in
+from msbot_agent.agent.status_server import FORMAT, PREFIX, find_files
 from msbot_agent.link.can.sim import names as bus_names
+from msbot_agent.link.contract import Visitor
 from msbot_agent.link.net import SocketPeer, WebSocketServerLink
-from msbot_agent.link.visitor import Visitor
-from msbot_agent.text.json_reading import read_json
-from msbot_school.classroom.rollout_book import RollOutBook
+from msbot_agent.text.given_file import read_json
+from msbot_school.classroom.rollout_run import RollOutLog
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.kept_sessions import SessionFile
-from msbot_web.access.passes import Passes
+from msbot_web.access.passes import SignInTokens
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import LinkDown
 from tests.registry.hand import Hand
@@ -73,7 +73,7 @@ def _sessions(octets: bytes) -> Iterable[str]:
 
 
 def _pass(octets: bytes) -> Iterable[str]:
-    passes = Passes(_accounts(), lambda: 5.0, lambda: 1e9)
+    passes = SignInTokens(_accounts(), lambda: 5.0, lambda: 1e9)
     text = octets.decode("utf-8", "surrogateescape")
     right = passes.make("bob", 3)
     for word in (text, right[: len(right) // 2] + text, f"{right.rpartition('.')[0]}.{text}"):
@@ -136,7 +136,7 @@ def _bus(octets: bytes) -> Iterable[str]:
 
 
 def _rollouts(octets: bytes) -> Iterable[str]:
-    return (str(RollOutBook(_named(octets, "rollouts", "rollouts.json").parent).last() is None),)
+    return (str(RollOutLog(_named(octets, "rollouts", "rollouts.json").parent).last() is None),)
 
 
 def _request(octets: bytes) -> Iterable[str]:

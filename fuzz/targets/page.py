@@ -20,11 +20,9 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.config import SAMPLE_ROBOT_TOML
 from msbot.operations.rights import Role
-from msbot_web.access.cookies import cookie_names
-from msbot_web.access.guard import AccessGuard
+from msbot_web.access.guard import AccessGuard, cookie_names
 from msbot_web.access.sign_in_pages import make_forms
-from msbot_web.api.admin import make_admin_api
-from msbot_web.api.metrics import make_metrics
+from msbot_web.api.admin import make_admin_api, make_metrics
 from msbot_web.api.problems import tell_problems
 from msbot_web.api.routes import make_api
 from msbot_web.api.stop_call import make_stop_api

@@ -16,7 +16,7 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from fuzz.targets.own_files import OWN
 from fuzz.targets.parser import Parser, file_of, lines
-from msbot.cli.bus.frame_filter import FilterType
+from msbot.cli.bus.dump import FilterType
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.config import Library, load_library
 from msbot.config.library.description_reader import read_description
@@ -26,12 +26,12 @@ from msbot.operations.rights import Role
 from msbot.part.join.keys import parse_key
 from msbot.part.join.seal import Seal
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot.recording.recorder.wish import read_wish
+from msbot.recording.recorder.batch import read_wish
 from msbot.recording.recordings.reading import Decoder, RecordingReader
 from msbot.recording.replay.acts import read_acts
 from msbot.registry import ProgramSource
 from msbot.ros_forms import RosForm, form_of
-from msbot.sim.arena import wire
+from msbot.sim.arena import connection as wire
 from msbot.sim.arena.world_reader import parse_world
 from msbot.stop.asking import answer_in
 from msbot_agent.explain.datagrams import read_capture
@@ -49,15 +49,15 @@ from msbot_agent.space.space_address import check_endpoint, parse_space
 from msbot_agent.space.zenoh.keys import endpoint_of, token_key
 from msbot_agent.wide.router_file import read_router_file
 from msbot_school.classroom.mdns import heard
-from msbot_school.faults.conditions import read_condition
+from msbot_school.faults.kinds import read_condition
 from msbot_school.lessons.conditions import read_lesson_condition
 from msbot_school.lessons.reading import read_lesson
 from msbot_school.missions.mission_file import parse_mission
 from msbot_school.missions.recorded_missions import played_in
 from msbot_web.access.class_list import newcomers
 from msbot_web.access.guest_tickets import GuestTickets
-from msbot_web.programs.block_view import view_of, with_view
-from msbot_web.programs.program_shelf import check_program
+from msbot_web.programs.programs import check_program
+from msbot_web.programs.robot_words import view_of, with_view
 from msbot_xrce.errors import ConfigError, LocalProtocolError, MsbotError
 
 ROOT = Path(__file__).parent.parent.parent

@@ -40,7 +40,7 @@ from msbot.part.join.plug import (
     VerdictMessage,
     decode_request,
 )
-from msbot.part.join.trouble import TroublePiece
+from msbot.part.join.refusal import TroublePiece
 from msbot.part.messages.wire_types import uint32
 from msbot_agent.agent import Agent
 from msbot_agent.link import InprocHub

@@ -16,11 +16,17 @@ from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.virtual import play, read_logs, the_loop
 from msbot_agent.link.can.adapters.driver import CanDriver
-from msbot_agent.link.can.adapters.error_frames import read_report
+from msbot_agent.link.can.adapters.error_frames import (
+    CLASSIC_SIZE,
+    ERROR,
+    FD_SIZE,
+    pack_frame,
+    read_report,
+    unpack_frame,
+)
 from msbot_agent.link.can.adapters.interface import CanInterface, parse_interface
 from msbot_agent.link.can.adapters.remedies import Wanted, why_not
 from msbot_agent.link.can.adapters.socketcan import SocketCanAdapter
-from msbot_agent.link.can.adapters.socketcan_frames import CLASSIC_SIZE, ERROR, FD_SIZE, pack_frame, unpack_frame
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.filters import IdFilter
 from msbot_agent.link.can.protocol.frames import Frame

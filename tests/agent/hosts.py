@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from itertools import count
 
-from msbot_agent.agent.latency import Transit
-from msbot_agent.agent.pending_requests import make_guid
-from msbot_agent.agent.reply_routing import ReplyExchange
-from msbot_agent.agent.statistics import TopicTraffic
+from msbot_agent.agent.reply_routing import ReplyExchange, make_guid
+from msbot_agent.agent.statistics import TopicTraffic, Transit
 from msbot_agent.agent.topic_attachment import ReadSide, Shape
 from msbot_agent.space import Guid, MemorySpace, Space
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 
 
 class FakeHost:

@@ -9,10 +9,10 @@ import pytest
 from msbot_agent.agent.agent_settings import AgentSettings
 from msbot_agent.agent.client_table import ClientTable, ServedLink
 from msbot_agent.agent.gate import ClientInfo, OpenGate
-from msbot_agent.agent.latency import Transit
 from msbot_agent.agent.proxy import Proxy
 from msbot_agent.agent.reply_routing import ReplyExchange
-from msbot_agent.agent.surroundings import Surroundings
+from msbot_agent.agent.shared_state import SharedAgentState
+from msbot_agent.agent.statistics import Transit
 from msbot_agent.link import Peer
 from msbot_agent.space import MemorySpace
 from msbot_xrce import AgentSession
@@ -26,7 +26,7 @@ def port() -> ServedLink:
 
 def client(key: int, session_id: int = 0x81, peer: Peer = "peer") -> Proxy:
     space = MemorySpace()
-    surroundings = Surroundings(
+    surroundings = SharedAgentState(
         space=space,
         replies=ReplyExchange(space),
         transit=Transit(lambda: 0.0),

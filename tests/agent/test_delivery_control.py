@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_agent.agent.delivery_control import NEVER, ReadTask
+from msbot_agent.agent.topic_attachment import NEVER, ReadTask
 from msbot_xrce.messages import DeliveryControl
 from tests.effort import tries
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_agent.agent.endpoints import DataReader, DataWriter, Replier, Requester
-from msbot_agent.agent.pending_requests import client_key_of, decode_identity, encode_identity
-from msbot_agent.agent.reply_routing import ReplyExchange
-from msbot_agent.agent.sample_filters import NoEchoShape
+from msbot_agent.agent.endpoints import DataReader, DataWriter, NoEchoShape, Replier, Requester
+from msbot_agent.agent.reply_routing import ReplyExchange, client_key_of, decode_identity, encode_identity
 from msbot_agent.space import MemorySpace, Owner, Qos, Sample, Topic
 from msbot_xrce.messages import DeliveryControl
 from tests.agent.hosts import FakeHost

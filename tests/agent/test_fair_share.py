@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from msbot_agent.agent.fair_share import BEYOND, WINDOW_S, FairShare, Limit
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 
 PER_CLIENT, IN_ALL = 1000.0, 3000.0
 

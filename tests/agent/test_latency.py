@@ -8,7 +8,7 @@ import pytest
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.agent import Acknowledgements, Agent, Worst
-from msbot_agent.agent.latency import EVERY_S, MOST_READERS, TimedOctets
+from msbot_agent.agent.statistics import EVERY_S, MOST_READERS, TimedOctets
 from msbot_agent.agent.topic_attachment import ReadSide, WriteSide
 from msbot_agent.space import THIS_PROGRAM, Qos, Sample, Topic
 from msbot_xrce.objects import EndpointQos

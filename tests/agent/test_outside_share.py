@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot_agent.agent import Agent, AgentSettings, ClientInfo
-from msbot_agent.agent.outside_share import BEYOND_OUTSIDE, MOST_ORIGINS, MOST_PEERS, TOLD_S, WINDOW_S, OutsideShare
+from msbot_agent.agent.fair_share import BEYOND_OUTSIDE, MOST_ORIGINS, MOST_PEERS, TOLD_S, WINDOW_S, SessionlessLimiter
 from msbot_xrce.messages import CreateClient, Header, encode_message
 from msbot_xrce.sessions import Pong
 from tests.agent.scenes import StrictGate, connected, play
@@ -29,7 +29,7 @@ class Stream:
     """Packets of some senders, mixed evenly, window by window."""
 
     def __init__(self) -> None:
-        self.share = OutsideShare(PER_S)
+        self.share = SessionlessLimiter(PER_S)
         self.now = 0.0
 
     def window(self, packets: dict[Sender, int]) -> Counter[Sender]:
@@ -89,7 +89,7 @@ def test_who_pauses_is_new_again() -> None:
 
 
 def test_it_is_told_once_a_minute() -> None:
-    share = OutsideShare(PER_S)
+    share = SessionlessLimiter(PER_S)
     assert [share.is_news(at) for at in (5.0, 6.0, 5.0 + TOLD_S, 6.0 + TOLD_S)] == [True, False, True, False]
 
 
@@ -104,7 +104,7 @@ def test_no_window_reads_more_than_its_budget_whoever_sends(windows: list[dict[S
 
 
 def test_its_memory_is_bounded_whoever_sends() -> None:
-    share = OutsideShare(PER_S)
+    share = SessionlessLimiter(PER_S)
     for number in range(2 * MOST_ORIGINS):
         share.takes(f"address {number}", 1, 0.0)
     for port in range(2 * MOST_PEERS):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_agent.agent.pending_requests import (
+from msbot_agent.agent.reply_routing import (
     PendingRequests,
     client_key_of,
     decode_identity,

@@ -8,11 +8,10 @@ import pytest
 
 from msbot_agent.agent.agent_settings import AgentSettings
 from msbot_agent.agent.gate import ClientInfo, OpenGate
-from msbot_agent.agent.latency import Transit
-from msbot_agent.agent.pending_requests import client_key_of
 from msbot_agent.agent.proxy import Proxy
-from msbot_agent.agent.reply_routing import ReplyExchange
-from msbot_agent.agent.surroundings import Surroundings
+from msbot_agent.agent.reply_routing import ReplyExchange, client_key_of
+from msbot_agent.agent.shared_state import SharedAgentState
+from msbot_agent.agent.statistics import Transit
 from msbot_agent.space import MemorySpace, Qos, Sample, Topic
 from msbot_xrce import AgentSession, ClientSession
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl, make_object_id
@@ -30,7 +29,7 @@ class Pair:
         self.now = 0.0
         self.marked: list[Proxy] = []
         self.space = MemorySpace()
-        surroundings = Surroundings(
+        surroundings = SharedAgentState(
             space=self.space,
             replies=ReplyExchange(self.space),
             transit=Transit(lambda: self.now),

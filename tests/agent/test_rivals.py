@@ -1,4 +1,4 @@
-"""Two sessions of one client key where the gate keeps sessions (`msbot_agent.agent.rivals`)."""
+"""Two sessions of one client key where the gate keeps sessions (`msbot_agent.agent.stale_sessions`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from msbot_agent.agent import Agent, ClientInfo
-from msbot_agent.agent.rivals import HELD_S, MOST_BESIDE, PATIENCE_S
+from msbot_agent.agent.stale_sessions import DOUBLE_LOGIN_PATIENCE_S, HELD_S, MOST_BESIDE
 from msbot_xrce.messages import CreateClient, Header, encode_message
 from tests.agent.scenes import StrictGate, connected, play
 from tests.agent.wiring import FakeLink, WiredClient
@@ -46,7 +46,7 @@ def test_a_living_session_stays_and_the_newcomer_goes_when_it_comes_to_nothing(s
         writer = await client.add_writer("light")
         log_in(link, "thief")
         for _ in range(5):
-            await asyncio.sleep(PATIENCE_S / 3)
+            await asyncio.sleep(DOUBLE_LOGIN_PATIENCE_S / 3)
             await client.settle()  # a wired client answers probes when it is looked at
         assert addresses(agent) == ["peer 1", "peer thief"]
         client.session.write(writer, b"still", 0x80)
@@ -64,7 +64,7 @@ def test_a_silent_session_without_a_place_goes_as_soon_as_that_is_clear() -> Non
         (client,) = await connected(link, 1)
         client.unplugged = True
         log_in(link, "again")
-        await asyncio.sleep(PATIENCE_S - 0.01)
+        await asyncio.sleep(DOUBLE_LOGIN_PATIENCE_S - 0.01)
         assert addresses(agent) == ["peer 1", "peer again"]
         await asyncio.sleep(0.02)
         assert addresses(agent) == ["peer again"]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from msbot_agent.agent.pending_requests import UNASKED, PendingRequests, encode_identity
-from msbot_agent.agent.sample_filters import NoEchoShape, ReplyShape, RequestShape
+from msbot_agent.agent.endpoints import NoEchoShape, ReplyShape, RequestShape
+from msbot_agent.agent.reply_routing import UNASKED, PendingRequests, encode_identity
 from msbot_agent.space import Sample
 
 ASKER = bytes(range(16))

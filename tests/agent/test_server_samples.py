@@ -8,7 +8,7 @@ import random
 import pytest
 
 from msbot_agent.agent import Agent, OpenGate, client_key_of
-from msbot_agent.agent.pending_requests import decode_identity
+from msbot_agent.agent.reply_routing import decode_identity
 from msbot_xrce import Status
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE, DeliveryControl
 from msbot_xrce.objects import EndpointQos

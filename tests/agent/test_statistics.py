@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot_agent.agent.statistics import TopicTable
-from msbot_xrce.common.tally import OTHERS
+from msbot_xrce.counting import OTHERS
 
 
 def test_topics_are_counted_by_name_and_the_rest_together() -> None:

@@ -7,7 +7,7 @@ import weakref
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_agent.agent.timers import MOST_STALE, TimerHeap
+from msbot_agent.agent.flushing import MOST_STALE, TimerHeap
 from tests.effort import tries
 
 

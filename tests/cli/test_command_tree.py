@@ -8,7 +8,7 @@ import click
 import pytest
 
 from msbot_agent.cli import msbot
-from msbot_agent.cli.numbers import FiniteRange, WholeRange
+from msbot_agent.cli.options import FiniteRange, WholeRange
 
 RUNS = "runs until it is ended; `clients`, `parts` and `why` tell how it is"
 SECRET = "shows a secret this once, to be written down"

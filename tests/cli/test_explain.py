@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.explain import command as explain
 from msbot_agent.link.can.protocol import frame_bits, parse_frame
-from msbot_school.cli.quiz import command as quiz
+from msbot_school.cli.fault import quiz_command as quiz
 from msbot_school.quiz import frame_question, questions, stuffed
 from msbot_xrce import read_fields
 from msbot_xrce.errors import ConfigError

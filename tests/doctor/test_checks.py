@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from msbot.config import NOBODY, Binding, Options, SlotPort
-from msbot.doctor import Finding, NotSeen
+from msbot.doctor import Finding, Unavailable
 from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
 from msbot.doctor.checks.installation import check_access, check_packages, check_python
 from msbot.doctor.checks.machine import check_clock, check_disk
@@ -43,7 +43,7 @@ from tests.doctor.healthy import (
     ZENOH,
 )
 
-Looked = Callable[[], Iterable[Finding | NotSeen]]
+Looked = Callable[[], Iterable[Finding | Unavailable]]
 
 
 def can(**changes: object) -> Looked:
@@ -216,13 +216,13 @@ def test_what_the_page_may_do_is_an_operation_or_a_backup(problem: str) -> None:
 
 
 def test_a_clock_that_cannot_be_judged_is_not_taken_for_right() -> None:
-    found = list(check_clock(replace(CLOCK, is_synchronised=NotSeen("nobody tells"))))
-    assert found == [NotSeen("nobody tells")]
+    found = list(check_clock(replace(CLOCK, is_synchronised=Unavailable("nobody tells"))))
+    assert found == [Unavailable("nobody tells")]
 
 
 def test_slots_may_be_empty_while_a_robot_starts_and_nobody_calls_that_well() -> None:
     (found,) = check_robot(replace(ROBOT, parts=(), up_s=5.0))
-    assert isinstance(found, NotSeen)
+    assert isinstance(found, Unavailable)
     assert "has only just started" in found.why
 
 

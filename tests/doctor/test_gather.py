@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from msbot.cli.doctor import command
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
-from msbot.doctor import CHECKS, Check, Finding, Patient, examine
+from msbot.doctor import CHECKS, Check, Examined, Finding, examine
 from msbot.doctor.checks.robot import check_robot
 from msbot.doctor.checks.stop import check_stop
 from msbot.doctor.finding import CannotSee, NotNeeded
@@ -122,31 +122,31 @@ def test_the_newest_backup_is_the_one_that_counts(tmp_path: Path) -> None:
 
 
 def test_a_database_in_order_and_one_that_is_locked_and_open_to_all(rover: Path) -> None:
-    facts = database(Patient(str(rover)))
+    facts = database(Examined(str(rover)))
     assert facts.schema == facts.newest_schema
     assert (facts.is_locked, facts.others_may_read, facts.faults) == (False, False, ())
     rover.chmod(0o644)
     with closing(sqlite3.connect(rover, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        facts = database(Patient(str(rover)))
+        facts = database(Examined(str(rover)))
     assert (facts.is_locked, facts.others_may_read) == (True, True)
 
 
 def test_a_database_of_another_schema_is_told_and_not_read(rover: Path) -> None:
     with closing(sqlite3.connect(rover, isolation_level=None)) as other:
         other.execute("UPDATE alembic_version SET version_num = '0099'")
-    facts = database(Patient(str(rover)))
+    facts = database(Examined(str(rover)))
     assert (facts.schema, facts.faults) == (99, ())
 
 
 def test_damage_in_a_database_is_found(rover: Path) -> None:
     with closing(sqlite3.connect(rover, isolation_level=None)) as other:
         other.execute("UPDATE slots SET part_number = 'NONE-SUCH' WHERE name = 'AA'")
-    assert any("NONE-SUCH" in fault for fault in database(Patient(str(rover))).faults)
+    assert any("NONE-SUCH" in fault for fault in database(Examined(str(rover))).faults)
 
 
 def test_the_robot_of_a_database_with_its_wires_and_its_load(rover: Path) -> None:
-    facts = robot(Patient(str(rover), links=("can:slcan:/dev/ttyACM0?bitrate=500000",)))
+    facts = robot(Examined(str(rover), links=("can:slcan:/dev/ttyACM0?bitrate=500000",)))
     assert (facts.is_run, facts.wire_faults, facts.bus_bitrate) == (False, {}, 500_000)
     assert 0.001 < facts.bus_load < 0.2
 
@@ -154,32 +154,32 @@ def test_the_robot_of_a_database_with_its_wires_and_its_load(rover: Path) -> Non
 def test_the_same_robot_from_its_blueprint(tmp_path: Path) -> None:
     blueprint = tmp_path / "robot.toml"
     blueprint.write_text(SAMPLE_ROBOT_TOML)
-    facts = robot(Patient(str(tmp_path / "robot.db"), blueprint=blueprint))
+    facts = robot(Examined(str(tmp_path / "robot.db"), blueprint=blueprint))
     assert facts.name == "MSBOT_MASTER"
     assert [slot.name for slot in facts.blueprint.slots] == ["AA", "BB", "CC"]
 
 
 def test_one_check_that_cannot_look_keeps_no_other_from_looking() -> None:
-    def blind(_: Patient) -> object:
+    def blind(_: Examined) -> object:
         raise CannotSee("it is dark")
 
-    def idle(_: Patient) -> object:
+    def idle(_: Examined) -> object:
         raise NotNeeded("there is nothing")
 
-    def broken(_: Patient) -> object:
+    def broken(_: Examined) -> object:
         raise PermissionError("no")
 
     checks: list[Check[object]] = [
         Check("blind", blind, lambda _: []), Check("idle", idle, lambda _: []), Check("broken", broken, lambda _: []),
         Check("well", lambda patient: patient, lambda _: []),
     ]  # fmt: skip
-    found = examine(Patient(None), checks=checks)
+    found = examine(Examined(None), checks=checks)
     assert found.not_seen == (("blind", "it is dark"), ("broken", "no"))
     assert found.not_needed == (("idle", "there is nothing"),)
     assert found.well == ("well",)
     assert found.is_well
     with pytest.raises(ConfigError, match="no check 'tea'"):
-        examine(Patient(None), ["tea"], checks)
+        examine(Examined(None), ["tea"], checks)
 
 
 def test_what_has_to_be_mended_comes_before_what_is_noted() -> None:
@@ -190,13 +190,13 @@ def test_what_has_to_be_mended_comes_before_what_is_noted() -> None:
         Check("first", lambda patient: patient, lambda _: [finding("noted", must=False), finding("bad", must=True)]),
         Check("second", lambda patient: patient, lambda _: [finding("worse", must=True)]),
     ]
-    assert [one.problem for _, one in examine(Patient(None), checks=checks).findings] == ["bad", "worse", "noted"]
+    assert [one.problem for _, one in examine(Examined(None), checks=checks).findings] == ["bad", "worse", "noted"]
 
 
 def test_this_computer_can_be_examined(rover: Path) -> None:
     """Whatever it is: each check finds something, nothing, or says why it cannot look."""
     found = examine(
-        Patient(str(rover), links=("udp:0.0.0.0:8888", "can:can0", "serial:/dev/nobody"), space=parse_space("dds"))
+        Examined(str(rover), links=("udp:0.0.0.0:8888", "can:can0", "serial:/dev/nobody"), space=parse_space("dds"))
     )
     told = {name for name, _ in (*found.findings, *found.not_seen, *found.not_needed)} | set(found.well)
     assert told == {check.name for check in CHECKS}
@@ -237,7 +237,7 @@ def test_a_port_that_this_process_has_open_is_known_as_its_own() -> None:
     """The folder of its open files changes while it is read: that one has gone again must not hide the others."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        (page,) = ports(Patient(None, page_port=port))
+        (page,) = ports(Examined(None, page_port=port))
     assert (page.port, page.pid) == (port, os.getpid())
 
 
@@ -250,7 +250,7 @@ def test_a_part_that_was_refused_and_then_left_is_told_of_with_the_reason_of_the
         for _ in range(6):
             store.journal(event(to_state=PartState.REFUSED, reason="the slot is taken"))
         store.journal(event(to_state=PartState.LEFT, reason="session deleted"))
-    facts = robot(Patient(str(rover)))
+    facts = robot(Examined(str(rover)))
     assert facts.refused == {"mole": ("the slot is taken",) * 6}
     (finding,) = [one for one in check_robot(facts) if isinstance(one, Finding) and one.problem == "often-refused"]
     assert "6 times in the last hour: the slot is taken" in finding.saw
@@ -263,9 +263,9 @@ def test_a_folder_of_stop_that_is_not_this_users_alone_is_told(tmp_path: Path, m
         monkeypatch.setattr(stop_places, f"{name.upper()}_FOLDER", str(tmp_path / name))
     monkeypatch.delenv("MSBOT_STOP_GROUP", raising=False)
     name = f"{stop_places.PREFIX}{stop_places.own_user()}"
-    assert stop(Patient(None)).odd == ()
+    assert stop(Examined(None)).odd == ()
     (tmp_path / "system" / name).chmod(0o755)
     (tmp_path / "shared" / name).symlink_to(tmp_path)
-    found = {one.about: one for one in check_stop(stop(Patient(None)))}
+    found = {one.about: one for one in check_stop(stop(Examined(None)))}
     assert found[str(tmp_path / "system" / name)].mend == f"chmod 700 {tmp_path / 'system' / name}"
     assert "is no folder" in found[str(tmp_path / "shared" / name)].saw

@@ -42,9 +42,9 @@ from msbot_agent.link.can.protocol.ids import (
 from msbot_agent.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin, ComponentState, Joined
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
 from msbot_agent.link.can.sim.driver import SimCanBus
-from msbot_xrce.common.tally import Tally
-from msbot_xrce.compression import header_compression as compact
-from msbot_xrce.compression.dictionary import DICTIONARY
+from msbot_xrce import compression as compact
+from msbot_xrce.compression import DICTIONARY
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import MsbotError, RemoteProtocolError
 from tests.agent.replay import VECTORS, load
 

@@ -19,7 +19,7 @@ from msbot.config import BusKind
 from msbot.hardware import Machine, make_wiring
 from msbot.hardware import driver_class as driver_class_of
 from msbot.hardware.drivers.strip import frame
-from msbot.hardware.keeper import Keeper, as_json, keep
+from msbot.hardware.output_guard import OutputGuard, as_json, keep
 from tests.sim.robot import LIBRARY
 
 LED = LIBRARY.require("LED")
@@ -42,14 +42,14 @@ class Pin(MockPWMPin):
 
 Device.pin_factory = MockFactory(pin_class=Pin)
 '''
-KEEPER = PINS + "from msbot.hardware.keeper import main\nmain()\n"
+KEEPER = PINS + "from msbot.hardware.output_guard import main\nmain()\n"
 PROGRAM = (
     PINS
     + """
 import time
 from msbot.config import load_library
 from msbot.hardware import Machine, Mount, make_wiring, driver_class
-from msbot.hardware.keeper import Keeper
+from msbot.hardware.output_guard import Keeper
 led = load_library().require("LED")
 keeper = Keeper([sys.executable, sys.argv[2], sys.argv[1]])
 driver = driver_class(led)(Mount(led, make_wiring(led), Machine()))
@@ -68,7 +68,7 @@ import json, time
 from collections import defaultdict
 from msbot.config import load_library
 from msbot.hardware import Machine, Mount, make_wiring, driver_class
-from msbot.hardware.keeper import Keeper
+from msbot.hardware.output_guard import Keeper
 keeper = Keeper([sys.executable, sys.argv[2], sys.argv[1]])
 library = load_library()
 for number, (pins, device) in json.loads(sys.argv[3]).items():
@@ -213,7 +213,7 @@ def levels_of(folder: Path, pin: int) -> list[str]:
 
 
 def test_a_keeper_ends_with_its_program_and_without_one_nothing_is_started(tmp_path: Path) -> None:
-    keeper = Keeper([sys.executable, "-c", "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
+    keeper = OutputGuard([sys.executable, "-c", "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
                      str(tmp_path / "said")])  # fmt: skip
     keeper.end()
     assert not (tmp_path / "said").exists()
@@ -232,7 +232,7 @@ def test_the_process_that_is_started_says_nothing_when_there_is_nothing_to_make_
 
 @pytest.mark.skipif(find_spec("lgpio") is None, reason="lgpio is not installed: pip install 'msbot[hardware]'")
 def test_the_pin_library_leaves_nothing_in_the_current_folder_and_needs_no_right_to_write_there(tmp_path: Path) -> None:
-    program = "import os, sys; from msbot.hardware.lgpio_import import import_lgpio; os.chdir(sys.argv[1]); " \
+    program = "import os, sys; from msbot.hardware.pins import import_lgpio; os.chdir(sys.argv[1]); " \
               "import_lgpio(); assert 'lgpio' in sys.modules; print(os.getcwd())"  # fmt: skip
     done = subprocess.run([sys.executable, "-c", program, tmp_path], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == (f"{tmp_path}\n", "")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-import msbot.cli.run.hardware
+import msbot.cli.run.host
 from msbot.hardware import FoundThing, HardwareFault, Machine, ScanResult, scan
 from tests.hardware.chips import Bus, Chip, bmp280
 from tests.sim.robot import LIBRARY
@@ -141,10 +141,10 @@ def test_every_line_that_makes_a_part_is_one_that_works(tmp_path: Path) -> None:
 def test_the_command_tells_it_in_words_and_as_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     computer = machine(tmp_path, bus_1=Bus(at_76=bmp280()), bus_2=HardwareFault("no permission for /dev/i2c-2"))
     monkeypatch.setattr("msbot.hardware.Machine", lambda: computer)
-    words = CliRunner().invoke(msbot.cli.run.hardware.command, ["scan"])
+    words = CliRunner().invoke(msbot.cli.run.host.hardware_command, ["scan"])
     assert words.exit_code == 1
     assert "I2C bus 1, address 0x76: Air pressure sensor (BMP280)\n    msbot part BMP280 --i2c 1:0x76\n" in words.output
     assert "no permission for /dev/i2c-2" in words.output
-    told = json.loads(CliRunner().invoke(msbot.cli.run.hardware.command, ["scan", "--json"]).output)
+    told = json.loads(CliRunner().invoke(msbot.cli.run.host.hardware_command, ["scan", "--json"]).output)
     assert told["found"][0]["lines"] == ["msbot part BMP280 --i2c 1:0x76"]
     assert told["faults"] == ["no permission for /dev/i2c-2"]

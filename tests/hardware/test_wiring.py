@@ -9,7 +9,7 @@ import pytest
 from msbot.config import BusKind
 from msbot.hardware import driver_class, make_wiring
 from msbot.hardware.driver import bus_of
-from msbot.hardware.keeper import as_json, from_json
+from msbot.hardware.output_guard import as_json, from_json
 from msbot_xrce.errors import ConfigError
 from tests.sim.robot import LIBRARY
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.carried.board_package import OF_GENERIC_BOARDS
+from msbot.carried.carried_files import OF_GENERIC_BOARDS
 from msbot_xrce.errors import RemoteProtocolError
 from tests.damage import damaged
 from tests.homes import micro

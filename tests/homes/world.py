@@ -32,7 +32,7 @@ from msbot_agent.link.net import SocketPeer, WebSocketServerLink
 from msbot_agent.link.net.udp import UdpServerLink
 from msbot_agent.link.serial.lines import Line, LineServer
 from msbot_xrce import compress, decompress
-from msbot_xrce.compression.dictionary import DICTIONARY, FIXED
+from msbot_xrce.compression import DICTIONARY, FIXED
 from msbot_xrce.errors import LinkDown
 
 CODEC = Codec(compress, decompress)

@@ -15,8 +15,8 @@ from pathlib import Path
 import httpx
 
 from msbot.registry import open_registry
-from msbot.registry.database_identity import database_identity
 from msbot.registry.edits import users
+from msbot.registry.records import database_identity
 from msbot.stop.asking import ask_masters
 from msbot_web.access.sessions import digest_of
 from tests.e2e.processes import Process, run, running

@@ -16,8 +16,7 @@ from msbot.pnp import Configuration, MemoryStore, PartState
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link.can import CanMasterLink, CanPartLink
 from msbot_agent.link.can.protocol import CanIds
-from msbot_agent.link.can.protocol.ids import join_frame
-from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.protocol.ids import MemoryNodeIds, join_frame
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
 from tests.e2e.processes import run, running, wait_for_states
 

@@ -16,7 +16,7 @@ from msbot.sim import SimulatedPart, make_simulator
 from msbot_web.access.accounts import MOST_TOKENS
 from msbot_web.access.sessions import Session
 from msbot_web.api.session import words_for
-from msbot_web.simulated.simulated_bench import SimulatedBench
+from msbot_web.simulated.simulated_part_controls import SimulatedPartControls
 from msbot_xrce.errors import ConfigError, MsbotError, NotThere
 from tests.operations.stage import Stage, play
 from tests.operations.test_pupils import pupil
@@ -87,7 +87,7 @@ def test_what_a_pupil_holds_in_the_simulated_world_is_let_go(
     ends: Callable[[Rig, Session], Awaitable[None]], tmp_path: Path
 ) -> None:
     robot = Simulators(AA="BUTTON", BB="PILOT")
-    bench = SimulatedBench(robot)
+    bench = SimulatedPartControls(robot)
 
     async def scene(rig: Rig) -> None:
         student = rig.session(Role.STUDENT)
@@ -115,7 +115,7 @@ def test_what_a_teacher_holds_and_who_has_another_session_are_left_alone(tmp_pat
         assert robot.parts["AA"].value("press") is True
         assert robot.parts["BB"].value("press") is False
 
-    show(tmp_path, scene, bench=SimulatedBench(robot))
+    show(tmp_path, scene, bench=SimulatedPartControls(robot))
 
 
 HELD = "What somebody holds by hand is let go when the page, session or API token with which they hold it is gone"
@@ -159,7 +159,7 @@ def test_what_is_held_is_let_go_with_the_page_session_or_token_that_holds_it(rol
         assert held() == (False, 0), "its token is taken back"
         assert rig.stage.operations.by_hand.held() == {}
 
-    show(tmp_path, scene, parts=("CC=WXYZ",), bench=SimulatedBench(robot))
+    show(tmp_path, scene, parts=("CC=WXYZ",), bench=SimulatedPartControls(robot))
 
 
 @pytest.mark.promise(HELD)
@@ -174,7 +174,7 @@ def test_a_token_that_another_program_takes_back_in_the_database_lets_go_too(tmp
         rig.accounts.load([replace(one, tokens=()) for one in rig.accounts.users()])
         assert robot.parts["AA"].value("press") is False
 
-    show(tmp_path, scene, bench=SimulatedBench(robot))
+    show(tmp_path, scene, bench=SimulatedPartControls(robot))
 
 
 @pytest.mark.promise(CLASS)

@@ -16,8 +16,8 @@ from msbot.part import JoinState, Part
 from msbot.pnp import Configuration, MemoryStore, PartEvent, PartState
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.agent import AgentSettings
+from msbot_agent.agent.fair_share import BEYOND_OUTSIDE
 from msbot_agent.agent.join_queue import FORGET_S
-from msbot_agent.agent.outside_share import BEYOND_OUTSIDE
 from msbot_agent.link import InprocHub
 from msbot_xrce.messages import SESSION_NONE, CreateClient, Header, encode_message
 from tests.agent.wiring import FakeLink

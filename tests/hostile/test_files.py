@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.doctor.gather.processes import program_of, running_programs
+from msbot.doctor.gather.machine import program_of, running_programs
 from msbot_agent.cli import msbot
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl

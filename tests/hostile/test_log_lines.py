@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 
-from msbot_agent.log.log_limiter import SAME
+from msbot_agent.log import SAME
 from tests.hostile.robot import Robot
 
 GARBAGE = (

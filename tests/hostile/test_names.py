@@ -15,8 +15,7 @@ from msbot.registry import ProgramSource
 from msbot.registry.edits.users import Person, keep
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
-from msbot_web.programs.program_deeds import ProgramDeeds
-from msbot_web.programs.program_shelf import RegistryShelf
+from msbot_web.programs.programs import ProgramActions, RegistryProgramStore
 from msbot_xrce.errors import ConfigError
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 from tests.web.access.test_accounts import PlainHasher, user
@@ -47,7 +46,7 @@ def test_an_account_named_demo_of_an_earlier_version_has_programs_of_its_own(tmp
     async def scene(stage: Stage) -> None:
         clock = asyncio.get_running_loop().time
         accounts = Accounts(MemoryUsers(user("demo", Role.STUDENT)), clock=clock, hasher=PlainHasher())
-        deeds = ProgramDeeds(RegistryShelf(stage.registry), accounts)
+        deeds = ProgramActions(RegistryProgramStore(stage.registry), accounts)
         administrator = accounts.enter(accounts.entry_token())
         pupil = accounts.sessions.begin("demo", Role.STUDENT)
         await deeds.keep(administrator, "secret.py", ProgramSource("mine = 1"))

@@ -18,11 +18,11 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from msbot_agent.pace import accept_connections
-from msbot_agent.pace.accept_connections import ProtocolAcceptor
+from msbot_agent import pace as accept_connections
+from msbot_agent.pace import ProtocolAcceptor
 from msbot_web import connections
 from msbot_web.connections import MOST_HEAD, Connections, WatchedConnection
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from tests.certificate import Certificate
 
 SIGNED_IN = "/signed-in"

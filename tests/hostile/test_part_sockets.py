@@ -10,7 +10,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from msbot_agent.link.net.rate_budget import BURST_S, OCTETS_S, PACKETS_S
+from msbot_agent.link.net.connection_budget import BURST_S, OCTETS_S, PACKETS_S
 from msbot_agent.link.net.websocket_server import MOST_OF_PERSON, TOO_MANY
 from tests.web.part_site import PartSite, part_site
 

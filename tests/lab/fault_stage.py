@@ -19,7 +19,7 @@ from msbot_school.demo import DemoRobot, Wire
 from msbot_school.faults.fault_lab import FaultLab
 from msbot_web.api.models import SlotCard
 from msbot_web.live import Live
-from msbot_web.simulated.demo_bench import seen_of
+from msbot_web.simulated.demo_controls import seen_of
 from msbot_web.timeline import Timeline
 from msbot_web.views import Views
 from msbot_xrce.errors import MsbotError

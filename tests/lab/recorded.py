@@ -10,10 +10,10 @@ from random import Random
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.operations.dispatch import RunningOperations
 from msbot.process.virtual_time import run_virtual
-from msbot.recording.curves.measuring import keep_measuring
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, Unpacker
+from msbot.recording.recorder.measuring import keep_measuring
 from msbot.recording.recorder.recorder import Recorder
-from msbot.recording.recorder.ring import RingLimits
+from msbot.recording.recorder.recording_file import RingLimits
 from msbot.recording.recorder.storing import Storing
 from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
 from msbot.registry import open_registry

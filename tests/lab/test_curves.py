@@ -11,15 +11,11 @@ from hypothesis import strategies as st
 
 from msbot.config import load_library
 from msbot.operations.dispatch import RunningOperations
-from msbot.recording.curves.curve import figures_of, thinned
-from msbot.recording.curves.names import field_name, is_wanted
-from msbot.recording.curves.reading import ReadCurves, read_curves, ring_files
-from msbot.recording.curves.units import units_of
-from msbot.recording.curves.wanted import WantedCurves
-from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.recording.recorder.ring import RingLimits, segment_name
+from msbot.recording.curves.curve import WantedCurves, field_name, figures_of, is_wanted, thinned
+from msbot.recording.curves.reading import ReadCurves, read_curves, ring_files, units_of
+from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.recording_file import RingLimits, segment_name
 from msbot.recording.recorder.storing import Storing
-from msbot.recording.recorder.topics import MEASURED
 from msbot_school.demo import DemoRobot
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store

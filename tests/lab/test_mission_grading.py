@@ -12,13 +12,11 @@ from hypothesis import strategies as st
 
 from msbot_agent.text.sentence import Sentence, said
 from msbot_school.faults.kinds import KINDS
-from msbot_school.missions.facts import Fact, What, facts_from_json
 from msbot_school.missions.grading import Grade, grade
-from msbot_school.missions.mission import DrawnFault, Mission, contradict, drawn
+from msbot_school.missions.mission import REPAIRS, DrawnFault, Fact, Mission, What, contradict, drawn, facts_from_json
 from msbot_school.missions.mission_file import load_mission, parse_mission, ready_mission, ready_missions
 from msbot_school.missions.mission_run import MOST_ANSWERS, MOST_FACTS, MissionRun
-from msbot_school.missions.played import PlayedMission, grade_json, played_from_json
-from msbot_school.missions.repairs import REPAIRS
+from msbot_school.missions.recorded_missions import PlayedMission, grade_json, played_from_json
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 
 TWO = """

@@ -12,12 +12,10 @@ import pytest
 
 from msbot_agent.link import DisturbedLink
 from msbot_school.faults.kinds import KINDS
-from msbot_school.missions.facts import What
-from msbot_school.missions.mission import drawn
+from msbot_school.missions.mission import REPAIRS, What, drawn
 from msbot_school.missions.mission_file import parse_mission, ready_missions
 from msbot_school.missions.mission_lab import MissionLab
-from msbot_school.missions.played import played_from_json
-from msbot_school.missions.repairs import REPAIRS
+from msbot_school.missions.recorded_missions import played_from_json
 from msbot_xrce.errors import MsbotError
 from tests.lab.fault_stage import FaultStage, fault_scene
 

@@ -21,7 +21,7 @@ async def a_moment(robot: DemoRobot, operations: RunningOperations) -> None:
 
 def test_every_value_of_every_sample_is_a_row_with_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr("msbot.recording.recordings.parquet.BATCH", 3)  # several groups of rows
+    monkeypatch.setattr("msbot.recording.recordings.conversions.BATCH", 3)  # several groups of rows
     record_demo(tmp_path, tmp_path / "a.mcap", a_moment, ("AA",))
     arguments = [str(tmp_path / name) for name in ("a.mcap", "a.parquet")]
     done = CliRunner().invoke(log.command, ["export", *arguments])

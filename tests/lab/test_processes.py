@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.recording.recorder.ring import begun_segments, segment_name, segments
+from msbot.recording.recorder.recording_file import begun_segments, segment_name, segments
 from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
 from tests.e2e.processes import Process, run, running
 

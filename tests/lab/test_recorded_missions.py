@@ -18,10 +18,9 @@ from msbot.recording.recordings.reading import RecordingReader
 from msbot_school.cli.mission import command
 from msbot_school.demo import DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_school.missions.facts import What
+from msbot_school.missions.mission import What
 from msbot_school.missions.mission_lab import MissionLab
-from msbot_school.missions.played import PlayedMission, grade_json
-from msbot_school.missions.recorded_missions import TOPIC, played_in
+from msbot_school.missions.recorded_missions import TOPIC, PlayedMission, grade_json, played_in
 from msbot_web.language import languages
 from msbot_web.mission_report import report_page
 from msbot_xrce.errors import ConfigError

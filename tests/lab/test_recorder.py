@@ -19,14 +19,12 @@ from msbot.cli.record.log import command as log_command
 from msbot.config import load_library, read_description
 from msbot.operations.dispatch import RunningOperations
 from msbot.part.messages.standard import Level
-from msbot.recording.recorder.batch import Kind, RecordedChannel, Unpacker, encode_object
-from msbot.recording.recorder.can_frames import FRAME
+from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, Unpacker, encode_object
 from msbot.recording.recorder.recorder import Recorder
-from msbot.recording.recorder.schemas import ENCODING, ros_definition
-from msbot.recording.recorder.topics import MEASURED
-from msbot.recording.recordings.comparing import differences
+from msbot.recording.recorder.schemas import ENCODING, FRAME, ros_definition
+from msbot.recording.recordings.cutting import differences
 from msbot.recording.recordings.reading import Decoder, RecordedMessage, RecordingReader
-from msbot.recording.recordings.telling import frame_of, line_of
+from msbot.recording.recordings.summary import frame_of, line_of
 from msbot_agent.link import LinkInfo
 from msbot_agent.link.can import CanBusInfo, CanMasterLink, FrameTap
 from msbot_agent.link.can.protocol import Frame

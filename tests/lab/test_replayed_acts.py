@@ -13,8 +13,7 @@ import pytest
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.recording.recordings.cutting import write_cut
 from msbot.recording.recordings.reading import RecordedMessage
-from msbot.recording.replay.act_player import ActPlayer
-from msbot.recording.replay.acts import RecordedAct, RecordedActs, read_acts
+from msbot.recording.replay.acts import ActPlayer, RecordedAct, RecordedActs, read_acts
 from msbot.recording.replay.piece import read_piece
 from msbot.recording.replay.player import Player
 from msbot_agent.link import InprocHub

@@ -12,11 +12,18 @@ from hypothesis import strategies as st
 from mcap.records import ChunkIndex
 from mcap.stream_reader import StreamReader
 
-from msbot.recording.recorder.batch import Kind, Unpacker, encode_began, encode_state, head
-from msbot.recording.recorder.recording_file import RecordingFile
-from msbot.recording.recorder.ring import LONGEST_S, MOST_FILES, RingLimits, Segment, segment_name, segments, too_old
+from msbot.recording.recorder.batch import Kind, RecordingRequest, Unpacker, encode_began, encode_state, head, read_wish
+from msbot.recording.recorder.recording_file import (
+    LONGEST_S,
+    MOST_FILES,
+    RecordingFile,
+    RingLimits,
+    Segment,
+    segment_name,
+    segments,
+    too_old,
+)
 from msbot.recording.recorder.storing import RETRY_S, Storing
-from msbot.recording.recorder.wish import RecordingWish, read_wish
 from msbot.recording.recordings.cutting import write_cut
 from msbot.recording.recordings.reading import RecordingReader, ended_ns
 from msbot_xrce.errors import ConfigError
@@ -242,15 +249,15 @@ def test_what_is_no_recording_is_told_in_words(octets: bytes, words: str, tmp_pa
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("off", RecordingWish(on=False)),
-        ("10min", RecordingWish()),
-        ("2h", RecordingWish(seconds=7200.0)),
-        ("500MB", RecordingWish(octets=500 << 20)),
-        ("30min, 1GB", RecordingWish(seconds=1800.0, octets=1 << 30)),
-        ("lesson.mcap", RecordingWish(file=Path("lesson.mcap"))),
+        ("off", RecordingRequest(on=False)),
+        ("10min", RecordingRequest()),
+        ("2h", RecordingRequest(seconds=7200.0)),
+        ("500MB", RecordingRequest(octets=500 << 20)),
+        ("30min, 1GB", RecordingRequest(seconds=1800.0, octets=1 << 30)),
+        ("lesson.mcap", RecordingRequest(file=Path("lesson.mcap"))),
     ],
 )
-def test_wishes(text: str, expected: RecordingWish) -> None:
+def test_wishes(text: str, expected: RecordingRequest) -> None:
     assert read_wish(text) == expected
 
 

@@ -18,14 +18,14 @@ from msbot.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.door import OwnDoor
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.connection import LocalWorldConnection
+from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.world_reader import open_world
 from msbot_agent.link import InprocHub, LinkInfo
 from msbot_school.demo import DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_school.lessons.lesson_desk import LessonDesk
-from msbot_school.lessons.shelf import LessonShelf
+from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.lesson_controller import LessonController
 from msbot_xrce.errors import MsbotError
 from tests.operations.stage import put_database
 
@@ -46,11 +46,11 @@ class LessonStage:
 
     robot: DemoRobot
     operations: RunningOperations
-    desk: LessonDesk
+    desk: LessonController
     registry: Registry
     hub: InprocHub
     tasks: asyncio.TaskGroup
-    living: LivingArena | None = None
+    living: RunningArena | None = None
     """The world that the robot is in."""
     programs: list[asyncio.Task[None]] = field(default_factory=list)
 
@@ -125,12 +125,12 @@ def lesson_scene(
         with open_registry(folder / "robot.db") as registry:
             record = registry.robots.apply_blueprint(blueprint, library)
             store = registry.runs.begin(record)
-            living = LivingArena(Arena(open_world(world))) if world else None
-            door = None if living is None else OwnDoor(living, "robot")
+            living = RunningArena(Arena(open_world(world))) if world else None
+            door = None if living is None else LocalWorldConnection(living, "robot")
             robot = DemoRobot(blueprint, store, random=Random(1), library=library, door=door)
             operations = RunningOperations(robot.master, registry, record, library=library)
             lab = FaultLab(operations, parts=robot, bus=robot.bus_driver)
-            desk = LessonDesk(operations, LessonShelf(folders), parts=robot, bus=robot.bus_driver, world=world)
+            desk = LessonController(operations, LessonCatalog(folders), parts=robot, bus=robot.bus_driver, world=world)
             hub = InprocHub()
             hub.server.info = LinkInfo("students", hub.server.info.mtu)
             robot.master.add_link(hub.server)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_school.faults.conditions import NumberCondition, StateCondition
+from msbot_school.faults.kinds import NumberCondition, StateCondition
+from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.conditions import Condition, Exists, Holder, Now, SettingIs, Spans, Stopped, Turns, Was, Wired
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
 from msbot_school.lessons.run import LessonRun
-from msbot_school.lessons.shelf import LessonShelf
 from tests.lessons.made_up_robot import Robot
 
 LOOK_S = 0.25
@@ -67,7 +67,7 @@ def ticks(check: LessonCheck, without: Condition | None) -> bool:
     return False
 
 
-CHECKS = {f"{lesson.name} {check.name}": check for lesson in LessonShelf().all()[0] for check in lesson.checks}
+CHECKS = {f"{lesson.name} {check.name}": check for lesson in LessonCatalog().all()[0] for check in lesson.checks}
 
 
 @pytest.mark.parametrize("name", [name for name, check in CHECKS.items() if check.question is None])

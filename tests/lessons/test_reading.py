@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.toml.problems import FoundProblems
+from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.conditions import EXAMPLES, read_lesson_condition
 from msbot_school.lessons.lesson import Lesson, LessonCheck
 from msbot_school.lessons.reading import read_lesson
-from msbot_school.lessons.shelf import LessonShelf
 from msbot_xrce.errors import ConfigError
 
 HEAD = '+++\ntitle = "T"\nrobot = "rover"\n+++\n'
@@ -110,7 +110,7 @@ def test_a_teachers_lesson_goes_before_one_of_ours_and_a_wrong_one_is_named(tmp_
     mine = tmp_path / "ring.md"
     mine.write_text(HEAD + "## A\n" + CHECK)
     (tmp_path / "wrong.md").write_text("no lesson")
-    shelf = LessonShelf([tmp_path])
+    shelf = LessonCatalog([tmp_path])
     assert shelf.get("ring").title == "T"
     lessons, wrong = shelf.all()
     assert "T" in {one.title for one in lessons}
@@ -124,7 +124,7 @@ def test_a_teachers_lesson_goes_before_one_of_ours_and_a_wrong_one_is_named(tmp_
     with pytest.raises(ConfigError, match="there is no lesson 'none'; there are"):
         shelf.get("none")
     with pytest.raises(ConfigError, match="there is no such folder"):
-        LessonShelf([tmp_path / "nowhere"])
+        LessonCatalog([tmp_path / "nowhere"])
 
 
 def test_a_translation_is_shown_only_if_it_asks_the_same(tmp_path: Path) -> None:
@@ -133,13 +133,13 @@ def test_a_translation_is_shown_only_if_it_asks_the_same(tmp_path: Path) -> None
     (tmp_path / "de").mkdir()
     german = tmp_path / "de" / "mine.md"
     german.write_text((HEAD + "## A\n" + CHECK + question).replace("nobody", "niemand").replace('"T"', '"D"'))
-    shelf = LessonShelf([tmp_path])
+    shelf = LessonCatalog([tmp_path])
     lesson = shelf.get("mine")
     assert shelf.translated(lesson, "de").title == "D"
     assert shelf.translated(lesson, "fr") is lesson
     assert [one.is_right("niemand") for one in shelf.questions(lesson, "1.2")] == [True]
     german.write_text((HEAD + "## A\n" + CHECK.replace("fan", "ear") + question).replace('"T"', '"D"'))
-    assert LessonShelf([tmp_path]).translated(lesson, "de") is lesson
+    assert LessonCatalog([tmp_path]).translated(lesson, "de") is lesson
 
 
 def test_an_easy_text_goes_back_to_the_ordinary_one_and_teachers_read_that(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_an_easy_text_goes_back_to_the_ordinary_one_and_teachers_read_that(tmp_p
     (tmp_path / "mine.md").write_text(HEAD + "## A\n" + CHECK + teachers)
     (tmp_path / "de").mkdir()
     (tmp_path / "de" / "mine.md").write_text((HEAD + "## A\n" + CHECK + teachers).replace("Secret", "Geheim"))
-    shelf = LessonShelf([tmp_path])
+    shelf = LessonCatalog([tmp_path])
     lesson = shelf.get("mine")
     assert shelf.translated(lesson, "en-simple") is lesson
     assert shelf.translated(lesson, "de-simple") is shelf.translated(lesson, "de")
@@ -167,7 +167,7 @@ def test_an_easy_text_goes_back_to_the_ordinary_one_and_teachers_read_that(tmp_p
 
 @pytest.mark.parametrize("language", ["de", "en-simple", "de-simple"])
 def test_our_own_lessons_are_in_every_language_of_the_page_and_easy(language: str) -> None:
-    shelf = LessonShelf()
+    shelf = LessonCatalog()
     for lesson in shelf.all()[0]:
         found = shelf.translated(lesson, language)
         assert found not in (lesson, shelf.translated(lesson, "de" if language != "de" else "")), lesson.name

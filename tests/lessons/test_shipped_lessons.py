@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_school.lessons.shelf import LessonShelf
+from msbot_school.lessons.catalog import LessonCatalog
 from tests.lessons.lesson_stage import LessonStage, blocks_of_the_handbook, lesson_scene
 
 BLOCKS = Path(__file__).parents[1] / "web/browser/blocks"
@@ -233,7 +233,7 @@ WITH_BLOCKS: dict[str, dict[str, Deed]] = {
 
 
 def test_every_lesson_is_solved_here() -> None:
-    lessons, wrong = LessonShelf().all()
+    lessons, wrong = LessonCatalog().all()
     assert wrong == []
     assert {lesson.name for lesson in lessons} == set(SOLVED)
     for lesson in lessons:
@@ -249,7 +249,7 @@ def test_every_lesson_is_solved_here() -> None:
     ],
 )
 def test_a_lesson_is_done_from_beginning_to_end_and_put_back(name: str, deeds: dict[str, Deed], tmp_path: Path) -> None:
-    lesson = LessonShelf().get(name)
+    lesson = LessonCatalog().get(name)
 
     async def scene(stage: LessonStage) -> None:
         blueprint = await stage.operations.applying.present()

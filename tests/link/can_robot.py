@@ -9,11 +9,9 @@ from random import Random
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Peer, Signal
-from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink
-from msbot_agent.link.can.native_link_base import NativeEnd
-from msbot_agent.link.can.peer_framing import Codec
-from msbot_agent.link.can.protocol.ids import CanIds
-from msbot_agent.link.can.protocol.node_ids import NodeIds
+from msbot_agent.link.can.legacy_link import Codec
+from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink, NativeEnd
+from msbot_agent.link.can.protocol.ids import CanIds, NodeIds
 from msbot_agent.link.can.sim.driver import SimBusDriver
 from msbot_agent.link.can.sim.model.bus import SimBus
 from msbot_xrce.errors import LinkDown

@@ -13,7 +13,7 @@ from msbot_agent.link.can.protocol import Frame, frame_bits
 from msbot_agent.link.can.protocol.frames import split
 from msbot_agent.link.can.protocol.ids import CanIds
 from msbot_xrce import compress, decompress
-from msbot_xrce.compression.dictionary import DICTIONARY
+from msbot_xrce.compression import DICTIONARY
 
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/can.md").read_text()
 SECTION = PAGE.partition("## Header compression\n")[2].partition("\n## ")[0]

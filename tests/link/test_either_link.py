@@ -9,7 +9,7 @@ import pytest
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal, open_link
-from msbot_agent.link.either_link import ANOTHER, LOOK_S, MASTER, PATIENCE_S, TRY_S, EitherLink
+from msbot_agent.link.failover_link import ANOTHER, LOOK_S, MASTER, PATIENCE_S, TRY_S, FailoverLink
 from msbot_agent.link.net.udp import NOBODY_LISTENS
 from msbot_xrce.errors import ConfigError, LinkDown
 
@@ -51,7 +51,7 @@ class Way(BaseLink):
 class Stage:
     def __init__(self) -> None:
         self.one, self.two = Way("one"), Way("two")
-        self.link = EitherLink([self.one, self.two])
+        self.link = FailoverLink([self.one, self.two])
         self.heard: list[bytes] = []
         self.signals: list[tuple[Signal, str]] = []
         self.link.attach(
@@ -195,12 +195,12 @@ def test_one_that_cannot_be_opened_is_no_reason_to_give_up_unless_none_can() -> 
 
 def test_addresses_with_commas_are_several_masters_for_a_part_and_none_for_a_master() -> None:
     link = open_link("udp:127.0.0.1:8888,tcp:127.0.0.1:8889")
-    assert isinstance(link, EitherLink)
+    assert isinstance(link, FailoverLink)
     assert link.info.name == "udp:127.0.0.1:8888,tcp:127.0.0.1:8889"
     with pytest.raises(ConfigError, match="a master serves each of them: give --link several times"):
         open_link("udp:127.0.0.1:8888,udp:127.0.0.1:8889", serve=True)
     with pytest.raises(ConfigError, match="a bus has one master at a time"):
-        EitherLink([Way("one"), Way("bus", shared_bus=True)])
+        FailoverLink([Way("one"), Way("bus", shared_bus=True)])
 
 
 def test_there_is_room_where_the_link_in_use_has_some_and_only_for_the_master() -> None:

@@ -10,8 +10,9 @@ from random import Random
 import pytest
 
 from msbot.process.virtual_time import run_virtual
-from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal, either_link
-from msbot_agent.link.either_link import ANOTHER, MASTER, EitherLink
+from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal
+from msbot_agent.link import failover_link as either_link
+from msbot_agent.link.failover_link import ANOTHER, MASTER, FailoverLink
 from msbot_agent.link.net.udp import NOBODY_LISTENS
 from msbot_xrce.errors import LinkDown
 from tests.effort import tries
@@ -102,7 +103,7 @@ class Plain:
 
 async def story(seed: int) -> None:
     random, loop, ways, plain = Random(seed), asyncio.get_running_loop(), [Way(name) for name in NAMES], Plain()
-    link, told, gone = EitherLink(ways), list[Told](), 0
+    link, told, gone = FailoverLink(ways), list[Told](), 0
     assert (link.info.name, link.info.mtu, link.remote) == ("one,two,three", 1003, MASTER)
     link.attach(packet=lambda *what: told.append(what))
     link.attach(signal=lambda *what: told.append(what))
@@ -159,7 +160,7 @@ def test_whatever_happens_the_same_master_is_in_use(seed: int, monkeypatch: pyte
 
 async def test_only_the_master_is_spoken_to_and_only_over_a_way_that_is_open() -> None:
     ways = [Way("one"), Way("two")]
-    link = EitherLink(ways)
+    link = FailoverLink(ways)
     with pytest.raises(LinkDown, match="not to one"):
         link.send(b"x", "one")
     ways[0].remote = None
@@ -179,7 +180,7 @@ def outcome(*courses: list[tuple[float, Exception | None]], up: dict[int, float]
         ways = [Way(name) for name in NAMES[: len(courses)]]
         for way, course in zip(ways, courses, strict=True):
             way.course = course
-        running = asyncio.ensure_future(EitherLink(ways).run())
+        running = asyncio.ensure_future(FailoverLink(ways).run())
         loop = asyncio.get_running_loop()
         for number, at in up.items():
             open_up: Callable[..., None] = ways[number]._signal_handler

@@ -22,7 +22,7 @@ from msbot_agent.agent.discovery import DiscoveryResponder
 from msbot_agent.link import Peer
 from msbot_agent.link.net.tcp import TcpClientLink, TcpServerLink
 from msbot_agent.link.net.udp import UdpClientLink, UdpServerLink
-from msbot_agent.link.serial.descriptor import DescriptorTransport
+from msbot_agent.link.serial.pty import DescriptorTransport
 from msbot_xrce.errors import LinkDown
 from tests.agent.test_discovery import QUESTION as REQUEST
 
@@ -265,8 +265,8 @@ async def test_a_serial_line_reads_and_writes_piece_by_piece_and_ends_when_its_a
             fail("write")
             return real_write(descriptor, bytes(data[:1]))
 
-        monkeypatch.setattr("msbot_agent.link.serial.descriptor.os.read", read)
-        monkeypatch.setattr("msbot_agent.link.serial.descriptor.os.write", write)
+        monkeypatch.setattr("msbot_agent.link.serial.pty.os.read", read)
+        monkeypatch.setattr("msbot_agent.link.serial.pty.os.write", write)
         protocol = Protocol()
         transport = DescriptorTransport(ours.fileno(), protocol)
         other.setblocking(False)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.master.stop_on_disk import PLACE_OCTETS, PLACES, BrokenRecord, StopFile, encoded, newest, older_place
+from msbot.master.stop_persistence import PLACE_OCTETS, PLACES, BrokenRecord, StopFile, encoded, newest, older_place
 from msbot.pnp import StopRecord
 
 STOP = StopRecord(3, True, "ann", "fire", 5, 4)

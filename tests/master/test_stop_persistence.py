@@ -7,22 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from msbot.master import StopKeeper, stop_file
-from msbot.master.stop_on_disk import StopFile
+from msbot.master import StopStore, stop_file
+from msbot.master.stop_persistence import StopFile
 from msbot.pnp import MemoryStore, StopRecord
 from msbot_xrce.errors import ConfigError
 
 STOP = StopRecord(3, True, "ann", "fire", 5)
 
 
-def keep(keeper: StopKeeper, record: StopRecord) -> str:
+def keep(keeper: StopStore, record: StopRecord) -> str:
     """Keep a record, the last one; gives the trouble."""
     trouble = kept(keeper, record)
     keeper.close()
     return trouble
 
 
-def kept(keeper: StopKeeper, record: StopRecord) -> str:
+def kept(keeper: StopStore, record: StopRecord) -> str:
     """Keep a record; gives the trouble."""
     done = threading.Event()
     found: list[str] = []
@@ -38,33 +38,33 @@ def kept(keeper: StopKeeper, record: StopRecord) -> str:
 
 def test_what_was_kept_is_there_for_the_next_master(tmp_path: Path) -> None:
     path = tmp_path / "state" / "stop.json"
-    assert keep(StopKeeper(MemoryStore(), path), STOP) == ""
-    assert StopKeeper(MemoryStore(), path).load() == STOP, "the file alone is enough"
+    assert keep(StopStore(MemoryStore(), path), STOP) == ""
+    assert StopStore(MemoryStore(), path).load() == STOP, "the file alone is enough"
     assert path.stat().st_mode & 0o077 == 0
     assert [one.name for one in path.parent.iterdir()] == ["stop.json"], "no draft is left behind"
 
 
 def test_the_store_alone_is_enough(tmp_path: Path) -> None:
     store = MemoryStore()
-    assert keep(StopKeeper(store), STOP) == ""
-    assert StopKeeper(store, tmp_path / "not there.json").load() == STOP
+    assert keep(StopStore(store), STOP) == ""
+    assert StopStore(store, tmp_path / "not there.json").load() == STOP
 
 
 def test_an_older_backup_does_not_end_a_stop_and_an_older_file_does_not_either(tmp_path: Path) -> None:
     path = tmp_path / "stop.json"
-    keep(StopKeeper(MemoryStore(), path), STOP)
+    keep(StopStore(MemoryStore(), path), STOP)
     old = MemoryStore()
     old.stop = StopRecord(2, False)
-    assert StopKeeper(old, path).load() == STOP
+    assert StopStore(old, path).load() == STOP
     newer = MemoryStore()
     newer.stop = StopRecord(3, False, "bob")
-    assert StopKeeper(newer, path).load() == newer.stop
+    assert StopStore(newer, path).load() == newer.stop
 
 
 def test_a_file_that_cannot_be_read_means_stop(tmp_path: Path) -> None:
     path = tmp_path / "stop.json"
     path.write_text("{half")
-    record = StopKeeper(MemoryStore(), path).load()
+    record = StopStore(MemoryStore(), path).load()
     assert record.holds
     assert str(path) in record.reason
 
@@ -74,7 +74,7 @@ def test_a_file_that_cannot_be_read_counts_more_than_an_older_go_of_the_database
     path.write_text("{half")
     database = MemoryStore()
     database.stop = StopRecord(5, False, "bob")
-    record = StopKeeper(database, path).load()
+    record = StopStore(database, path).load()
     assert record.holds
     assert record.is_newer_than(database.stop)
 
@@ -85,11 +85,11 @@ def test_without_a_thread_a_robot_does_not_start(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
     with pytest.raises(ConfigError, match="no thread can be started"):
-        StopKeeper(MemoryStore(), tmp_path / "stop.json")
+        StopStore(MemoryStore(), tmp_path / "stop.json")
 
 
 def test_after_the_start_no_further_thread_is_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    keeper = StopKeeper(MemoryStore(), tmp_path / "stop.json")
+    keeper = StopStore(MemoryStore(), tmp_path / "stop.json")
     monkeypatch.setattr(threading.Thread, "start", None)
     assert keep(keeper, STOP) == ""
 
@@ -101,18 +101,18 @@ def test_a_failure_that_nobody_thought_of_is_said_and_the_next_stop_is_stored(
         raise failures.pop(0)
 
     path = tmp_path / "stop.json"
-    keeper = StopKeeper(MemoryStore(), path)
+    keeper = StopStore(MemoryStore(), path)
     failures: list[Exception] = [KeyError("odd"), MemoryError(), MemoryError()]
     with monkeypatch.context() as broken:
         broken.setattr(StopFile, "write", fail)
         assert "STOP is not stored" in kept(keeper, STOP)
         assert "no memory" in kept(keeper, STOP)
     assert kept(keeper, STOP) == ""
-    assert StopKeeper(MemoryStore(), path).load() == STOP
+    assert StopStore(MemoryStore(), path).load() == STOP
 
 
 def test_a_lack_of_memory_is_mended_by_what_was_set_aside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    keeper, write, tries = StopKeeper(MemoryStore(), tmp_path / "stop.json"), StopFile.write, []
+    keeper, write, tries = StopStore(MemoryStore(), tmp_path / "stop.json"), StopFile.write, []
 
     def once(file: StopFile, record: StopRecord) -> None:
         tries.append(record)
@@ -126,7 +126,7 @@ def test_a_lack_of_memory_is_mended_by_what_was_set_aside(tmp_path: Path, monkey
 
 
 def test_nothing_was_ever_said(tmp_path: Path) -> None:
-    assert StopKeeper(MemoryStore(), tmp_path / "stop.json").load() == StopRecord()
+    assert StopStore(MemoryStore(), tmp_path / "stop.json").load() == StopRecord()
 
 
 class Away(MemoryStore):
@@ -139,7 +139,7 @@ class Away(MemoryStore):
 @pytest.mark.parametrize(("store", "words"), [(MemoryStore(), ""), (Away(), "STOP is not stored: ")])
 def test_without_the_file_the_database_must_confirm(store: MemoryStore, words: str, tmp_path: Path) -> None:
     (tmp_path / "a file").write_text("")
-    trouble = keep(StopKeeper(store, tmp_path / "a file" / "stop.json"), STOP)
+    trouble = keep(StopStore(store, tmp_path / "a file" / "stop.json"), STOP)
     assert trouble.startswith(words)
     assert bool(trouble) == bool(words)
 
@@ -148,10 +148,10 @@ def test_without_the_file_the_database_must_confirm(store: MemoryStore, words: s
 def test_where_another_master_may_take_over_the_database_must_confirm_too(
     store: MemoryStore, words: str, tmp_path: Path
 ) -> None:
-    trouble = keep(StopKeeper(store, tmp_path / "stop.json", is_shared=True), STOP)
+    trouble = keep(StopStore(store, tmp_path / "stop.json", is_shared=True), STOP)
     assert trouble.startswith(words)
     assert bool(trouble) == bool(words)
-    assert StopKeeper(MemoryStore(), tmp_path / "stop.json").load() == STOP, "the file has it in any case"
+    assert StopStore(MemoryStore(), tmp_path / "stop.json").load() == STOP, "the file has it in any case"
 
 
 def test_each_robot_of_each_database_has_its_own_file(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from msbot.pnp import StopStatus
 from msbot.stop.asking import ask_masters
 from msbot.stop.names import GROUP_VARIABLE
 from msbot.stop.places import IS_LINUX, IS_THERE, open_folder, own_user
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 from tests.runtime.stop_stage import PATIENCE_S, own_places
 
 pytestmark = pytest.mark.skipif(not IS_THERE, reason="this system has no Unix sockets")

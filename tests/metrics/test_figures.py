@@ -23,15 +23,14 @@ from msbot.metrics import (
     Buckets,
     Collecting,
     DatabaseFigures,
+    MetricsSampler,
     MetricsServer,
     MomentFigures,
-    Noting,
     PageFigures,
     RobotFigures,
 )
-from msbot.metrics.bus_meter import meter_of
-from msbot.metrics.exposition import exposition
-from msbot.metrics.figures import BusLoad, LinkFigures
+from msbot.metrics.figures import BusLoad, LinkFigures, meter_of
+from msbot.metrics.serving import exposition
 from msbot_agent.agent import Agent
 from msbot_agent.link import Link, LinkInfo
 from msbot_agent.link.can import CanBusInfo
@@ -104,7 +103,7 @@ async def test_the_bus_is_measured_without_a_page() -> None:
     now = [10.0]
     bus, other = Bus(), UdpServerLink("127.0.0.1", 0)
     assert meter_of([other], lambda: now[0]) is None
-    with patch("msbot.metrics.bus_meter.CanEnd", Bus):
+    with patch("msbot.metrics.figures.CanEnd", Bus):
         meter = meter_of([cast("Link", bus), other], lambda: now[0])
     assert meter is not None
     frame = Frame(0x101, bytes(8))
@@ -166,7 +165,7 @@ class Inventory:
 
 def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last_look() -> None:
     inventory = Inventory()
-    noting = Noting(Agent(MemorySpace()), cast("Master", SimpleNamespace(inventory=inventory)))
+    noting = MetricsSampler(Agent(MemorySpace()), cast("Master", SimpleNamespace(inventory=inventory)))
 
     def look(now: float, beats: int, last_at: float) -> None:
         inventory.infos = [SimpleNamespace(beat_age_s=now - last_at, beats=beats, client_key=1)]
@@ -225,7 +224,7 @@ async def fetch(address: str) -> bytes:
 
 
 async def serving(read: Callable[[], MomentFigures]) -> tuple[MetricsServer, asyncio.Task[None]]:
-    server = MetricsServer(read, Noting(Agent(MemorySpace()), None), 0)
+    server = MetricsServer(read, MetricsSampler(Agent(MemorySpace()), None), 0)
     return server, asyncio.create_task(server.run())
 
 
@@ -248,7 +247,7 @@ async def test_a_port_that_is_taken_is_one_sentence() -> None:
     server, task = await serving(lambda: FIGURES)
     port = int(server.address.split(":")[2].partition("/")[0])
     with pytest.raises(ConfigError, match=f"port {port} .* choose another one with --metrics"):
-        MetricsServer(lambda: FIGURES, Noting(Agent(MemorySpace()), None), port)
+        MetricsServer(lambda: FIGURES, MetricsSampler(Agent(MemorySpace()), None), port)
     task.cancel()
     await asyncio.wait([task])
 

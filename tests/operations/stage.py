@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.master import Master
 from msbot.operations.dispatch import Operations, RunningOperations
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.table import OPERATIONS
 from msbot.part import HelloWorld, Part
 from msbot.pnp import PartEvent, PartInfo

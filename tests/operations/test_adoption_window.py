@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from msbot.operations.adoption_window import AdoptionWindow
+from msbot.operations.placement import AdoptionWindow
 from msbot_xrce.errors import ConfigError
 
 

@@ -13,11 +13,11 @@ from msbot.config import PartType
 from msbot.operations.dispatch import perform
 from msbot.operations.table import OPERATIONS
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.world_reader import open_world
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_school.lessons.lesson_desk import LessonDesk
-from msbot_school.lessons.shelf import LessonShelf
+from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.lesson_controller import LessonController
 from msbot_school.missions.mission_lab import MissionLab
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
@@ -59,8 +59,8 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.operations.recording.use(Tape())
         MissionLab(stage.operations, FaultLab(stage.operations))
-        LessonDesk(stage.operations, LessonShelf())
-        stage.operations.worlds.use(LivingArena(Arena(open_world("line"))))
+        LessonController(stage.operations, LessonCatalog())
+        stage.operations.worlds.use(RunningArena(Arena(open_world("line"))))
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),

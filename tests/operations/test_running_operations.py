@@ -25,7 +25,7 @@ from msbot.config import (
 )
 from msbot.master import Master
 from msbot.operations.dispatch import RunningOperations, perform
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.pnp import Claim, MemoryStore
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import ConfigError

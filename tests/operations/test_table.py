@@ -10,16 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli.change.verbs import verb
+from msbot.cli.change.change import verb
 from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.operation import Kept, Where
 from msbot.operations.placement import Placement
-from msbot.operations.settings import SlotSettings
-from msbot.operations.stored_placement import StoredPlacement
+from msbot.operations.settings import SlotSettings, Wires
+from msbot.operations.stored_robot import StoredPlacement
 from msbot.operations.table import OPERATIONS
 from msbot.operations.undoing import StoredUndoing
-from msbot.operations.wires import Wires
 from msbot.registry import EditKind
 from msbot.registry.records import UNDOABLE
 from msbot_agent.cli import COMMANDS

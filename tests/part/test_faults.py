@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from msbot.part.join.joining import JoinState
-from msbot.part.messages.hello import HelloWorld
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import LossyLink

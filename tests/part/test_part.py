@@ -9,8 +9,8 @@ import pytest
 
 from msbot.part.join import plug
 from msbot.part.join.joining import ExpectedRobot, JoinState
-from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.messages.wire_types import float32
 from msbot.part.part import Part
 from msbot.process.virtual_time import run_virtual

@@ -3,7 +3,7 @@
 import asyncio
 
 from msbot.part.handler_guard import Guard
-from msbot.part.periodic_calls import Every
+from msbot.part.program import Every
 from msbot.process.virtual_time import run_virtual
 
 

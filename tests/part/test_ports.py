@@ -3,7 +3,7 @@
 import pytest
 
 from msbot.part.client.client import Client
-from msbot.part.messages.hello import HelloWorld
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.ports import Ports
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, ObjectKind

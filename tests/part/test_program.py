@@ -10,7 +10,7 @@ import pytest
 from msbot.part.join import plug
 from msbot.part.join.joining import JoinState
 from msbot.part.join.keys import prove
-from msbot.part.messages.hello import HelloWorld
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.part import Part
 from msbot_xrce.errors import ConfigError
 from tests.part.test_part import RING, Room, make_part, play

@@ -4,9 +4,9 @@ from dataclasses import fields
 from pathlib import Path
 
 from msbot.part.client.settings import ClientSettings
-from msbot.part.counters import PartCounters
 from msbot.part.join.joining import TRANSITIONS, JoinEvent, JoinState
 from msbot.part.part import Part
+from msbot.part.settings import PartCounters
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/part.md").read_text()
 

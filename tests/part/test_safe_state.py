@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.part.handler_guard import Guard
-from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.messages.wire_types import float32, int16, uint8
 from msbot.part.program import Listener
 from msbot.part.safe_state import Safety, safe_message

@@ -10,7 +10,7 @@ from random import Random
 from msbot.part.client.settings import ConnectionState
 from msbot.part.join import plug
 from msbot.part.join.membership import INVENTORY
-from msbot.part.join.trouble import TroublePiece
+from msbot.part.join.refusal import TroublePiece
 from msbot_agent.agent import Agent, Gate, OpenGate, client_key_of
 from msbot_agent.link import (
     BaseLink,

@@ -25,7 +25,7 @@ from msbot.part.join.plug import (
     ProfileMessage,
 )
 from msbot.part.messages.standard import Level
-from msbot.pnp import KnownObject, Overhearer
+from msbot.pnp import KnownObject, SessionListener
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.explain_samples import MAX_JOINED, PacketWords, value_words
 from msbot_xrce.messages import (
@@ -70,7 +70,7 @@ def service(name: str, objects: int = 0x0017) -> bytes:
 
 def after(setup: bytes, *said: bytes, up: bool) -> list[str]:
     """What is noted below the submessages of the last packet."""
-    listener = Overhearer()
+    listener = SessionListener()
     assert not notes(listener.explain(setup, 1, up=True))
     lines: list[str] = []
     for one in said:
@@ -190,7 +190,7 @@ def test_a_message_without_end_is_not_kept() -> None:
 
 
 def test_a_new_session_knows_nothing_of_the_old_one() -> None:
-    listener = Overhearer()
+    listener = SessionListener()
     listener.explain(RING, 1, up=True)
     login = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)], pad_end=False)
     listener.explain(login, 1, up=True)
@@ -198,7 +198,7 @@ def test_a_new_session_knows_nothing_of_the_old_one() -> None:
 
 
 def test_sessions_are_kept_apart() -> None:
-    listener = Overhearer()
+    listener = SessionListener()
     listener.explain(RING, 1, up=True)
     assert notes(listener.explain(packet(WriteData(20, 0x0015, SAMPLE)), 2, up=True)) == []
     assert notes(listener.explain(packet(WriteData(20, 0x0015, SAMPLE)), 1, up=True)) != []
@@ -211,7 +211,7 @@ def test_an_object_that_cannot_be_read_is_forgotten() -> None:
 
 @given(st.lists(st.binary(max_size=60), max_size=6), st.booleans())
 def test_whatever_is_said_nothing_raises(said: list[bytes], up: bool) -> None:
-    listener = Overhearer()
+    listener = SessionListener()
     listener.explain(RING, 1, up=True)
     for octets in said:
         listener.explain(octets, 1, up=up)
@@ -223,7 +223,7 @@ def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_
         0x15: KnownObject("dial", Level.type_name, "knob", "level"),
         0x26: KnownObject("light", Level.type_name, "lamp", "bright"),
     }
-    listener = Overhearer(
+    listener = SessionListener(
         (Level,),
         know=lambda peer, object_id: known.get(object_id) if peer == 7 else None,
         units=lambda name: {"percent": "%"} if name == Level.type_name else {},
@@ -245,7 +245,7 @@ def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_
 
 
 def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -> None:
-    listener = Overhearer((Level,), units=lambda _: {"percent": "%"})
+    listener = SessionListener((Level,), units=lambda _: {"percent": "%"})
     bound = [
         PortBinding(port=port, topic="dial", topic_type=Level.type_name, direction=direction, reliable=0)
         for port, direction in (("level", BindingDirection.PUBLISH), ("echo", BindingDirection.SUBSCRIBE))
@@ -301,7 +301,7 @@ LOGIN = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)]
 
 
 def test_a_conversation_from_its_beginning_packet_by_packet() -> None:
-    listener = Overhearer((Level, ProfileMessage), units=lambda _: {"percent": "%"})
+    listener = SessionListener((Level, ProfileMessage), units=lambda _: {"percent": "%"})
     assert listener.part_at(7) == "node 7", "it has not been heard"
     endpoints = packet(
         Create(12, 0x0012, topic_variant("dial", Level.type_name, 0x11)),
@@ -351,7 +351,7 @@ def test_a_conversation_from_its_beginning_packet_by_packet() -> None:
 
 @pytest.mark.parametrize(("peer", "name"), [(7, "node 7"), (0, "a part"), ("10.0.0.1:9", "a part")])
 def test_a_peer_of_whom_nothing_is_known_has_a_number_on_a_bus_only(peer: int | str, name: str) -> None:
-    listener = Overhearer()
+    listener = SessionListener()
     assert listener.part_at(peer) == name
     assert listener.hear(packet(WriteData(20, 0x0015, SAMPLE)), peer, up=True).about[0].startswith(f"{name} says ")
     assert listener.part_at(peer) == name
@@ -378,7 +378,7 @@ def test_who_listens_late_understands_every_kind_of_object(
             return KnownObject(f"{INVENTORY_SERVICE}_Request", slot="knob")
         return KnownObject("dial", "HelloWorld", "knob", "port")
 
-    listener = Overhearer(know=know)
+    listener = SessionListener(know=know)
     kind = WriteData if up else Data
     heard = listener.hear(packet(kind(20, object_id, payload)), 7, up=up)
     assert (heard.plain, heard.about) == (plain, about)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.part.messages.standard import Level
-from msbot.pnp import FrameListener, FrameWords, KnownObject, Overhearer
+from msbot.pnp import FrameListener, FrameWords, KnownObject, SessionListener
 from msbot_agent.link.can.protocol import DOWN, UP, CanIds, Frame, frame_sentence
 from msbot_agent.link.can.protocol.frames import split
 from msbot_agent.link.can.protocol.ids import Assign, Beacon, assign_frame, beacon_frame
@@ -19,9 +19,9 @@ def packet(submessage: Submessage) -> bytes:
     return encode_message(Header(0x81, STREAM_BEST_EFFORT, 1), [submessage], pad_end=False)
 
 
-def overhearer() -> Overhearer:
+def overhearer() -> SessionListener:
     """A listener who knows the dial of node 7."""
-    return Overhearer(
+    return SessionListener(
         (Level,),
         know=lambda peer, object_id: KnownObject("dial", Level.type_name, "knob") if object_id == 0x15 else None,
         units=lambda _: {"percent": "%"},

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.pnp import Configuration, SlotBinding
-from msbot.pnp.hand_control import HandControl
+from msbot.pnp.state_changes import HandControl
 
 WIRED = Configuration(
     version=3, slot="fan", bindings=(SlotBinding("power", "fan_power", "Level", publishes=False),

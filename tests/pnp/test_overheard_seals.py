@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from msbot.part import HelloWorld
 from msbot.part.join import plug
 from msbot.part.join.seal import SEAL_OCTETS, Seal
-from msbot.pnp import Overhearer
-from msbot.pnp.overheard_seals import AMBIGUOUS, OverheardSeals
+from msbot.pnp import SessionListener
+from msbot.pnp.session_seals import AMBIGUOUS, ObservedSeals
 from msbot_xrce.errors import RemoteProtocolError
 from tests.pnp.test_sealed_robot import Story, tell
 
@@ -31,7 +31,7 @@ def test_every_sample_of_a_robot_is_read(sealed: bool, heard: str) -> None:
         await asyncio.sleep(2.5)
         scene.robot.service.go_all("ann")
         await asyncio.sleep(2.5)
-        listener = Overhearer()
+        listener = SessionListener()
         lines: list[str] = []
         sentences: list[str] = []
         for place, (up, packet) in enumerate(wire.both):
@@ -52,15 +52,15 @@ def test_every_sample_of_a_robot_is_read(sealed: bool, heard: str) -> None:
     tell(story, sealed=sealed)
 
 
-def _forget_how_it_began(listener: Overhearer) -> None:
+def _forget_how_it_began(listener: SessionListener) -> None:
     """As if nobody had heard the session's beginning; whose its topics are is known from elsewhere."""
     (session,) = listener._sessions.values()
-    session._seals = OverheardSeals()
+    session._seals = ObservedSeals()
 
 
 def test_what_could_be_two_messages_is_not_taken_for_either() -> None:
     beat = OF_A_PART.seal(0, plug.StoppedBeat(lease=7, number=1).encode())
-    seals = OverheardSeals()
+    seals = ObservedSeals()
     with pytest.raises(RemoteProtocolError, match=AMBIGUOUS):
         seals.request(beat)
     seals.request(OF_A_PART.seal(0, plug.Beat(lease=7).encode()))
@@ -71,7 +71,7 @@ def test_what_could_be_two_messages_is_not_taken_for_either() -> None:
 
 
 def test_claims_challenges_proofs_and_refusals_have_no_seal() -> None:
-    seals = OverheardSeals()
+    seals = ObservedSeals()
     seals.begin()
     refusal = plug.VerdictMessage(lease=0, reason=plug.Refusal.NO_KEY, beat_period_ms=0, configuration_version=0)
     for reply in (plug.SealedChallenge(nonce=bytes(16)), refusal):
@@ -84,12 +84,12 @@ def test_claims_challenges_proofs_and_refusals_have_no_seal() -> None:
 
 def test_what_makes_no_sense_with_and_without_a_seal_is_said_as_it_is() -> None:
     with pytest.raises(RemoteProtocolError, match="left over after HelloWorld"):
-        OverheardSeals().sample(HELLO.encode() + bytes(SEAL_OCTETS + 8), HelloWorld.decode)
+        ObservedSeals().sample(HELLO.encode() + bytes(SEAL_OCTETS + 8), HelloWorld.decode)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.binary(max_size=60)), max_size=8))
 def test_whatever_is_heard_ends_in_a_message_or_in_no_sense(heard: list[tuple[bool, bytes]]) -> None:
-    seals = OverheardSeals()
+    seals = ObservedSeals()
     for up, octets in heard:
         try:
             seals.request(octets) if up else seals.reply(octets)
@@ -104,7 +104,7 @@ def test_a_challenge_for_sealed_samples_tells_what_the_next_16_octets_are() -> N
         (plug.SealedChallenge(nonce=bytes(16)), True),
         (plug.Challenge(nonce=bytes(16)), False),
     ):
-        seals = OverheardSeals()
+        seals = ObservedSeals()
         seals.begin()
         assert seals.reply(challenge.encode()) == (challenge, None)
         octets = OF_A_PART.seal(0, beat.encode())
@@ -114,7 +114,7 @@ def test_a_challenge_for_sealed_samples_tells_what_the_next_16_octets_are() -> N
 
 @pytest.mark.parametrize("octets", range(1, SEAL_OCTETS))
 def test_what_is_shorter_than_a_seal_has_none(octets: int) -> None:
-    seals = OverheardSeals()
+    seals = ObservedSeals()
     for read in (seals.request, seals.reply):
         try:
             _, number = read(bytes(octets))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from msbot.config import PartType, Slot
 from msbot.pnp import THESIS_TIMING, Configuration, PartState, SlotBinding
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.partners import Partners
+from msbot.pnp.state_changes import Partners
 from tests.pnp.robot import Rig, sample_store
 
 AA, BB, CC, DD = 0xAA, 0xBB, 0xCC, 0xDD

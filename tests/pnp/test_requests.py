@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.join import plug, thesis_master
-from msbot.part.join.trouble import trouble_pieces
+from msbot.part.join import plug
+from msbot.part.join import refusal as thesis_master
+from msbot.part.join.refusal import trouble_pieces
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.requests import RequestHandler
-from msbot_xrce.common.tally import MOST_NAMES, OTHERS
+from msbot_xrce.counting import MOST_NAMES, OTHERS
 from tests.effort import tries
 from tests.pnp.robot import Rig, configuration, uid
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from random import Random
 
 from msbot.pnp import THESIS_TIMING, Matcher, PartEvent, PartState, Refusal
-from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
-from msbot.pnp.state_changes import StateChanges
+from msbot.pnp.state_changes import HandControl, StateChanges
 from tests.pnp.robot import sample_store
 
 

@@ -7,8 +7,9 @@ from functools import partial
 
 from msbot.config import Scalar, SlotPort
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
-from msbot.registry.edits import blocks, slot_values, users, wires
 from msbot.registry.edits import part_places as places
+from msbot.registry.edits import slot_values, users, wires
+from msbot.registry.edits import undo as blocks
 from msbot.registry.edits.undo import undo
 
 

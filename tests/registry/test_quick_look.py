@@ -13,7 +13,7 @@ import msbot.registry
 from msbot.config import Blueprint, Library
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
-from msbot.registry.quick_look import NO_MASTER, SCHEMA, QuickLook, look_into
+from msbot.registry.read_only_database import NO_MASTER, SCHEMA, ReadOnlyDatabase, look_into
 from msbot_agent.text.sentence import said
 from tests.registry.events import CLAIM, UID, changed
 
@@ -43,7 +43,7 @@ def store(registry: Registry, robot: RobotRecord) -> RobotStore:
     return begun
 
 
-def quick(path: Path) -> QuickLook:
+def quick(path: Path) -> ReadOnlyDatabase:
     look = look_into(str(path))
     assert look is not None
     return look

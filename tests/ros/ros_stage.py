@@ -12,7 +12,7 @@ from msbot.ros.parameter_server import SERVICE
 from msbot.ros.robot_in_ros import RobotInRos
 from msbot_agent.ros import discovery_info
 from msbot_agent.ros.discovery_info import SINCE_IRON, decode
-from msbot_agent.ros.ros_names import topic_of
+from msbot_agent.ros.node_names import topic_of
 from msbot_agent.space import Guid, MemorySpace, OwnEndpoint, Owner, Qos, Reader, Sample, Space, Topic, Writer
 from tests.operations.stage import Stage
 

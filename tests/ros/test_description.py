@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import Blueprint, RosOptions, blueprint_toml, differences, load_library, parse_blueprint
-from msbot.ros.description import LARGEST, read_description
+from msbot.ros.robot_in_ros import LARGEST, read_description
 from msbot_xrce.errors import ConfigError
 
 TEXT = """

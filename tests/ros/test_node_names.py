@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_agent.ros.node_names import NodeName, node_named, robot_node, slot_nodes
-from msbot_agent.ros.ros_names import LONGEST
+from msbot_agent.ros.node_names import LONGEST, NodeName, node_named, robot_node, slot_nodes
 
 WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 

@@ -6,8 +6,7 @@ import asyncio
 from pathlib import Path
 
 from msbot.ros.diagnostics import ERROR, OK, STALE, WARN
-from msbot.ros.parameter_server import LONGEST_QUEUE
-from msbot.ros.parameters import parameter_value
+from msbot.ros.parameter_server import LONGEST_QUEUE, parameter_value
 from msbot.ros2 import (
     Clock,
     DescribeParameters_Request,

@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from msbot.stop import abstract as stop_abstract
 from msbot.stop import asking as stop_asking
+from msbot.stop import listening as stop_abstract
 from msbot.stop import places as stop_places
 from msbot.stop.listening import StopListener, listen
 from msbot.stop.names import new_name

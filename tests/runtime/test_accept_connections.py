@@ -9,9 +9,9 @@ import socket
 
 import pytest
 
-from msbot_agent.pace import accept_connections
-from msbot_agent.pace.accept_connections import EXHAUSTED, Acceptor, ProtocolAcceptor
-from msbot_xrce.common.tally import Tally
+from msbot_agent import pace as accept_connections
+from msbot_agent.pace import EXHAUSTED, Acceptor, ProtocolAcceptor
+from msbot_xrce.counting import Tally
 
 
 class Scarce(socket.socket):

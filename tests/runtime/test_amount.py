@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_agent.pace.connection_pace import BURST_S, KNOWN_TIMES, ConnectionPace
+from msbot_agent.pace import BURST_S, KNOWN_TIMES, ConnectionPace
 
 OF_ADDRESS, IN_ALL = 50.0, 100.0
 

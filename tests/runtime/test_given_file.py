@@ -11,8 +11,8 @@ from msbot.cli.board.board import _Program
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl
 from msbot_agent.idl.reader import read_definitions
-from msbot_agent.space.space_address import TlsFiles
-from msbot_agent.space.zenoh.reachability import context
+from msbot_agent.space.network_options import TlsFiles
+from msbot_agent.space.zenoh.connection import context
 from msbot_agent.text.given_file import read_given
 from msbot_web.server import _tls_context
 from msbot_xrce.errors import ConfigError

@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from msbot.process.kept_worker import MOST_WAITING, KeptWorker
-from msbot.process.worker import TooMuchWork, WorkLimits
+from msbot.process.persistent_worker import MOST_WAITING, PersistentWorker
+from msbot.process.worker_pool import TooMuchWork, WorkLimits
 from msbot_xrce.errors import ConfigError
 from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
@@ -18,7 +18,7 @@ LIMITS = WorkLimits(cpu_s=1, memory_mb=300, wall_s=120.0)  # beside other work a
 
 
 async def test_one_process_answers_everything_and_the_loop_goes_on() -> None:
-    worker = KeptWorker(LIMITS)
+    worker = PersistentWorker(LIMITS)
     assert not worker.is_there
     first = asyncio.get_running_loop().create_task(worker.run(process_number))
     turns = 0
@@ -39,20 +39,20 @@ async def test_one_process_answers_everything_and_the_loop_goes_on() -> None:
 
 @has_limits
 async def test_who_needs_too_much_is_ended_and_the_next_call_goes_well() -> None:
-    worker = KeptWorker(LIMITS)
+    worker = PersistentWorker(LIMITS)
     with pytest.raises(TooMuchWork, match="300 MB"):
         await worker.run(eat_memory)
     with pytest.raises(TooMuchWork, match="1 s of processor time"):
         await worker.run(eat_time)
     assert await worker.run(process_number) != os.getpid()
     worker.end()
-    hurried = KeptWorker(WorkLimits(cpu_s=60, wall_s=0.2))
+    hurried = PersistentWorker(WorkLimits(cpu_s=60, wall_s=0.2))
     with pytest.raises(TooMuchWork, match=r"within 0\.2 s; this computer may have too much to do"):
         await hurried.run(eat_time)
 
 
 async def test_too_many_are_refused_and_idleness_ends_it() -> None:
-    worker = KeptWorker(LIMITS, idle_s=0.5)
+    worker = PersistentWorker(LIMITS, idle_s=0.5)
     asked = [asyncio.get_running_loop().create_task(worker.run(process_number)) for _ in range(MOST_WAITING + 1)]
     await asyncio.sleep(0)
     with pytest.raises(ConfigError, match="busy"):

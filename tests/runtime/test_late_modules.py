@@ -6,7 +6,7 @@ from pathlib import Path
 
 SCRIPT = """
 import sys
-from msbot.process.late_modules import load_late
+from msbot.process.daemon_threads import load_late
 load_late("late_one", "late_other", "nothing_of_that_name")
 import late_one
 print(loaded)

@@ -12,13 +12,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.run.event_log import log_event
+from msbot.cli.run.master_services import log_event
 from msbot.pnp.part_events import PartEvent, PartState
-from msbot_agent.cli.logs import EVENTS, LogWishes, RoomLevel
-from msbot_agent.log.log_forms import JournalFormatter, JsonFormatter, goes_to_journal
-from msbot_agent.log.log_limiter import BURST
-from msbot_agent.log.terminal_log import TerminalHandler
-from msbot_agent.process.own_code import room_of
+from msbot_agent.cli.logs import EVENTS, LogOptions, RoomLevel
+from msbot_agent.log import BURST, JournalFormatter, JsonFormatter, TerminalHandler, goes_to_journal
+from msbot_agent.process.user_folders import room_of
 
 
 def record(level: int, text: str, name: str = "msbot_agent.agent.server") -> logging.LogRecord:
@@ -94,7 +92,7 @@ def test_rooms_get_the_levels_that_are_asked_for() -> None:
     logger = logging.getLogger("msbot_agent.idl")
     before = logger.level
     try:
-        LogWishes(levels=(("idl", logging.DEBUG),)).apply()
+        LogOptions(levels=(("idl", logging.DEBUG),)).apply()
         assert logger.level == logging.DEBUG
     finally:
         logger.setLevel(before)

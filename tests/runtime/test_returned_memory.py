@@ -10,7 +10,7 @@ import pytest
 
 FLOOD = """
 import os
-from msbot_agent.process.returned_memory import give_memory_back
+from msbot_agent.process.end_signals import give_memory_back
 
 def size_mb():
     return int(open("/proc/self/statm").read().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1_000_000

@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from msbot_xrce.common.same_object import ForSameObject
+from msbot_xrce.same_object import ForSameObject
 
 
 def test_the_same_object_is_asked_for_once_and_an_equal_one_anew() -> None:

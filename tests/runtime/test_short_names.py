@@ -5,8 +5,7 @@ from __future__ import annotations
 import ast
 import re
 
-from msbot.carried.board_package import board_sources, shortened
-from msbot.carried.short_names import with_short_names
+from msbot.carried.carried_files import board_sources, shortened, with_short_names
 
 SOURCES = {
     "base": """

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_agent.pace.steady_rate import MOST_CALLERS, SteadyRate
+from msbot_agent.pace import MOST_CALLERS, SteadyRate
 from msbot_web.access.sessions import MOST_SESSIONS
 
 

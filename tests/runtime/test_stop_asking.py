@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from msbot.stop import abstract as stop_abstract
 from msbot.stop import asking as stop_asking
+from msbot.stop import listening as stop_abstract
 from msbot.stop import places as stop_places
 from msbot.stop.asking import MOST_AT_ONCE, ask_masters
 from msbot.stop.listening import listen

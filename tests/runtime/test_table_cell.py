@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_agent.text.table_cell import as_cell
+from msbot_agent.text.sentence import as_cell
 
 
 @pytest.mark.parametrize("text", ["=cmd|'/c calc'!A0", "+1+1", "-1-1", "@SUM(A1)", "@SUM(A1", "\t=1", "\r=1", "\n=1"])

@@ -7,7 +7,7 @@ import dataclasses
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_xrce.common.tally import MOST_NAMES, OTHERS, Tally
+from msbot_xrce.counting import MOST_NAMES, OTHERS, Tally
 
 
 def test_it_counts_by_name_and_is_a_dictionary() -> None:

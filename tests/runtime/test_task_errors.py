@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from msbot_agent.process.task_errors import ungrouped
+from msbot_agent.process.end_signals import ungrouped
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 from tools.sources import source_files
 

@@ -10,16 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_agent.log.log_limiter import (
+from msbot_agent.log import (
     BURST,
     BURST_S,
     LONGEST_S,
     MOST_KINDS,
     REPEAT_S,
     SAME,
+    TerminalHandler,
+    plain,
     write_by_root_alone,
 )
-from msbot_agent.log.terminal_log import TerminalHandler, plain
 
 
 class Terminal:

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from msbot.config import FoundProblems, Library, load_library, parse_blueprint
-from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
-from msbot.process.worker import AT_ONCE, WorkLimits, Workshop, run_limited
+from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML
+from msbot.process.worker_pool import AT_ONCE, WorkerPool, WorkLimits, run_limited
 from msbot_xrce.errors import ConfigError
 from tests.runtime.work import chatter, eat_memory, eat_time, fail, process_number, refuse
 
@@ -66,7 +66,7 @@ def test_too_much_processor_time_is_refused() -> None:
 def test_a_limit_of_whoever_has_started_the_robot_stays_and_is_no_obstacle() -> None:
     program = (
         "import resource; resource.setrlimit(resource.RLIMIT_CPU, (50, 50))\n"
-        "from msbot.process.worker import WorkLimits, run_limited\n"
+        "from msbot.process.worker_pool import WorkLimits, run_limited\n"
         "from tests.runtime.work import processor_limits\n"
         "print(*(run_limited(processor_limits, WorkLimits(cpu_s=cpu_s)) for cpu_s in (20, 100)))"
     )
@@ -81,7 +81,7 @@ def test_who_gives_no_answer_is_ended() -> None:
 
 
 async def test_the_loop_goes_on_meanwhile_and_who_comes_too_late_is_sent_away() -> None:
-    workshop = Workshop(most_waiting=1)
+    workshop = WorkerPool(most_waiting=1)
     turns = 0
     work = [asyncio.ensure_future(workshop.run(process_number)) for _ in range(AT_ONCE + 1)]
     await asyncio.sleep(0)

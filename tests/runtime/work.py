@@ -1,4 +1,4 @@
-"""What the tests of `msbot.process.worker` have done elsewhere; each process there imports it, so it imports little."""
+"""What the tests of `msbot.process.worker_pool` have done elsewhere; each process imports it, so it imports little."""
 
 from __future__ import annotations
 

@@ -9,19 +9,19 @@ from pathlib import Path
 import pytest
 
 from msbot_school.classroom import access as kept
-from msbot_school.classroom.access import AccessBook, FarAccess, page_address
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile, page_address
 from msbot_xrce.errors import ConfigError
 
-ONE = FarAccess("http://10.0.0.2:8080", "msbot_secret", "ROVER", "X2")
+ONE = RemoteAccess("http://10.0.0.2:8080", "msbot_secret", "ROVER", "X2")
 
 
 def test_an_access_is_kept_replaced_and_taken_away(tmp_path: Path) -> None:
-    book = AccessBook(tmp_path / "new")
+    book = RemoteAccessFile(tmp_path / "new")
     assert book.all() == []
     book.keep(ONE)
-    other = FarAccess("https://10.0.0.1:443", "msbot_b", "ROVER", "X1", "PEM")
+    other = RemoteAccess("https://10.0.0.1:443", "msbot_b", "ROVER", "X1", "PEM")
     book.keep(other)
-    again = FarAccess(ONE.address, "msbot_c", "ROVER", "X2")
+    again = RemoteAccess(ONE.address, "msbot_c", "ROVER", "X2")
     book.keep(again)
     assert book.all() == [again, other]
     if os.name == "posix":
@@ -33,7 +33,7 @@ def test_an_access_is_kept_replaced_and_taken_away(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="this system has no such rights")
 def test_a_file_that_others_can_read_is_not_used(tmp_path: Path) -> None:
-    book = AccessBook(tmp_path)
+    book = RemoteAccessFile(tmp_path)
     book.keep(ONE)
     book.path.chmod(0o640)
     with pytest.raises(ConfigError, match="others can read it: chmod 600"):
@@ -42,7 +42,7 @@ def test_a_file_that_others_can_read_is_not_used(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["{", "{}", "[1]", '[{"address": "x"}]', json.dumps([{"address": 1}]), "[[]]", "7"])
 def test_a_file_that_makes_no_sense_is_one_sentence(text: str, tmp_path: Path) -> None:
-    book = AccessBook(tmp_path)
+    book = RemoteAccessFile(tmp_path)
     book.keep(ONE)
     book.path.write_text(text)
     if text == "{}":
@@ -54,10 +54,10 @@ def test_a_file_that_makes_no_sense_is_one_sentence(text: str, tmp_path: Path) -
 
 def test_accesses_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "MOST", 1)
-    book = AccessBook(tmp_path)
+    book = RemoteAccessFile(tmp_path)
     book.keep(ONE)
     with pytest.raises(ConfigError, match="at most 1 robots"):
-        book.keep(FarAccess("http://10.0.0.3:8080", "t", "R", "1"))
+        book.keep(RemoteAccess("http://10.0.0.3:8080", "t", "R", "1"))
 
 
 @pytest.mark.parametrize(

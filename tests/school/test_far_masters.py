@@ -16,13 +16,13 @@ from socket import SHUT_RDWR, create_server, socket
 
 import pytest
 
-from msbot_school.classroom.access import FarAccess
-from msbot_school.classroom.far_masters import (
+from msbot_school.classroom.access import RemoteAccess
+from msbot_school.classroom.remote_masters import (
     Answer,
     Asking,
-    FarLine,
-    FarRefusal,
-    FarTrouble,
+    RemoteMasterConnection,
+    RemoteMasterError,
+    RemoteMasterRefusal,
     Work,
     ask_one,
     read_status,
@@ -51,7 +51,7 @@ class Somebody:
         self._serve, self._tls = serve, tls
         scheme = "http" if tls is None else "https"
         self.address = f"{scheme}://127.0.0.1:{self._listening.getsockname()[1]}"
-        self.access = FarAccess(self.address, "msbot_secret", "R", "1")
+        self.access = RemoteAccess(self.address, "msbot_secret", "R", "1")
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -132,7 +132,7 @@ def test_each_kind_of_trouble_is_one_sentence_with_the_address(
     there = somebody(stack, serve)
     is_endless = serve in (silent, drip)
     began = time.monotonic()
-    with pytest.raises(FarTrouble, match=there.address) as caught:
+    with pytest.raises(RemoteMasterError, match=there.address) as caught:
         ask_one(there.access, lambda line: line.mapping("GET", "/api/status"), SHORT_S if is_endless else PATIENCE_S)
     assert words in str(caught.value)
     assert "msbot_secret" not in str(caught.value)
@@ -153,17 +153,19 @@ def test_only_an_answer_before_anything_is_done_says_that_nothing_has_changed(
     stack: ExitStack, status: str, is_refusal: bool
 ) -> None:
     there = somebody(stack, once(answer(status, {"error": "no"})))
-    with pytest.raises(FarTrouble) as caught:
+    with pytest.raises(RemoteMasterError) as caught:
         ask_one(there.access, lambda line: line.mapping("PUT", "/api/blueprint", {}), PATIENCE_S)
-    assert isinstance(caught.value, FarRefusal) is is_refusal
+    assert isinstance(caught.value, RemoteMasterRefusal) is is_refusal
     assert isinstance(caught.value, DatabaseBusy) is (status == "423 Locked"), "the same may succeed a moment later"
 
 
-def answers_when_one_is_noted(accesses: list[FarAccess], work: Work[Answer]) -> dict[str, Answer | FarTrouble]:
+def answers_when_one_is_noted(
+    accesses: list[RemoteAccess], work: Work[Answer]
+) -> dict[str, Answer | RemoteMasterError]:
     """What is known when the time is over, which is as soon as something is: then no clock decides what that is."""
     noted = threading.Event()
 
-    def telling(line: FarLine, note: Callable[[Answer], None]) -> None:
+    def telling(line: RemoteMasterConnection, note: Callable[[Answer], None]) -> None:
         def tell(found: Answer) -> None:
             note(found)
             noted.set()
@@ -181,7 +183,7 @@ def test_one_that_hangs_holds_up_no_other_one(stack: ExitStack) -> None:
     hangs = [somebody(stack, silent) for _ in range(5)]
     found = answers_when_one_is_noted([*(one.access for one in hangs), well.access], read_status)
     assert found[well.address] == {"robot": "R"}
-    assert all(isinstance(found[one.address], FarTrouble) for one in hangs)
+    assert all(isinstance(found[one.address], RemoteMasterError) for one in hangs)
 
 
 def test_stop_that_was_taken_counts_although_nobody_says_who_has_confirmed(stack: ExitStack) -> None:
@@ -240,13 +242,13 @@ def test_a_token_goes_only_to_the_certificate_that_was_agreed_on(stack: ExitStac
     shown = str(caught.value).partition("another one, ")[2].partition(";")[0]
     pinned = _agreed_certificate(there.address, shown)
 
-    def status(line: FarLine) -> dict[str, object]:
+    def status(line: RemoteMasterConnection) -> dict[str, object]:
         return line.mapping("GET", "/api/status")
 
-    assert ask_one(FarAccess(there.address, "msbot_secret", "R", "1", pinned), status, PATIENCE_S) == {"robot": "R"}
+    assert ask_one(RemoteAccess(there.address, "msbot_secret", "R", "1", pinned), status, PATIENCE_S) == {"robot": "R"}
     before = len(asked)
-    for wrong in (FarAccess(false.address, "msbot_secret", "R", "1", pinned), there.access):
-        with pytest.raises(FarTrouble, match="its certificate is not the one that is trusted here"):
+    for wrong in (RemoteAccess(false.address, "msbot_secret", "R", "1", pinned), there.access):
+        with pytest.raises(RemoteMasterError, match="its certificate is not the one that is trusted here"):
             ask_one(wrong, status, PATIENCE_S)
     assert not any(b"secret" in one for one in asked[before:])
 
@@ -256,8 +258,8 @@ def test_without_a_thread_nobody_is_asked_and_each_is_named(monkeypatch: pytest.
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    asking = Asking([FarAccess("http://127.0.0.1:9", "t", "R", "1")], say_stop(""), PATIENCE_S)
+    asking = Asking([RemoteAccess("http://127.0.0.1:9", "t", "R", "1")], say_stop(""), PATIENCE_S)
     ((address, found),) = asking.answers().items()
-    assert isinstance(found, FarTrouble)
+    assert isinstance(found, RemoteMasterError)
     assert str(found) == f"{address}: this computer has no thread left to ask it"
     assert asking.unfinished() == []

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from msbot_school.classroom.rollout_book import MOST_ROLLOUTS, RolledOut, RollOutBook
+from msbot_school.classroom.rollout_run import MOST_ROLLOUTS, RolledOut, RollOutLog
 from msbot_xrce.errors import ConfigError
 
 
 def test_roll_outs_are_remembered_as_they_are_made_and_not_for_ever(tmp_path: Path) -> None:
-    book = RollOutBook(tmp_path)
+    book = RollOutLog(tmp_path)
     assert book.last() is None
     for number in range(MOST_ROLLOUTS + 5):
         at = book.begin(f"{number}.toml")
@@ -41,7 +41,7 @@ def test_roll_outs_are_remembered_as_they_are_made_and_not_for_ever(tmp_path: Pa
 
 
 def test_two_roll_outs_at_the_same_time_lose_nothing_of_each_other(tmp_path: Path) -> None:
-    first, second = RollOutBook(tmp_path), RollOutBook(tmp_path)
+    first, second = RollOutLog(tmp_path), RollOutLog(tmp_path)
     ats = [first.begin("a.toml"), second.begin("b.toml")]
     assert ats[0] != ats[1]
     with ThreadPoolExecutor(4) as threads:

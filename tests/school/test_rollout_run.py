@@ -12,8 +12,7 @@ from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
 from msbot_school.classroom.class_robots import ClassRobot, class_robots
 from msbot_school.classroom.rollout import RollOut, plan_for, undo_job
-from msbot_school.classroom.rollout_book import RollOutBook
-from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob, RollOutRun, StepState
+from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob, RollOutLog, RollOutRun, StepState
 from msbot_xrce.errors import ConfigError, DatabaseBusy
 from tests.operations.stage import put_database
 
@@ -154,7 +153,7 @@ def test_stored_robots_are_changed_and_changed_back_and_one_changed_since_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # no master of this user is seen
-    database, library, book = str(tmp_path / "robot.db"), load_library(), RollOutBook(tmp_path)
+    database, library, book = str(tmp_path / "robot.db"), load_library(), RollOutLog(tmp_path)
     put_database(tmp_path / "robot.db")
     serial = next(line for line in SAMPLE_ROBOT_TOML.splitlines() if line.startswith("serial_number"))
     with open_registry(database) as registry:

@@ -23,7 +23,7 @@ from pathlib import Path
 import pytest
 
 from msbot.hardware import Driver, Machine, Mount, Values, driver_class, make_wiring
-from msbot.hardware.keeper import as_json, keep
+from msbot.hardware.output_guard import as_json, keep
 from tests.sim.robot import LIBRARY
 from tests.socketcan.bus import PATIENCE_S
 from tests.socketcan.kernel_modules import load, load_built

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot_agent.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
-from msbot_agent.space.history import FAIR_SHARE
 from msbot_agent.space.memory import FEEDBACK_LIMIT
 from msbot_agent.space.qos_matching import mismatch
+from msbot_agent.space.readers import FAIR_SHARE
 from msbot_xrce.errors import LocalProtocolError
 from tests.effort import tries
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.messages.envelope import append_submessage, data_submessage
 from msbot_xrce.messages.message import Heartbeat, Info, StatusAgent, TimestampReply
 from msbot_xrce.messages.objects import write_status
+from msbot_xrce.messages.submessage import append_submessage, data_submessage
 from tests.stock.reading import as_meant, as_stock_client, complaints
 
 DATA = 9

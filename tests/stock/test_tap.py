@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot_xrce.sessions.agent import AgentSession
-from msbot_xrce.sessions.settings import AgentSessionSettings
+from msbot_xrce.streams.settings import AgentSessionSettings
 from tests.stock.tap import StockEar, Tap
 
 REQUESTER = 0x0017

@@ -11,8 +11,7 @@ from unittest import mock
 
 from msbot.operations.dispatch import perform
 from msbot.part import Part
-from msbot.recording.replay.act_player import ActPlayer
-from msbot.recording.replay.acts import RecordedAct, RecordedActs
+from msbot.recording.replay.acts import ActPlayer, RecordedAct, RecordedActs
 from msbot_xrce.errors import MsbotError
 from tests.lab.fault_stage import FaultStage, fault_scene
 from tests.lab.test_missions import OWN, Played

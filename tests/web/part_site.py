@@ -19,14 +19,13 @@ from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartState, SlotBinding
 from msbot_agent.link.net import WebSocketClientLink, WebSocketServerLink
-from msbot_agent.pace.accept_connections import ProtocolAcceptor
+from msbot_agent.pace import ProtocolAcceptor
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.cookies import CookieNames
-from msbot_web.access.guard import AccessGuard
+from msbot_web.access.guard import AccessGuard, CookieNames
 from msbot_web.access.users import MemoryUsers
 from msbot_web.connections import Connections, WatchedConnection
 from msbot_web.part_socket import PartSocket
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import MsbotError
 from tests.web.access.test_accounts import PlainHasher, user
 

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequenc
 from pathlib import Path
 
 from msbot.config import load_library
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld
 from msbot_school.classroom.class_robots import ClassRobot
@@ -16,13 +16,13 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
 from msbot_web.api.models import ControlLine, Robot, Scalar
-from msbot_web.far_robots import FarRobots, FarStop
 from msbot_web.frames import FrameRing
 from msbot_web.live import Live
 from msbot_web.local_masters import LocalMaster, LocalMasters
 from msbot_web.records import registry_records
+from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.service import Service
-from msbot_web.simulated.bench import Bench
+from msbot_web.simulated.controls import SimulatedControls
 from msbot_web.timeline import Timeline
 from msbot_web.views import Views
 from msbot_xrce.errors import ConfigError, MsbotError
@@ -77,20 +77,20 @@ class Alone(LocalMasters):
         return ()
 
 
-class NobodyElsewhere(FarRobots):
+class NobodyElsewhere(RemoteRobots):
     """There is no access to a robot elsewhere."""
 
     async def look(self) -> Sequence[ClassRobot]:
         return ()
 
-    async def stop_all(self, reason: str) -> list[FarStop]:
+    async def stop_all(self, reason: str) -> list[RemoteStop]:
         return []
 
 
 class Rig:
     """The web room around a robot on its stage, without a server."""
 
-    def __init__(self, stage: Stage, folder: Path, bench: Bench) -> None:
+    def __init__(self, stage: Stage, folder: Path, bench: SimulatedControls) -> None:
         clock = asyncio.get_running_loop().time
         self.stage = stage
         self.frames = FrameRing()
@@ -156,7 +156,7 @@ def show(
     scene: Callable[[Rig], Awaitable[None]],
     *changes: tuple[str, str],
     parts: tuple[str, ...] = ("AA=ABCD", "BB=EFGH", "CC=WXYZ"),
-    bench: Bench | None = None,
+    bench: SimulatedControls | None = None,
 ) -> None:
     """Run a scene in the web room of the sample robot."""
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.world_reader import open_world
-from msbot_web.arena_sight import ArenaSight
+from msbot_web.arena_view import ArenaView
 
 
-def seen(world: str) -> tuple[ArenaSight, Arena]:
+def seen(world: str) -> tuple[ArenaView, Arena]:
     arena = Arena(open_world(world))
-    return ArenaSight(LivingArena(arena)), arena
+    return ArenaView(RunningArena(arena)), arena
 
 
 def test_robots_are_told_with_the_place_on_top_and_what_is_near() -> None:

@@ -14,12 +14,11 @@ import pytest
 from msbot.config import SAMPLE_ROBOT_TOML, Blueprint, load_library, parse_blueprint
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
-from msbot.registry.database_identity import database_identity
-from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot.registry.records import database_identity
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.class_robots import Read, database_mark, directly
 from msbot_school.classroom.rollout import RollOut
-from msbot_school.classroom.rollout_book import RolledOut, RollOutBook
-from msbot_school.classroom.rollout_run import RobotChange, RobotJob, StepState
+from msbot_school.classroom.rollout_run import RobotChange, RobotJob, RolledOut, RollOutLog, StepState
 from msbot_web.access.accounts import Accounts, NotAllowed
 from msbot_web.access.users import MemoryUsers
 from msbot_web.class_rollouts import ClassRollOuts
@@ -47,9 +46,9 @@ class Room:
             for number in (1, 2):
                 text = SAMPLE_ROBOT_TOML.replace(serial, f'serial_number = "X{number}"')
                 registry.robots.apply_blueprint(parse_blueprint(text, self.library), self.library)
-        accesses = AccessBook(folder)
-        accesses.keep(FarAccess(self.away, "msbot_x", NAME, "X9"))
-        self.book = RollOutBook(folder)
+        accesses = RemoteAccessFile(folder)
+        accesses.keep(RemoteAccess(self.away, "msbot_x", NAME, "X9"))
+        self.book = RollOutLog(folder)
         users = MemoryUsers(*(user(role.word, role) for role in Role))
         self.accounts = Accounts(users, clock=time.monotonic, hasher=PlainHasher())
         identity = database_identity(self.address)

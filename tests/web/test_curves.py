@@ -10,11 +10,10 @@ import pytest
 
 from msbot.config import Library
 from msbot.part import HelloWorld
-from msbot.recording.curves.names import FRAMES, LATE
-from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.recording.recorder.ring import RingLimits
+from msbot.recording.curves.curve import FRAMES, LATE
+from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.recording_file import RingLimits
 from msbot.recording.recorder.storing import Storing
-from msbot.recording.recorder.topics import MEASURED
 from msbot_web.past import MOST_POINTS, RecordedPast
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS

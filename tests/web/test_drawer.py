@@ -32,7 +32,7 @@ def test_a_button_is_the_same_one_as_long_as_it_would_do_the_same(
         monkeypatch.setattr(drawer, "_spares", lambda _: spares)
         with Client(nicegui_page("/")), ui.element("div") as place:
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
-            drawer._Deeds(page, "AA")
+            drawer._PartActions(page, "AA")
         (row,) = place.default_slot.children
         begun = words_of(row)
         assert [*begun] == ["Identify", "Release slot", "Block part", "Swap to DD", "Simulate this slot"]

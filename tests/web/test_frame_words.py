@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.operations.bus_objects import known_object
+from msbot.operations.blocking import known_object
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_agent.link.can.protocol import parse_log_line

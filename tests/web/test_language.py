@@ -18,12 +18,12 @@ from msbot.doctor.checks.robot import check_robot
 from msbot.operations.rights import Right, Role
 from msbot.part.join.plug import Refusal
 from msbot.pnp import PartState, packet_words
-from msbot.registry.maintenance.backup_check import check_backup
+from msbot.registry.maintenance.upkeep import check_backup
 from msbot_agent.text.sentence import counted, said
 from msbot_web.api.models import JournalLine
 from msbot_web.html import render
 from msbot_web.language import COOKIE, language_of, languages
-from msbot_web.pages.part_sentences import PART_SAYS
+from msbot_web.pages.program_words import PART_SAYS
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.doctor.healthy import ROBOT
 from tools.sources import source_files

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from msbot_school.lessons.lesson_desk import SETTLED_S, LessonDesk
-from msbot_school.lessons.shelf import LessonShelf
+from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.lesson_controller import SETTLED_S, LessonController
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
 from msbot_web.learning import Learning, text_html
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
 
 
-class WatchedShelf(LessonShelf):
+class WatchedShelf(LessonCatalog):
     """Notes which threads read."""
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class WatchedShelf(LessonShelf):
         super().refresh()
 
 
-async def until_read(shelf: LessonShelf) -> None:
+async def until_read(shelf: LessonCatalog) -> None:
     while not shelf.is_read:  # noqa: ASYNC110 - nothing says so
         await asyncio.sleep(0.1)
 
@@ -37,7 +37,7 @@ async def until_read(shelf: LessonShelf) -> None:
 def test_who_looks_before_they_are_read_has_them_read_at_once(tmp_path: Path) -> None:
     async def scene(stage: LessonStage) -> None:
         shelf = WatchedShelf()
-        learning = Learning(LessonDesk(stage.operations, shelf), None, Accounts(MemoryUsers(), clock=lambda: 0.0))
+        learning = Learning(LessonController(stage.operations, shelf), None, Accounts(MemoryUsers(), clock=lambda: 0.0))
         assert learning.lessons() is None
         assert learning.lessons() is None
         await until_read(shelf)
@@ -53,7 +53,7 @@ def test_who_looks_before_they_are_read_has_them_read_at_once(tmp_path: Path) ->
 def test_they_are_read_when_the_robot_has_settled(tmp_path: Path) -> None:
     async def scene(stage: LessonStage) -> None:
         shelf = WatchedShelf()
-        running = asyncio.ensure_future(LessonDesk(stage.operations, shelf).run())
+        running = asyncio.ensure_future(LessonController(stage.operations, shelf).run())
         await asyncio.sleep(SETTLED_S - 0.1)
         assert not shelf.read_by
         await until_read(shelf)

@@ -12,7 +12,7 @@ from msbot.part import HelloWorld, Message
 from msbot.part.messages.wire_types import float64
 from msbot_agent.space import MemorySpace, Qos, Topic, Writer
 from msbot_web.live import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, Live
-from msbot_web.wiring_lines import spark_of
+from msbot_web.past_robot import spark_of
 from tests.web.access.test_accounts import Clock
 
 

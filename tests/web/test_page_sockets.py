@@ -16,7 +16,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
 from msbot.process.virtual_time import run_virtual
-from msbot_agent.pace.steady_rate import SteadyRate
+from msbot_agent.pace import SteadyRate
 from msbot_web.access.sessions import Session
 from msbot_web.nicegui_internals.page_sockets import (
     BURST,

@@ -19,7 +19,7 @@ from msbot_web.frames import FrameRing
 from msbot_web.live import Live
 from msbot_web.past import read_moment
 from msbot_web.past_robot import Moment, PastRobot
-from msbot_web.simulated.bench import NoBench
+from msbot_web.simulated.controls import NoSimulatedControls
 from msbot_web.timeline import Timeline
 from msbot_web.views import Views
 from msbot_xrce.errors import ConfigError
@@ -47,12 +47,19 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Seen]]:
     async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
         loop = asyncio.get_running_loop()
         views = Views(
-            robot.master, blueprint=lambda: operations.blueprint, library=LIBRARY,
+            robot.master,
+            blueprint=lambda: operations.blueprint,
+            library=LIBRARY,
             live=Live(robot.master.space, class_of, loop.time),
-            frames=FrameRing(), timeline=Timeline(), bench=NoBench(), clock=loop.time, ignored=lambda _: False,
-            by_hand=operations.by_hand.said, planted=operations.faults.told,
+            frames=FrameRing(),
+            timeline=Timeline(),
+            bench=NoSimulatedControls(),
+            clock=loop.time,
+            ignored=lambda _: False,
+            by_hand=operations.by_hand.said,
+            planted=operations.faults.told,
             stop=lambda: stop_state(robot.master.stop),
-        )  # fmt: skip
+        )
 
         async def look(seconds: float) -> None:
             for _ in range(round(seconds * 4)):

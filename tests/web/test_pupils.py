@@ -12,9 +12,8 @@ from msbot.operations.rights import Role
 from msbot.registry import ProgramRecord, ProgramSource
 from msbot_web.access.accounts import NotAllowed
 from msbot_web.access.class_list import read_list
-from msbot_web.programs.program_deeds import ProgramDeeds
-from msbot_web.programs.program_shelf import NoShelf
-from msbot_web.pupils import GroupNow, PupilDesk
+from msbot_web.programs.programs import NoProgramStore, ProgramActions
+from msbot_web.pupils import ClassController, GroupNow
 from msbot_xrce.errors import ConfigError, MsbotError
 from tests.web.rig import Rig, refusal, show
 
@@ -42,7 +41,7 @@ class Screen:
         self.done.append("stop")
 
 
-class Shelf(NoShelf):
+class Shelf(NoProgramStore):
     """Programs in memory."""
 
     def __init__(self) -> None:
@@ -148,8 +147,8 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
     async def scene(rig: Rig) -> None:
         service, teacher, pupil = rig.service, rig.session(Role.TEACHER), rig.session(Role.STUDENT)
         shelf, name = Shelf(), pupil.name
-        desk = PupilDesk(rig.accounts, service.operations, service.pupils.passes, shelf, service.learning)
-        programs = ProgramDeeds(shelf, rig.accounts, desk.check_writing)
+        desk = ClassController(rig.accounts, service.operations, service.pupils.passes, shelf, service.learning)
+        programs = ProgramActions(shelf, rig.accounts, desk.check_writing)
         assert "no program yet" in str(await refusal(lambda: desk.program(teacher, name)))
         await programs.keep(pupil, "x.py", ProgramSource("x = 0", BLOCKS))
         assert await desk.program(teacher, name) == ("x.py", ProgramSource("x = 0", BLOCKS), False)

@@ -11,7 +11,7 @@ import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.master import Master
-from msbot.master.stop_on_disk import StopFile
+from msbot.master.stop_persistence import StopFile
 from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import MemoryStore, StopRecord
 from msbot_web.api.stop_call import _given

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from msbot_agent.text.json_reading import read_told
-from msbot_school.classroom.access import AccessBook, FarAccess
-from msbot_school.classroom.class_robots import ClassRobot, FarRobot, database_mark
-from msbot_web import far_robots
+from msbot_agent.text.given_file import read_told
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
+from msbot_school.classroom.class_robots import ClassRobot, RemoteRobot, database_mark
+from msbot_web import remote_robots
 from msbot_web.api.class_models import RobotTile
-from msbot_web.far_robots import FarRobots, FarStop
 from msbot_web.local_masters import Ask, LocalMasters, StopForAll
 from msbot_web.pages.classroom import _for_visitor, _natural, _state_of
+from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.whole_class import together, with_far, with_neighbours
 from msbot_xrce.errors import ConfigError
 from tests.web.refusing import refusing_port
@@ -34,7 +34,7 @@ def tile(name: str, *, reachable: bool = False) -> RobotTile:
 
 def far(name: str, database: str = "", trouble: str = "") -> ClassRobot:
     status = {"robot": name, "slots": 5, "active": 4, "stopped": True, "database": database}
-    known = FarRobot(FarAccess(PAGE, "t", name, "1"), {} if trouble else status, trouble)
+    known = RemoteRobot(RemoteAccess(PAGE, "t", name, "1"), {} if trouble else status, trouble)
     return ClassRobot(name, "1", "2", PAGE, None, blueprint="abcd1234", msbot="0.1.0", far=known)
 
 
@@ -66,11 +66,11 @@ def test_one_stop_counts_only_what_was_said_and_names_the_rest() -> None:
     said = together(
         here,
         [
-            FarStop("B 1", {"stopped": True, "told": 2, "not_confirmed": 0, "silent": []}),
-            FarStop("C 1", {"stopped": True, "told": 3, "not_confirmed": 1, "silent": ["arm"], "stored": False}),
-            FarStop("D 1", {"stopped": True, "told": None, "not_confirmed": 0, "silent": []}),
-            FarStop("E 1", {"stopped": False, "told": 0, "not_confirmed": 0}),
-            FarStop("F 1", None, "http://f: no answer in time"),
+            RemoteStop("B 1", {"stopped": True, "told": 2, "not_confirmed": 0, "silent": []}),
+            RemoteStop("C 1", {"stopped": True, "told": 3, "not_confirmed": 1, "silent": ["arm"], "stored": False}),
+            RemoteStop("D 1", {"stopped": True, "told": None, "not_confirmed": 0, "silent": []}),
+            RemoteStop("E 1", {"stopped": False, "told": 0, "not_confirmed": 0}),
+            RemoteStop("F 1", None, "http://f: no answer in time"),
         ],
     )
     assert said.told == ("A", "B 1", "C 1", "D 1")
@@ -86,19 +86,19 @@ def test_a_look_is_shared_and_a_file_that_cannot_be_used_is_told(tmp_path: Path)
 
 
 def look_at_one_that_is_away(folder: Path, address: str) -> None:
-    book, now = AccessBook(folder), 0.0
-    book.keep(FarAccess(address, "t", "R", "1"))
+    book, now = RemoteAccessFile(folder), 0.0
+    book.keep(RemoteAccess(address, "t", "R", "1"))
 
     async def scene() -> None:
         nonlocal now
-        looking = FarRobots(lambda: now, book)
+        looking = RemoteRobots(lambda: now, book)
         first = await looking.look()
         assert [one.far and one.far.trouble for one in first] == [f"{address}: Connection refused"]
         assert await looking.look() is first, "a moment later nobody is asked again"
         (stop,) = await looking.stop_all("")
         assert (stop.robot, stop.answer, stop.trouble) == ("R 1", None, f"{address}: Connection refused")
         book.path.write_text("{")
-        now += far_robots.AGAIN_S
+        now += remote_robots.AGAIN_S
         assert await looking.look() is first, "nobody waits for the next look"
         assert looking._looking is not None
         await asyncio.wait([looking._looking])
@@ -134,13 +134,13 @@ async def test_a_master_that_answers_nonsense_breaks_neither_the_class_nor_its_s
         answer = read_told(json.dumps({**usual, name: "ODD"}).encode().replace(b'"ODD"', odd))
         masters = LocalMasters(answering(answer))
         tiles = with_neighbours([], await masters.look(), DATABASE)
-        known = FarRobot(FarAccess(PAGE, "t", "R", "1"), answer)
+        known = RemoteRobot(RemoteAccess(PAGE, "t", "R", "1"), answer)
         tiles = with_far(tiles, [ClassRobot("R", "1", "2", PAGE, None, far=known)], DATABASE)
         shown = TypeAdapter(list[RobotTile]).dump_json(tiles)
         assert len(json.loads(shown)) == 2
         assert all(_for_visitor(tile.address, "localhost") is not None for tile in tiles)
         assert b"javascript:" not in shown or name != "page"
-        whole = together(await masters.stop_all("ada", "test"), [FarStop("R 1", answer)])
+        whole = together(await masters.stop_all("ada", "test"), [RemoteStop("R 1", answer)])
         assert "R 1" in (*whole.told, *whole.not_told)
         json.dumps(whole.waiting, ensure_ascii=False).encode()
 

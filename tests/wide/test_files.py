@@ -8,7 +8,7 @@ import pytest
 
 from msbot_agent.space import Qos, Topic
 from msbot_agent.toml.problems import FoundProblems
-from msbot_agent.wide import CrossingWay, read_gateway_file, read_router_file
+from msbot_agent.wide import BridgeDirection, read_gateway_file, read_router_file
 
 ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "docs/howto/zenoh.md").read_text()
@@ -31,10 +31,10 @@ def test_the_gateway_of_the_guide(tmp_path: Path) -> None:
     assert rules.outside.tls is not None
     assert rules.outside.tls.certificate == tmp_path / "north.pem"
     light, chatter = rules.crossings
-    assert (light.topic, light.direction, light.robot) == (Topic("light", "Light"), CrossingWay.OUT, "ROVER")
+    assert (light.topic, light.direction, light.robot) == (Topic("light", "Light"), BridgeDirection.OUT, "ROVER")
     assert light.qos_in(rules.inside) == Qos(depth=16, partitions=("msbot/ROVER",))
     assert light.qos_in(rules.outside) == Qos(depth=16, partitions=("ROVER",))
-    assert (chatter.direction, chatter.qos.separation_s) == (CrossingWay.BOTH, 0.1)
+    assert (chatter.direction, chatter.qos.separation_s) == (BridgeDirection.BOTH, 0.1)
     assert chatter.qos_in(rules.inside).partitions == ("",)
 
 

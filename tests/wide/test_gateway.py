@@ -8,7 +8,7 @@ import contextlib
 import pytest
 
 from msbot_agent.space import MemorySpace, Qos, SpaceAddress, Topic
-from msbot_agent.wide import CrossingTopic, CrossingWay, Gateway
+from msbot_agent.wide import BridgeDirection, BridgedTopic, Gateway
 from tests.space.dds.peers import Inbox
 
 INSIDE, OUTSIDE = SpaceAddress("dds"), SpaceAddress("zenoh")
@@ -19,7 +19,7 @@ RELIABLE, EVERYBODY = Qos(), Qos(partitions=("",))
 class Sites:
     """A gateway, and a program at either side."""
 
-    def __init__(self, *crossings: CrossingTopic) -> None:
+    def __init__(self, *crossings: BridgedTopic) -> None:
         self.inside, self.outside = MemorySpace(), MemorySpace()
         self.gateway = Gateway(self.inside, self.outside, (INSIDE, OUTSIDE), crossings)
 
@@ -38,15 +38,17 @@ class Sites:
         return found
 
 
-def crossing(direction: CrossingWay, *, robot: str = "", qos: Qos = RELIABLE) -> CrossingTopic:
-    return CrossingTopic(LIGHT, direction, robot, qos)
+def crossing(direction: BridgeDirection, *, robot: str = "", qos: Qos = RELIABLE) -> BridgedTopic:
+    return BridgedTopic(LIGHT, direction, robot, qos)
 
 
 @pytest.mark.parametrize(
     ("direction", "crossed"),
-    [(CrossingWay.OUT, (1, 2)), (CrossingWay.IN, (2, 1)), (CrossingWay.BOTH, (2, 2))],
+    [(BridgeDirection.OUT, (1, 2)), (BridgeDirection.IN, (2, 1)), (BridgeDirection.BOTH, (2, 2))],
 )
-def test_samples_cross_in_their_direction_and_none_comes_back(direction: CrossingWay, crossed: tuple[int, int]) -> None:
+def test_samples_cross_in_their_direction_and_none_comes_back(
+    direction: BridgeDirection, crossed: tuple[int, int]
+) -> None:
     sites = Sites(crossing(direction))
     inside, outside = sites.inboxes()
     sites.say()
@@ -59,7 +61,7 @@ def test_samples_cross_in_their_direction_and_none_comes_back(direction: Crossin
 
 
 def test_a_robots_topic_has_its_partition_at_either_side() -> None:
-    sites = Sites(crossing(CrossingWay.OUT, robot="ROVER"))
+    sites = Sites(crossing(BridgeDirection.OUT, robot="ROVER"))
     _, theirs = sites.inboxes(outside="ROVER")
     _, others = sites.inboxes()
     sites.say(qos=Qos(partitions=("msbot/ROVER",)))
@@ -69,7 +71,7 @@ def test_a_robots_topic_has_its_partition_at_either_side() -> None:
 
 
 def test_what_is_not_listed_does_not_cross() -> None:
-    sites = Sites(crossing(CrossingWay.BOTH))
+    sites = Sites(crossing(BridgeDirection.BOTH))
     inbox = Inbox()
     sites.outside.reader(Topic("secret", "Light"), Qos(), inbox)
     sites.say(topic=Topic("secret", "Light"))
@@ -77,7 +79,7 @@ def test_what_is_not_listed_does_not_cross() -> None:
 
 
 def test_kept_samples_are_kept_at_the_other_side() -> None:
-    sites = Sites(crossing(CrossingWay.OUT, qos=Qos(transient_local=True, depth=1)))
+    sites = Sites(crossing(BridgeDirection.OUT, qos=Qos(transient_local=True, depth=1)))
     kept = sites.inside.writer(LIGHT, Qos(transient_local=True, depth=1, partitions=("",)), b"w" * 16)
     kept.write(b"old")
     kept.write(b"new")
@@ -87,7 +89,7 @@ def test_kept_samples_are_kept_at_the_other_side() -> None:
 
 
 async def test_what_keeps_a_topic_from_crossing_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
-    sites = Sites(crossing(CrossingWay.OUT))
+    sites = Sites(crossing(BridgeDirection.OUT))
     sites.inside.writer(LIGHT, Qos(reliable=False, partitions=("",)), b"w" * 16)
     task = asyncio.create_task(sites.gateway.run())
     for _ in range(3):

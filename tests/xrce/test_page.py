@@ -12,9 +12,10 @@ from msbot_xrce.messages import SubmessageId
 from msbot_xrce.sessions import agent as agent_session
 from msbot_xrce.sessions import client as client_session
 from msbot_xrce.sessions import session
-from msbot_xrce.streams import fragments, session_output
+from msbot_xrce.streams import receiving_in_order as fragments
 from msbot_xrce.streams import receiving_in_order as input_streams
 from msbot_xrce.streams import sending_and_resending as output_streams
+from msbot_xrce.streams import session_output
 
 PAGE = (Path(__file__).parent.parent.parent / "docs/reference/xrce.md").read_text()
 

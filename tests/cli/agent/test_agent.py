@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from msbot_agent.cli.agent import agent
 from msbot_agent.cli.agent.agent import command
-from msbot_agent.cli.agent.serving import Discovery, Wishes
+from msbot_agent.cli.agent.serving import Discovery, ServingOptions
 from msbot_agent.link import Link
 from msbot_agent.link.can import CanFdEprosimaLink, CanLegacyLink, CanMasterLink
 from msbot_agent.link.net import TcpServerLink, UdpServerLink
@@ -23,13 +23,13 @@ class Served:
     """What `serve` was called with."""
 
     link: Link
-    wishes: Wishes
+    wishes: ServingOptions
     discovery: Discovery | None
     hint: str
     open_for: Callable[[int], Link] | None
 
     def __call__(
-        self, link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "",
+        self, link: Link, wishes: ServingOptions, discovery: Discovery | None = None, *, hint: str = "",
         open_for: Callable[[int], Link] | None = None,
     ) -> None:  # fmt: skip
         self.link, self.wishes, self.discovery, self.hint, self.open_for = link, wishes, discovery, hint, open_for
@@ -66,7 +66,7 @@ def test_transports_over_ip_serve_this_computer_unless_told_otherwise(
     assert served.link.info.name == name
     assert "for this computer only (--host" in served.hint
     assert served.discovery is None
-    assert served.wishes == Wishes(verbose=4, middleware=None, refs=None, dead_after_s=math.inf)
+    assert served.wishes == ServingOptions(verbose=4, middleware=None, refs=None, dead_after_s=math.inf)
     everywhere = "0.0.0.0" if transport.endswith("4") else "::"
     run(transport, "-p2019", "--host", everywhere)
     assert served.hint == ""
@@ -74,10 +74,10 @@ def test_transports_over_ip_serve_this_computer_unless_told_otherwise(
 
 def test_the_options_of_a_start_script_are_taken_as_they_are(served: Served, tmp_path: Path) -> None:
     assert run("udp4", "-p", "8888", "-m", "dds", "-r", "refs.xml", "-v", "6", "-d", "7401").exit_code == 0
-    assert served.wishes == Wishes(6, "dds", Path("refs.xml"), math.inf)
+    assert served.wishes == ServingOptions(6, "dds", Path("refs.xml"), math.inf)
     assert served.discovery == Discovery(7401, "127.0.0.1")
     run("udp4", "--port", "8888", "--middleware", "rtps", "--refs", "x", "--verbose", "5", "--dead-after", "2.5")
-    assert served.wishes == Wishes(5, "rtps", Path("x"), 2.5)
+    assert served.wishes == ServingOptions(5, "rtps", Path("x"), 2.5)
 
 
 @pytest.mark.parametrize("arguments", [("-d", "-v", "6"), ("-v6", "-d"), ("--discovery", "--verbose", "6")])

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from msbot_agent.agent import AgentStatus, ClientView, LinkView, ObjectView, StreamView
-from msbot_agent.cli.agent import clients, clients_view
+from msbot_agent.cli.agent import clients
+from msbot_agent.cli.agent import clients as clients_view
 from msbot_agent.cli.agent.clients import command
 from msbot_xrce.errors import ConfigError
 

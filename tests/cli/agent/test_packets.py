@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from msbot_agent.cli.agent.packets import packet_tap, packet_text
+from msbot_agent.cli.agent.serving import packet_tap, packet_text
 from msbot_agent.link.net import UdpServerLink
 
 AT = datetime(2026, 1, 2, 3, 4, 5, 678_900)

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.cli.agent import serving
-from msbot_agent.cli.agent.serving import Wishes, read_references
+from msbot_agent.cli.agent.serving import ServingOptions, read_references
 from msbot_agent.link import Signal
 from msbot_agent.link.net import UdpServerLink
-from msbot_agent.process.own_code import PACKAGES
+from msbot_agent.process.user_folders import PACKAGES
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.messages import ObjectKind
 from tests.agent.wiring import FakeLink
@@ -32,8 +32,8 @@ def _own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
         logger.setLevel(level)
 
 
-def wishes(verbose: int = 4, middleware: str = "ced", refs: Path | None = None) -> Wishes:
-    return Wishes(verbose, middleware, refs, 30.0)
+def wishes(verbose: int = 4, middleware: str = "ced", refs: Path | None = None) -> ServingOptions:
+    return ServingOptions(verbose, middleware, refs, 30.0)
 
 
 def test_profiles_are_read(tmp_path: Path) -> None:

@@ -23,11 +23,10 @@ from click.testing import CliRunner
 pytest.importorskip("mpremote", reason="pip install 'msbot[board]'")
 
 import msbot.cli.board.board as commands
-from msbot.carried.board_package import OF_GENERIC_BOARDS, package_files
+from msbot.carried.carried_files import OF_GENERIC_BOARDS, package_files
 from msbot.cli.board import connection
-from msbot.cli.board.connection import CodeFailed, open_board
-from msbot.cli.board.ports import SerialPort, choose
-from msbot.cli.board.program_errors import error_sentence
+from msbot.cli.board.board import error_sentence
+from msbot.cli.board.connection import CodeFailed, SerialPort, choose, open_board
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 from tests.homes import micro
 from tests.homes.runners import NODE

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.cli.bus.dump import COLOURS, Dump, DumpWishes, Understanding, colour_of
+from msbot.cli.bus.dump import COLOURS, Dump, DumpOptions, Understanding, colour_of
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.cli.bus.source import open_bus
 from msbot.pnp import FrameListener
@@ -125,7 +125,7 @@ def test_each_node_has_its_colour() -> None:
     assert colour_of(parse_frame("008#01")) == colour_of(parse_frame("20000004#0008000000000000")) == "red"
     assert colour_of(parse_frame("7FF#")) is colour_of(parse_frame("00000103#")) is None
     lines: list[str] = []
-    dumping = Dump(DumpWishes(), lines.append)
+    dumping = Dump(DumpOptions(), lines.append)
     dumping.begin(Understanding(FrameListener()))
     dumping.show(LogLine(1.0, "can0", parse_frame("103#C181010700")))
     assert lines[0].startswith("\x1b[")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 import pytest
 
-from msbot.cli.bus.frame_filter import FilterType, wanted
+from msbot.cli.bus.dump import FilterType, wanted
 from msbot_agent.link.can.protocol.notation import parse_frame
 
 

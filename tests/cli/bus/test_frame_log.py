@@ -12,9 +12,9 @@ import pytest
 
 import can
 from msbot.cli.bus import frame_log
-from msbot.cli.bus.decode import decode_log
+from msbot.cli.bus.bus import decode_log
 from msbot.cli.bus.frame_log import FrameLog, FrameReader
-from msbot.cli.bus.telling import Manner
+from msbot.cli.bus.frame_words import Manner
 from msbot.pnp import FrameListener
 from msbot_agent.link.can.adapters.python_can import frame_of
 from msbot_agent.link.can.protocol import Frame

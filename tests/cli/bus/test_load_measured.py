@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import pytest
 
-from msbot.cli.bus import load_measured as bus_live
-from msbot.cli.bus.load_measured import MOST_ROWS, Second, show_load, who_says
+from msbot.cli.bus import load as bus_live
+from msbot.cli.bus.load import MOST_ROWS, Second, show_load, who_says
 from msbot_agent.link.can.protocol import CanIds, frame_bits
 from msbot_agent.link.can.protocol.notation import parse_frame
 from msbot_agent.link.can.sim.python_can_interface import MsbotBus

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from msbot.cli.change.robot_access import details_of, perform, running_master
 from msbot.operations.dispatch import perform as perform_request
-from msbot.registry.database_identity import database_identity
+from msbot.registry.records import database_identity
 from msbot_agent.agent import StatusServer
 from msbot_agent.cli import msbot
 from msbot_xrce.errors import ConfigError, MsbotError

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.cli.change import stop_route
+from msbot.cli.change import stop as stop_route
 from msbot.cli.change.robot_access import details_of
 from msbot.cli.change.stop import _words
 from msbot.master import StopSocket

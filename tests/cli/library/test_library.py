@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.library.library import command
+from msbot.cli.library import command
 from msbot_xrce.errors import ConfigError
 
 LUX = (

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.cli.look.folding import folded
-from msbot.cli.look.why import command
+from msbot.cli.look import folded, why_command
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.part.join import plug
 from msbot.part.join.keys import prove
@@ -84,7 +83,7 @@ def why(folder: Path, act: Callable[[Counter], None], part: str = "DD", *more: s
     with open_registry(folder / "robot.db") as registry:
         robot = registry.robots.apply_blueprint(load_blueprint(folder / "robot.toml", library), library)
         act(Counter(registry, robot))
-    done = CliRunner().invoke(command, [part, "--db", str(folder / "robot.db"), *more], catch_exceptions=False)
+    done = CliRunner().invoke(why_command, [part, "--db", str(folder / "robot.db"), *more], catch_exceptions=False)
     assert done.exit_code == 0
     return done.stdout
 
@@ -256,7 +255,7 @@ def test_silence_is_said_with_the_rule_that_counts_it(tmp_path: Path) -> None:
 def test_a_part_that_was_never_there_is_a_mistake_with_the_names_of_those_that_were(tmp_path: Path) -> None:
     why(tmp_path, unknown_part)
     with pytest.raises(Exception, match="no part 'XX' is in the journal; seen so far: DD"):
-        CliRunner().invoke(command, ["XX", "--db", str(tmp_path / "robot.db")], catch_exceptions=False)
+        CliRunner().invoke(why_command, ["XX", "--db", str(tmp_path / "robot.db")], catch_exceptions=False)
 
 
 def test_in_a_database_of_several_robots_the_one_that_is_named_answers(tmp_path: Path) -> None:
@@ -269,7 +268,7 @@ def test_in_a_database_of_several_robots_the_one_that_is_named_answers(tmp_path:
 
     def ask(*more: str) -> str:
         asked = ["DD", "--db", str(tmp_path / "robot.db"), *more]
-        return CliRunner().invoke(command, asked, catch_exceptions=False).stdout
+        return CliRunner().invoke(why_command, asked, catch_exceptions=False).stdout
 
     assert "part number ABCD" in ask("--robot", "Rex")
     assert "part number ABCD" not in ask("--robot", "MSBOT_MASTER")
@@ -283,5 +282,5 @@ def _why_after(
     folder: Path, scene: Callable[[Stage], Awaitable[None]], *changes: tuple[str, str], parts: tuple[str, ...]
 ) -> str:
     play(folder, scene, *changes, parts=parts)
-    done = CliRunner().invoke(command, ["DD", "--db", str(folder / "robot.db")], catch_exceptions=False)
+    done = CliRunner().invoke(why_command, ["DD", "--db", str(folder / "robot.db")], catch_exceptions=False)
     return done.stdout

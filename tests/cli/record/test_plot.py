@@ -11,8 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from msbot.cli.record import plot
-from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
-from msbot.recording.recorder.topics import MEASURED
+from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
 from msbot_agent.link.can.protocol import parse_frame, wire_bits
 from msbot_xrce.errors import MsbotError
 from tests.lab.recorded import BEGAN_NS, NS, store

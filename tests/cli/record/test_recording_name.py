@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.record.recording_name import recording_name
+from msbot.cli.record.log import recording_name
 from msbot_agent.cli import msbot
 from msbot_xrce.errors import ConfigError
 

@@ -13,23 +13,23 @@ from click.testing import CliRunner, Result
 from msbot.process.virtual_time import run_virtual
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
-from msbot_web.cli.page import DEFAULT_PORT, PageWishes, page_options, page_wishes, serve_page
+from msbot_web.cli.page import DEFAULT_PORT, PageOptions, page_options, page_wishes, serve_page
 from msbot_web.server import WebSettings
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
-    from msbot_web.assembly import WebRoom
+    from msbot_web.assembly import RobotPages
 
 LINK = "http://127.0.0.1:8080/setup?token=x"
 
 
-def wishes(*, host: str = "127.0.0.1", certificate: Path | None = None) -> PageWishes:
+def wishes(*, host: str = "127.0.0.1", certificate: Path | None = None) -> PageOptions:
     return page_wishes(port=None, host=host, no_page=False, certificate=certificate, certificate_key=None)
 
 
 def ask(*arguments: str) -> Result:
     """Run a command that has the page's options and nothing else."""
-    found: list[PageWishes] = []
+    found: list[PageOptions] = []
 
     @click.command()
     @page_options
@@ -98,7 +98,7 @@ class Served:
             self.has_ended = True
 
 
-def said(asked: PageWishes, robot_after_s: float, until_s: float) -> list[tuple[float, str]]:
+def said(asked: PageOptions, robot_after_s: float, until_s: float) -> list[tuple[float, str]]:
     """What is said, and when."""
     lines: list[tuple[float, str]] = []
 
@@ -107,7 +107,7 @@ def said(asked: PageWishes, robot_after_s: float, until_s: float) -> list[tuple[
         begin = loop.time()
         loop.call_later(robot_after_s, ready.set)
         serving = asyncio.ensure_future(
-            serve_page(cast("WebRoom", room), ready, asked, lambda line: lines.append((loop.time() - begin, line)))
+            serve_page(cast("RobotPages", room), ready, asked, lambda line: lines.append((loop.time() - begin, line)))
         )
         await asyncio.sleep(until_s)
         serving.cancel()

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.cli.run.part_console import MOST_TYPED, PartConsole, _is_ours, apply_settings
+from msbot.cli.run.part import MOST_TYPED, PartConsole, _is_ours, apply_settings
 from msbot.sim import make_simulator
 from msbot_xrce.errors import ConfigError
 from tests.sim.robot import LIBRARY, Bench, play

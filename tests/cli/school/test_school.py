@@ -17,9 +17,9 @@ from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
 from msbot.stop.names import GROUP_VARIABLE
 from msbot.stop.places import IS_THERE
-from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from msbot_school.cli.classroom.school import command, stop_line
-from msbot_web.cli.user.user import command as user
+from msbot_web.cli.user import user_command as user
 from tests.e2e.processes import PATIENCE_S, run, running
 from tests.web.refusing import refusing_port
 
@@ -94,7 +94,7 @@ def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[School]:
             status, said, error = ask("join", made.page)
         assert status == 0, error
         assert said.startswith(f"MSBOT_MASTER X2 at {made.page} is in the class as lab (teacher)\n")
-        AccessBook().keep(FarAccess(made.away, "msbot_x", "MSBOT_MASTER", "X4"))
+        RemoteAccessFile().keep(RemoteAccess(made.away, "msbot_x", "MSBOT_MASTER", "X4"))
         yield made
 
 

@@ -15,10 +15,8 @@ from click.testing import CliRunner, Result
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.cli.service import systemd
-from msbot.cli.service.service import command
-from msbot.cli.service.systemd import Systemd
-from msbot.cli.service.units import RobotService, quoted
+from msbot.cli import service as systemd
+from msbot.cli.service import RobotService, Systemd, command, quoted
 from msbot.config import write_sample
 from msbot.stop import places as stop_places
 

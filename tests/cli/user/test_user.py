@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner, Result
 
 from msbot.config import load_library, parse_blueprint
-from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
+from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML
 from msbot.registry import open_registry
 from msbot_web.access.passwords import Argon2Hasher
-from msbot_web.cli.user.user import command
+from msbot_web.cli.user import user_command
 
 PASSWORD = "correct horse"
 
@@ -29,7 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def ask(*arguments: str, typed: str = "") -> Result:
-    return CliRunner().invoke(command, arguments, input=f"{typed}\n")
+    return CliRunner().invoke(user_command, arguments, input=f"{typed}\n")
 
 
 def people() -> dict[str, str]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from msbot.config.blueprint.model import PRESETS, Binding, Options, RobotProfile, Slot, SlotPort, Timing
 from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint
-from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML
+from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML
 from msbot.config.library.library import load_library
 from msbot_xrce.errors import ConfigError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msbot.config import load_library, wired_part
-from msbot.config.library.board_pins import pin_faults
+from msbot.config.library.board_wiring import pin_faults
 
 LIBRARY = load_library()
 

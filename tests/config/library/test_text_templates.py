@@ -1,7 +1,7 @@
 """Texts with sources in braces."""
 
 from msbot.config import Scalar
-from msbot.config.library.text_templates import can_format, format_text
+from msbot.config.library.simulator_reader import can_format, format_text
 
 VALUES: dict[str, Scalar] = {"n": 3.0, "red": 255.0, "on": True, "word": "hi", "in.message": "x", "share": 0.25}
 

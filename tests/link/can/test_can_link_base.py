@@ -9,11 +9,11 @@ import pytest
 
 from msbot_agent.link import LinkCounters, Peer
 from msbot_agent.link.can.controller import BusState
+from msbot_agent.link.can.legacy_link import Codec
 from msbot_agent.link.can.native_link import MASTER
-from msbot_agent.link.can.peer_framing import Codec
 from msbot_agent.link.can.protocol.frames import MTU, Frame
 from msbot_xrce import compress, decompress
-from msbot_xrce.common.tally import MOST_NAMES, OTHERS
+from msbot_xrce.counting import MOST_NAMES, OTHERS
 from msbot_xrce.errors import LinkDown, LocalProtocolError, RemoteProtocolError
 from tests.link.can_robot import End, Robot, node_of, play
 

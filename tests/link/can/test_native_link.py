@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from msbot_agent.link import Signal
+from msbot_agent.link.can.legacy_link import Codec
 from msbot_agent.link.can.native_link import MASTER, MASTERS_TOLD, NO_ADDRESS, CanMasterLink, CanPartLink
-from msbot_agent.link.can.peer_framing import Codec
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import FIRST, LAST, Frame
 from msbot_agent.link.can.protocol.ids import (
@@ -21,12 +21,12 @@ from msbot_agent.link.can.protocol.ids import (
     NODES,
     Beacon,
     CanIds,
+    MemoryNodeIds,
     beacon_frame,
     join_frame,
     read_join,
 )
 from msbot_agent.link.can.protocol.join_master import HEARD_S, LISTEN_S
-from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from msbot_agent.link.can.sim.driver import SimBusDriver
 from msbot_agent.link.can.sim.model.bus import SimBus
 from msbot_xrce import compress, decompress

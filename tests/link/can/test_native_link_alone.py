@@ -12,9 +12,8 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Peer, Signal
 from msbot_agent.link.can.controller import BusState, CanBusInfo
-from msbot_agent.link.can.native_link import MASTER, CanMasterLink, CanPartLink
-from msbot_agent.link.can.native_link_base import NOT_SENT, NativeEnd
-from msbot_agent.link.can.peer_framing import Codec
+from msbot_agent.link.can.legacy_link import Codec
+from msbot_agent.link.can.native_link import MASTER, NOT_SENT, CanMasterLink, CanPartLink, NativeEnd
 from msbot_agent.link.can.protocol.frames import Frame, split
 from msbot_agent.link.can.protocol.ids import (
     CAN_FD,

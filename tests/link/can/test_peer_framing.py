@@ -8,8 +8,7 @@ import pytest
 
 from msbot_agent.link import LinkCounters
 from msbot_agent.link.can.controller import CanBusInfo
-from msbot_agent.link.can.legacy_link import _repeat_s
-from msbot_agent.link.can.peer_framing import CanWire, Codec
+from msbot_agent.link.can.legacy_link import CanWire, Codec, _repeat_s
 from msbot_agent.link.can.protocol.frames import REPEATED
 from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION
 from msbot_xrce.errors import RemoteProtocolError

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from msbot_agent.link.net.flood_watch import (
+from msbot_agent.link.net.stranger_filter import (
     AGAIN_S,
     CALM_S,
     CHANCES,

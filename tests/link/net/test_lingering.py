@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_agent.link.net.lingering import LINGER_S, LOOKS_MAX, WAKING_S, Lingering
+from msbot_agent.link.net.batched_receive import LINGER_S, LOOKS_MAX, WAKING_S, AdaptivePolling
 
 LOOK_S = 1e-6
 
@@ -23,7 +23,7 @@ class Socket:
         self.now += LOOK_S
         return self.now >= self.next_at
 
-    def follow(self, lingering: Lingering, pauses: list[float]) -> int:
+    def follow(self, lingering: AdaptivePolling, pauses: list[float]) -> int:
         """Packets that come after these pauses; for how many of them the program was awake."""
         awake = 0
         for pause_s in pauses:
@@ -37,7 +37,7 @@ class Socket:
 
 
 def test_a_socket_whose_packets_follow_each_other_is_watched_and_one_with_pauses_is_not() -> None:
-    socket, lingering = Socket(), Lingering()
+    socket, lingering = Socket(), AdaptivePolling()
     assert socket.follow(lingering, [0.5 * LINGER_S] * 40) > 10
     assert socket.follow(lingering, [0.5 * LINGER_S] * 100) == 100
     socket.follow(lingering, [0.01] * 20)
@@ -47,13 +47,13 @@ def test_a_socket_whose_packets_follow_each_other_is_watched_and_one_with_pauses
 
 
 def test_one_long_pause_stops_the_watch_only_for_a_while() -> None:
-    socket, lingering = Socket(), Lingering()
+    socket, lingering = Socket(), AdaptivePolling()
     socket.follow(lingering, [0.2 * LINGER_S] * 60)
     assert socket.follow(lingering, [3600.0] + [0.2 * LINGER_S] * 20) >= 10
 
 
 def test_a_watch_in_vain_takes_no_longer_than_it_may() -> None:
-    socket, lingering = Socket(), Lingering()
+    socket, lingering = Socket(), AdaptivePolling()
     socket.follow(lingering, [0.2 * LINGER_S] * 60)
     before, socket.next_at = socket.now, float("inf")
     assert not lingering.watch(socket.look, socket.clock)
@@ -61,7 +61,7 @@ def test_a_watch_in_vain_takes_no_longer_than_it_may() -> None:
 
 
 def test_a_clock_that_stands_still_does_not_hold_it_up() -> None:
-    socket, lingering = Socket(), Lingering()
+    socket, lingering = Socket(), AdaptivePolling()
     socket.follow(lingering, [0.2 * LINGER_S] * 60)
     looks: list[None] = []
     assert not lingering.watch(lambda: looks.append(None), lambda: 5.0)
@@ -70,6 +70,6 @@ def test_a_clock_that_stands_still_does_not_hold_it_up() -> None:
 
 @pytest.mark.parametrize("pause_s", [0.0, 1e-6, 1.0])
 def test_nothing_is_watched_where_that_is_turned_off(pause_s: float) -> None:
-    socket, lingering = Socket(), Lingering(0.0)
+    socket, lingering = Socket(), AdaptivePolling(0.0)
     assert socket.follow(lingering, [pause_s] * 100) == 0
     assert socket.looks == 0

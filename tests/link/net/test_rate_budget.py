@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_agent.link.net.rate_budget import RateBudget
+from msbot_agent.link.net.connection_budget import RateBudget
 
 
 def test_a_steady_part_is_never_slowed_down() -> None:

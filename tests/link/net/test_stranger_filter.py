@@ -12,17 +12,19 @@ from itertools import islice
 import pytest
 
 from msbot_agent.link import Peer
-from msbot_agent.link.net.flood_watch import CHANCES, LOOK_S, StrangersHeard
 from msbot_agent.link.net.stranger_filter import (
+    CHANCES,
     FEW_KNOWN,
+    LOOK_S,
     MOST_KNOWN,
     NOT_ANSWERED,
     NOT_READ,
     StrangerFilter,
+    StrangersHeard,
     attach,
     strangers_program,
 )
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the filter is one of Linux")
 

@@ -10,7 +10,8 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Signal
 from msbot_agent.link.byte_frames import MAX_PACKET
-from msbot_agent.link.net.rate_budget import PACKETS_S
+from msbot_agent.link.contract import Visitor
+from msbot_agent.link.net.connection_budget import PACKETS_S
 from msbot_agent.link.net.websocket_server import (
     FIRST_PACKET_S,
     MOST,
@@ -21,7 +22,6 @@ from msbot_agent.link.net.websocket_server import (
     SocketPeer,
     WebSocketServerLink,
 )
-from msbot_agent.link.visitor import Visitor
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End, running
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot_agent.link.serial.descriptor import READ_OCTETS, DescriptorTransport
+from msbot_agent.link.serial.pty import READ_OCTETS, DescriptorTransport
 
 
 class Recorder(asyncio.Protocol):

@@ -1,6 +1,6 @@
 """When a client pings, and when it gives up."""
 
-from msbot.part.client.agent_watch import Stall, Watch, WatchStep
+from msbot.part.client.connection import Stall, Watch, WatchStep
 
 
 def watch() -> Watch:

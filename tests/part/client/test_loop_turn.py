@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from msbot.part.client.loop_turn import News, Turn
+from msbot.part.client.settings import News, Turn
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import RequestError
 

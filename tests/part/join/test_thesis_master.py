@@ -8,7 +8,8 @@ from functools import partial
 import pytest
 
 from msbot.part.client.client import Client
-from msbot.part.join import plug, thesis_master
+from msbot.part.join import plug
+from msbot.part.join import refusal as thesis_master
 from msbot.part.join.joining import UNANSWERED_S, AskThesisMaster, Changed, ExpectedRobot, Joining, JoinState, SendClaim
 from msbot.part.join.membership import THESIS_INVENTORY, Membership
 from msbot.pnp import thesis_programs

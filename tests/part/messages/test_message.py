@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message, fields_of
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.messages.wire_types import AtMost, Octets, float32, int64, uint8, uint16, uint32
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine, text
 
-from msbot.registry.database import database_file
-from msbot.registry.database.database_file import DatabaseFile
+from msbot.registry.database import storage as database_file
 from msbot.registry.database.engine import (
     check_file,
     identity_of,
@@ -21,6 +20,7 @@ from msbot.registry.database.engine import (
     parse_address,
     use_write_ahead_log,
 )
+from msbot.registry.database.storage import DatabaseFile
 from msbot_xrce.errors import RegistryError
 
 FILES = ["robot.db", "robot.db-shm", "robot.db-wal"]

@@ -17,8 +17,7 @@ from sqlalchemy.exc import OperationalError
 
 from msbot.registry.database import writer as writer_module
 from msbot.registry.database.engine import WAIT_S, WRITE
-from msbot.registry.database.pending_change import PendingChange
-from msbot.registry.database.writer import Note, Writer
+from msbot.registry.database.writer import Note, PendingChange, Writer
 from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
 
 _T = TypeVar("_T")

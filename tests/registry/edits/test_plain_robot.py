@@ -33,14 +33,15 @@ from msbot.config import (
 )
 from msbot.pnp import Claim
 from msbot.registry.blueprint import blueprint_reader, blueprint_store
+from msbot.registry.configurations import read_configurations
 from msbot.registry.database import statements
 from msbot.registry.database.engine import make_engine, parse_address
 from msbot.registry.database.tables import bindings, blocks, edits, library, parts, robots, settings, slots
-from msbot.registry.edits import blocks as block_edits
-from msbot.registry.edits import part_places, part_types, slot_values, undo, wires
+from msbot.registry.edits import part_places, slot_values, undo, wires
+from msbot.registry.edits import part_places as part_types
+from msbot.registry.edits import undo as block_edits
 from msbot.registry.edits.edit_log import Author, read_edits
 from msbot.registry.records import EditRecord
-from msbot.registry.running.configurations import read_configurations
 from msbot_xrce.errors import ConfigError
 from tests.effort import tries
 from tests.registry.blueprint.test_blueprint_store import EYE, INVERT, LEG, PERIOD, PROFILE

@@ -12,7 +12,7 @@ from msbot.config import Blueprint, Library
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
-from msbot.registry.maintenance.backup_check import fault_of
+from msbot.registry.maintenance.upkeep import fault_of
 from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
 

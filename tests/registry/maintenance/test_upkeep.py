@@ -13,7 +13,8 @@ from msbot.config import Blueprint, Library
 from msbot.pnp import Group, PartState
 from msbot.registry import ProgramSource, Registry, lesson_ticks, open_registry
 from msbot.registry.database.tables import metadata
-from msbot.registry.maintenance import backup_check, upkeep
+from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import upkeep as backup_check
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.registry.database.test_schema import NEXT, NOW, _migrations

@@ -17,7 +17,8 @@ from msbot.registry import registry
 from msbot.registry.database import schema
 from msbot.registry.database.engine import make_engine
 from msbot.registry.database.schema import folder_migrations, own_migrations
-from msbot.registry.maintenance import backup_check, upkeep
+from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import upkeep as backup_check
 from msbot.registry.maintenance.upkeep import Migrated
 from msbot_xrce.errors import RegistryError
 

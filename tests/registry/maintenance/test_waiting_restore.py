@@ -9,7 +9,8 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import Registry, open_registry
-from msbot.registry.maintenance import backup_check, upkeep
+from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import upkeep as backup_check
 from msbot.registry.maintenance import waiting_restore as held
 from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand

@@ -19,15 +19,15 @@ from sqlalchemy import Connection
 from msbot.pnp import Claim, PartEvent, PartState, StopRecord
 from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements
-from msbot.registry.database.class_look import look_at_class
 from msbot.registry.database.engine import make_engine, parse_address
 from msbot.registry.database.writer import Note
-from msbot.registry.quick_look import NO_MASTER, QuickLook
+from msbot.registry.read_only_database import NO_MASTER, ReadOnlyDatabase
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
-from msbot.registry.running import robot_store, stop_record
-from msbot.registry.running.node_ids import StoredNodeIds
+from msbot.registry.robots import look_at_class
+from msbot.registry.running import robot_memory as stop_record
+from msbot.registry.running import robot_store
 from msbot.registry.running.robot_memory import read_memory
-from msbot.registry.running.robot_store import RobotStore
+from msbot.registry.running.robot_store import RobotStore, StoredNodeIds
 from tests.effort import tries
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
 
@@ -163,7 +163,7 @@ class Lives:
             self.now += 1
             made = blueprint_store.apply(connection, blueprint, LIBRARY, self.now)
             self.robots.append(made)
-        self.look = QuickLook(connection.connection.driver_connection, path)  # type: ignore[arg-type]  # SQLite's own
+        self.look = ReadOnlyDatabase(connection.connection.driver_connection, path)  # type: ignore[arg-type]  # SQLite's own
         self.queues = [Queue(connection) for _ in self.plain]
         self.stores = [self.begin(index) for index in (0, 1)]
         self.nodes = [self.node_ids(index) for index in (0, 1)]

@@ -17,8 +17,8 @@ from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.door import OwnDoor
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.connection import LocalWorldConnection
+from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.world_reader import open_world
 from msbot_agent.link import InprocHub
 from msbot_school.demo import DemoRobot
@@ -37,24 +37,24 @@ def pilot(monkeypatch: pytest.MonkeyPatch) -> Part:
 def play(
     folder: Path,
     world: str,
-    scene: Callable[[DemoRobot, LivingArena], Awaitable[None]],
+    scene: Callable[[DemoRobot, RunningArena], Awaitable[None]],
     program: Part | None = None,
     names: tuple[str, ...] = ("pilot", "wheels", "line", "eyes", "left_wheel"),
     spares: dict[str, str] | None = None,
     beside: tuple[str, ...] = (),
-) -> LivingArena:
+) -> RunningArena:
     """Run a buggy in a world, with a program in the slot of its pilot.
 
     Parts `beside` the others come by a link in memory, which costs a tenth of a simulated bus.
     """
 
-    async def main() -> LivingArena:
+    async def main() -> RunningArena:
         library = load_library()
         blueprint = parse_blueprint(SAMPLES["buggy"], library)
-        living = LivingArena(Arena(open_world(world)))
+        living = RunningArena(Arena(open_world(world)))
         with open_registry(folder / "robot.db") as registry:
             store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
-            door = OwnDoor(living, "robot")
+            door = LocalWorldConnection(living, "robot")
             robot = DemoRobot(
                 blueprint, store, library=library, random=Random(1), epoch_ns=lambda: 0, unplugged=["pilot"],
                 door=door, names=names, spares=spares,
@@ -95,7 +95,7 @@ def test_the_line_follower_drives_the_whole_track_and_stop_stops_it_by_the_parts
     program = pilot(monkeypatch)
     farthest = 0.0
 
-    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+    async def scene(robot: DemoRobot, living: RunningArena) -> None:
         nonlocal farthest
         assert program.state is JoinState.ACTIVE
         body = living.arena.robot("robot")
@@ -124,7 +124,7 @@ def test_the_line_follower_drives_the_whole_track_and_stop_stops_it_by_the_parts
 
 
 def test_parts_see_the_world_and_a_driver_that_is_pulled_out_leaves_the_wheels_without_power(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+    async def scene(robot: DemoRobot, living: RunningArena) -> None:
         eyes = robot.simulated("eyes")
         assert eyes is not None
         assert eyes.readings()["metres"] == pytest.approx(1.1, abs=0.05)
@@ -147,7 +147,7 @@ def test_parts_see_the_world_and_a_driver_that_is_pulled_out_leaves_the_wheels_w
 
 
 def test_a_spare_that_takes_over_drives_on(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+    async def scene(robot: DemoRobot, living: RunningArena) -> None:
         assert robot.plug("pilot")
         await asyncio.sleep(2.0)
         hand = robot.simulated("pilot")
@@ -164,7 +164,7 @@ def test_a_spare_that_takes_over_drives_on(tmp_path: Path) -> None:
 
 
 def test_a_paused_world_stands_still_and_goes_on_by_steps_and_at_other_speeds(tmp_path: Path) -> None:
-    async def scene(_: DemoRobot, living: LivingArena) -> None:
+    async def scene(_: DemoRobot, living: RunningArena) -> None:
         living.paused = True
         before = living.arena.now
         await asyncio.sleep(1.0)
@@ -179,7 +179,7 @@ def test_a_paused_world_stands_still_and_goes_on_by_steps_and_at_other_speeds(tm
 
 
 def test_a_buggy_with_four_motors_slides_sideways(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, living: LivingArena) -> None:
+    async def scene(robot: DemoRobot, living: RunningArena) -> None:
         assert robot.plug("pilot")
         await asyncio.sleep(2.0)
         hand = robot.simulated("pilot")

@@ -8,14 +8,13 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
-from msbot.cli.run.world import WorldWishes
+from msbot.cli.run.world import WorldOptions
 from msbot.sim import make_simulator
 from msbot.sim.arena import server as server_module
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.guest import GuestDoor
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.connection import LONGEST_LINE, RemoteWorldConnection, from_line, to_line, values_of
+from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.server import ArenaServer
-from msbot.sim.arena.wire import LONGEST_LINE, from_line, to_line, values_of
 from msbot.sim.arena.world_reader import open_world
 from msbot_xrce.errors import ConfigError, LinkDown
 
@@ -23,8 +22,8 @@ PASSWORD = "maze runner"
 
 
 @contextlib.asynccontextmanager
-async def shared(world: str) -> AsyncIterator[tuple[LivingArena, ArenaServer]]:
-    living = LivingArena(Arena(open_world(world)))
+async def shared(world: str) -> AsyncIterator[tuple[RunningArena, ArenaServer]]:
+    living = RunningArena(Arena(open_world(world)))
     server = ArenaServer(living, "127.0.0.1", 0, password=PASSWORD, say=lambda words: None)
     serving = [asyncio.create_task(server.run()), asyncio.create_task(living.run())]
     await server.ready.wait()
@@ -45,7 +44,7 @@ async def until(true: Callable[[], bool]) -> None:
 async def test_parts_of_another_program_drive_and_see_and_are_gone_with_it() -> None:
     async with shared("warehouse") as (living, server):
         said: list[str] = []
-        door = GuestDoor("127.0.0.1", server.port, "second", password=PASSWORD, say=said.append)
+        door = RemoteWorldConnection("127.0.0.1", server.port, "second", password=PASSWORD, say=said.append)
         eyes, wheels, button = make_simulator("HC-SR04"), make_simulator("TB6612FNG"), make_simulator("BUTTON")
         door.enter("eyes", eyes)
         coming = asyncio.create_task(door.run())
@@ -69,9 +68,9 @@ async def test_a_world_without_a_free_place_says_so() -> None:
     async with shared("line") as (living, server):
         living.seat("robot", "eyes", ["distance"], _Nobody())
         with pytest.raises(ConfigError, match="each robot of the world is somebody's already: robot"):
-            await GuestDoor("127.0.0.1", server.port, password=PASSWORD, say=print).run()
+            await RemoteWorldConnection("127.0.0.1", server.port, password=PASSWORD, say=print).run()
         with pytest.raises(ConfigError, match='no robot "third"; it has robot'):
-            await GuestDoor("127.0.0.1", server.port, "third", password=PASSWORD, say=print).run()
+            await RemoteWorldConnection("127.0.0.1", server.port, "third", password=PASSWORD, say=print).run()
 
 
 async def test_who_does_not_know_the_password_stays_outside(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +78,7 @@ async def test_who_does_not_know_the_password_stays_outside(monkeypatch: pytest.
     async with shared("line") as (living, server):
         for wrong in ("", "maze", PASSWORD + "x"):
             with pytest.raises(ConfigError, match="asks for its password: --world tcp:PASSWORD@HOST:PORT"):
-                await GuestDoor("127.0.0.1", server.port, password=wrong, say=print).run()
+                await RemoteWorldConnection("127.0.0.1", server.port, password=wrong, say=print).run()
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(to_line({"arena": 1, "password": ["x"]}) + to_line({"seat": "w", "can": ["motor.left"]}))
         assert b"password" in await reader.read()
@@ -90,12 +89,12 @@ async def test_who_does_not_know_the_password_stays_outside(monkeypatch: pytest.
 
 def test_wishes_about_a_password_are_checked() -> None:
     for wishes, words in (
-        (WorldWishes("line", password="long enough"), "say where with --share-world"),
-        (WorldWishes("line", share="7600", password="short"), "at least 8 characters"),
+        (WorldOptions("line", password="long enough"), "say where with --share-world"),
+        (WorldOptions("line", share="7600", password="short"), "at least 8 characters"),
     ):
         with pytest.raises(ConfigError, match=words):
             wishes.check()
-    WorldWishes("line", share="7600", password="long enough").check()
+    WorldOptions("line", share="7600", password="long enough").check()
 
 
 async def test_nonsense_is_counted_and_hurts_nobody() -> None:

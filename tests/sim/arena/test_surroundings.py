@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.surroundings import Nearby, Side, Sort, surroundings
+from msbot.sim.arena.arena import Arena, Nearby, Side, Sort, surroundings
 from msbot.sim.arena.world_reader import parse_world
 
 WORLD = """

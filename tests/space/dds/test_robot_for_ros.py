@@ -14,8 +14,7 @@ from msbot.config import Library, load_blueprint, load_library
 from msbot.master import Master, robot_space
 from msbot.operations.dispatch import RunningOperations
 from msbot.registry import open_registry
-from msbot.ros.description import read_description
-from msbot.ros.robot_in_ros import RobotInRos
+from msbot.ros.robot_in_ros import RobotInRos, read_description
 from msbot.sim import make_simulator
 from msbot_agent.link import InprocHub, LinkInfo
 from msbot_agent.space import SharedSpace, parse_space

@@ -10,7 +10,7 @@ import pytest
 
 from msbot import ros2
 from msbot.part import ServiceNames
-from msbot.ros.parameters import parameter_value
+from msbot.ros.parameter_server import parameter_value
 from msbot_agent.agent import Agent
 from msbot_agent.link import InprocHub
 from msbot_agent.ros import discovery_info

@@ -9,10 +9,9 @@ from random import Random
 from msbot_agent.space.contract import Guid, Qos
 from msbot_agent.space.rtps import wire
 from msbot_agent.space.rtps.descriptions import Address
-from msbot_agent.space.rtps.endpoint import RtpsEndpoint
 from msbot_agent.space.rtps.participant import RtpsParticipant
 from msbot_agent.space.rtps.wire import Inline, RtpsData
-from msbot_agent.space.rtps.writer import RtpsSample
+from msbot_agent.space.rtps.writer import RtpsEndpoint, RtpsSample
 
 GROUP = ("239.255.0.1", 7400)
 

@@ -12,10 +12,10 @@ from msbot_agent.space.contract import Qos
 from msbot_agent.space.rtps import participant as room
 from msbot_agent.space.rtps import peers, wire, wire_reader
 from msbot_agent.space.rtps.descriptions import read_endpoint, read_participant
-from msbot_agent.space.rtps.endpoint import RtpsEndpoint
-from msbot_agent.space.rtps.outbox import MAX_OUTBOX
 from msbot_agent.space.rtps.participant import CYCLONE
+from msbot_agent.space.rtps.peers import MAX_OUTBOX
 from msbot_agent.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
+from msbot_agent.space.rtps.writer import RtpsEndpoint
 from tests.space.rtps.simulated_network import Inbox, Network, reader, write, writer
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from msbot.doctor.checks.network import check_zenoh
+from msbot.doctor.finding import Examined
 from msbot.doctor.gather.network import zenoh
-from msbot.doctor.patient import Patient
 from msbot_agent.space import parse_space
 from msbot_agent.space.zenoh import Router
 from tests.space.zenoh.sites import HERE, SECURE
@@ -14,11 +14,11 @@ from tests.space.zenoh.sites import HERE, SECURE
 
 def test_the_doctor_tries_each_router(router: Router, certificates: Path) -> None:
     nobody = "tcp/127.0.0.1:7555"
-    facts = zenoh(Patient(None, space=parse_space(f"zenoh:{HERE},{nobody}")))
+    facts = zenoh(Examined(None, space=parse_space(f"zenoh:{HERE},{nobody}")))
     assert facts.routers == {HERE: "", nobody: "Connection refused"}
     assert [(found.about, found.must) for found in check_zenoh(facts)] == [(nobody, False)]
-    alone = zenoh(Patient(None, space=parse_space(f"zenoh:{nobody}")))
+    alone = zenoh(Examined(None, space=parse_space(f"zenoh:{nobody}")))
     assert [(found.about, found.must) for found in check_zenoh(alone)] == [(nobody, True)]
     (certificates / "broken.pem").write_text("nothing")
-    broken = zenoh(Patient(None, space=parse_space(f"zenoh:{SECURE}?ca=broken.pem", folder=certificates)))
+    broken = zenoh(Examined(None, space=parse_space(f"zenoh:{SECURE}?ca=broken.pem", folder=certificates)))
     assert "broken.pem" in broken.certificates

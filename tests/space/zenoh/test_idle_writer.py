@@ -7,7 +7,7 @@ import asyncio
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.space import Qos
 from msbot_agent.space.zenoh.envelope import read_envelope
-from msbot_agent.space.zenoh.writer import Outlet
+from msbot_agent.space.zenoh.writer import LibraryWriter
 
 
 def sent_by(
@@ -24,7 +24,7 @@ def sent_by(
             assert envelope is not None
             sent.append((loop.time(), envelope.number, envelope.is_repeated))
 
-        outlet = Outlet(loop, "", 0, "rt/light", "Light", qos, bytes(16), outward=None, is_request=False)
+        outlet = LibraryWriter(loop, "", 0, "rt/light", "Light", qos, bytes(16), outward=None, is_request=False)
         outlet.is_wanted = True
         outlet._opened(put)
         for moment, number in acts:

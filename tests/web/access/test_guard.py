@@ -13,8 +13,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.cookies import cookie_names
-from msbot_web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessGuard
+from msbot_web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessGuard, cookie_names
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user

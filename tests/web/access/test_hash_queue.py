@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_web.access.hash_queue import MOST_ALL, MOST_OF_ONE, HashQueue
+from msbot_web.access.passwords import MOST_ALL, MOST_OF_ONE, HashQueue
 
 
 def test_everybody_has_a_turn_however_many_another_sends() -> None:

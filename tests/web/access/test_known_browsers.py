@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_web.access.known_browsers import MOST_KNOWN, MOST_OF_ONE, KnownBrowsers
+from msbot_web.access.accounts import MOST_KNOWN, MOST_OF_ONE, KnownBrowsers
 
 
 def test_each_browser_has_a_word_of_its_own_which_is_kept_while_its_person_uses_it() -> None:

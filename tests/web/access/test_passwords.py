@@ -7,8 +7,15 @@ import asyncio
 import pytest
 from argon2 import PasswordHasher
 
-from msbot_web.access.hash_queue import MOST_OF_ONE
-from msbot_web.access.passwords import AT_ONCE, LONGEST, SHORTEST, Argon2Hasher, TooManyHashes, check_password
+from msbot_web.access.passwords import (
+    AT_ONCE,
+    LONGEST,
+    MOST_OF_ONE,
+    SHORTEST,
+    Argon2Hasher,
+    TooManyHashes,
+    check_password,
+)
 from msbot_xrce.errors import ConfigError
 
 QUICK = Argon2Hasher(memory_kib=64)

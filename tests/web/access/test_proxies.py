@@ -13,7 +13,7 @@ from starlette.types import Message, Receive, Scope, Send
 from msbot_web.access.proxies import UNTRUSTED, BehindProxies, Proxies
 from msbot_web.html import render
 from msbot_web.language import PLAIN
-from msbot_web.place import base_of, root
+from msbot_web.root_path import base_of, root
 from msbot_xrce.errors import ConfigError
 
 TOLD = {

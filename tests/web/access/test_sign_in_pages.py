@@ -11,8 +11,7 @@ from fastapi import FastAPI
 from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import FREE_TRIES
-from msbot_web.access.cookies import cookie_names
-from msbot_web.access.guard import AccessGuard
+from msbot_web.access.guard import AccessGuard, cookie_names
 from msbot_web.access.sign_in_pages import local_path, make_forms
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher

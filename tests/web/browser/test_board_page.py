@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from msbot.carried.board_package import OF_GENERIC_BOARDS, package_files
+from msbot.carried.carried_files import OF_GENERIC_BOARDS, package_files
 from tests.homes.runners import NODE
 from tests.homes.simulated_board import SimulatedBoard, simulated_board
 from tests.web.browser.accessible import hurdles_by_day_and_night

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from tests.e2e.processes import run, running
 from tests.operations.stage import put_database
 from tests.web.browser.accessible import hurdles
@@ -21,7 +21,7 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
     away = f"http://127.0.0.1:{free_port()}"
-    AccessBook(tmp_path / "msbot").keep(FarAccess(away, "msbot_x", "GONE", "1"))
+    RemoteAccessFile(tmp_path / "msbot").keep(RemoteAccess(away, "msbot_x", "GONE", "1"))
     state = {"XDG_STATE_HOME": str(tmp_path)}
     with (
         running("demo", "--robot", "rover", "--port", "0", cwd=tmp_path / "one", env=state) as first,

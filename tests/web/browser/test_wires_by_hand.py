@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from msbot_web.svg.plots import STATE_COLOURS
+from msbot_web.svg.wiring_graph import STATE_COLOURS
 from tests.web.browser.accessible import hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, again_until, call, go, new_page, told, undo_newest
 

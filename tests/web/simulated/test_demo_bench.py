@@ -14,14 +14,14 @@ from msbot.pnp import MemoryStore
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_school.demo import DemoRobot, Wire
-from msbot_web.assembly import Seen
-from msbot_web.simulated.bench import NoBench
-from msbot_web.simulated.demo_bench import DemoBench, seen_of
+from msbot_web.assembly import PageSources
+from msbot_web.simulated.controls import NoSimulatedControls
+from msbot_web.simulated.demo_controls import DemoControls, seen_of
 from msbot_xrce.errors import ConfigError
 
 
 def play(
-    folder: Path, sample: str, scene: Callable[[DemoRobot, DemoBench, Seen], Awaitable[None]], *,
+    folder: Path, sample: str, scene: Callable[[DemoRobot, DemoControls, PageSources], Awaitable[None]], *,
     wire: Wire = Wire.CAN, spares: dict[str, str] | None = None,
 ) -> None:  # fmt: skip
     """Run a demo in virtual time, with what its page sees of it."""
@@ -41,7 +41,7 @@ def play(
                 running = tasks.create_task(robot.run())
                 await robot.master.ready.wait()
                 await asyncio.sleep(2.0)
-                assert isinstance(seen.bench, DemoBench)
+                assert isinstance(seen.bench, DemoControls)
                 await scene(robot, seen.bench, seen)
                 robot.finish()
                 await running
@@ -50,7 +50,7 @@ def play(
 
 
 def test_a_knob_is_turned_and_the_fan_obeys(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, bench: DemoBench, seen: Seen) -> None:
+    async def scene(robot: DemoRobot, bench: DemoControls, seen: PageSources) -> None:
         (turn, *_) = bench.controls("knob")
         assert turn.kind == "number"
         assert turn.least is not None
@@ -75,7 +75,7 @@ def test_a_knob_is_turned_and_the_fan_obeys(tmp_path: Path) -> None:
 
 
 def test_parts_are_pulled_and_plugged(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, bench: DemoBench, seen: Seen) -> None:
+    async def scene(robot: DemoRobot, bench: DemoControls, seen: PageSources) -> None:
         assert bench.slots() == robot.names
         assert bench.is_plugged("horn")
         bench.unplug("horn")
@@ -97,7 +97,7 @@ def test_parts_are_pulled_and_plugged(tmp_path: Path) -> None:
 
 
 def test_of_the_thesis_three_the_pins_are_seen(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, bench: DemoBench, seen: Seen) -> None:
+    async def scene(robot: DemoRobot, bench: DemoControls, seen: PageSources) -> None:
         assert bench.slots() == ("AA", "BB", "CC", "DD")
         assert bench.controls("AA") == ()
         await asyncio.sleep(2.0)
@@ -118,14 +118,14 @@ def test_without_a_can_bus_there_is_none_to_see(tmp_path: Path) -> None:
         robot = DemoRobot(blueprint, MemoryStore(), wire=Wire.UDP)
         seen = seen_of(robot, asyncio.get_running_loop().time)
         assert seen.bus is None
-        assert isinstance(seen.bench, DemoBench)
+        assert isinstance(seen.bench, DemoControls)
         assert not seen.bench.is_plugged("AA")
 
     run_virtual(main())
 
 
 def test_a_robot_without_simulated_parts_has_an_empty_bench() -> None:
-    bench = NoBench()
+    bench = NoSimulatedControls()
     bench.plug("AA")
     bench.unplug("AA")
     bench.operate("AA", "x", 1)

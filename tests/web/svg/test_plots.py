@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from msbot_agent.text.sentence import said
 from msbot_web.api.models import SpanLine, TimelineLane
 from msbot_web.language import languages
-from msbot_web.svg.plots import STATE_COLOURS, bars_svg, shortened
+from msbot_web.svg.wiring_graph import STATE_COLOURS, bars_svg, shortened
 from tests.web.pictures import names, read, words
 
 WIDTH = 1000.0

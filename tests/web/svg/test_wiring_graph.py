@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from msbot_web.api.models import TopicLine, WirePort
 from msbot_web.language import languages
-from msbot_web.svg.plots import STATE_COLOURS
-from msbot_web.svg.wiring_graph import wiring_svg
+from msbot_web.svg.wiring_graph import STATE_COLOURS, wiring_svg
 from tests.web.pictures import HARMFUL, names, read, words
 
 ENGLISH = languages()["en"]

@@ -6,7 +6,7 @@ from pathlib import Path
 from zlib import crc32
 
 from msbot.part.join import plug
-from msbot_xrce.compression.dictionary import CHECK, DICTIONARY, FIXED
+from msbot_xrce.compression import CHECK, DICTIONARY, FIXED
 from msbot_xrce.messages.message import iter_submessages
 
 PAGE = (Path(__file__).parent.parent.parent.parent / "docs/reference/can.md").read_text()

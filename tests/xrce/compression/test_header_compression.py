@@ -10,8 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot_xrce import compress, decompress
-from msbot_xrce.compression.dictionary import DICTIONARY, FIXED
-from msbot_xrce.compression.header_compression import DEFLATED, ESCAPE, LARGEST
+from msbot_xrce.compression import DEFLATED, DICTIONARY, ESCAPE, FIXED, LARGEST
 from msbot_xrce.errors import RemoteProtocolError
 from msbot_xrce.messages import (
     Acknack,

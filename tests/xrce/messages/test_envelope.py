@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_xrce.messages.envelope import Envelope, append_submessage
+from msbot_xrce.messages.submessage import Envelope, append_submessage
 
 
 def test_sessions_from_0x80_have_a_header_of_4_bytes_with_a_little_endian_number() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_xrce.sessions.counters import Memory, SessionCounters
+from msbot_xrce.streams.settings import Memory, SessionCounters
 
 
 def test_drops_are_counted_by_reason() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from msbot_xrce.messages.ids import STREAM_RELIABLE, Status
 from msbot_xrce.messages.message import Heartbeat
-from msbot_xrce.sessions.restart_doubt import RestartDoubt
+from msbot_xrce.sessions.duplicate_login_check import DuplicateLoginCheck
 
 
 @dataclass
@@ -34,8 +34,8 @@ class Sender:
         self.answers.append(message)
 
 
-def doubt_of(sender: Sender) -> RestartDoubt:
-    return RestartDoubt(sender)  # type: ignore[arg-type]
+def doubt_of(sender: Sender) -> DuplicateLoginCheck:
+    return DuplicateLoginCheck(sender)  # type: ignore[arg-type]
 
 
 @given(tries=st.integers(1, 6), answers=st.integers(1, 12))

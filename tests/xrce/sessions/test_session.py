@@ -22,7 +22,7 @@ from msbot_xrce.sessions import (
     TimeSynchronised,
     WindowOpened,
 )
-from msbot_xrce.streams.stream_state import StreamState
+from msbot_xrce.streams.sequence_numbers import StreamState
 from tests.effort import tries
 from tests.xrce.pair import CLOCK_AHEAD_NS, Pair
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
+from msbot_xrce.streams.settings import AgentSessionSettings, ClientSessionSettings
 
 
 def test_the_agent_waits_200_ms_with_16_messages_on_the_way() -> None:

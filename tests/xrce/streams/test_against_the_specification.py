@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from msbot_xrce import AgentSession
-from msbot_xrce.messages.envelope import Envelope
+from msbot_xrce.messages.submessage import Envelope
 from msbot_xrce.sessions import DataWritten
-from msbot_xrce.sessions.counters import Memory, SessionCounters
 from msbot_xrce.streams.receiving_in_order import BestEffortInput, ReliableInput
 from msbot_xrce.streams.round_trip import RoundTrip
 from msbot_xrce.streams.sending_and_resending import ReliableOutput
+from msbot_xrce.streams.settings import Memory, SessionCounters
 from msbot_xrce.streams.waiting_messages import Outbox
 from tests.xrce.streams.spec_model import (
     LOST,

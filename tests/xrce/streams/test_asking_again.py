@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.messages.envelope import Envelope
-from msbot_xrce.sessions.counters import Memory, SessionCounters
-from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.messages.submessage import Envelope
 from msbot_xrce.streams.asking_again import AskingAgain
 from msbot_xrce.streams.overtaking import Overtaking
 from msbot_xrce.streams.receiving_in_order import ReliableInput
 from msbot_xrce.streams.session_output import SessionOutput
+from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
 
 
 class Rig:

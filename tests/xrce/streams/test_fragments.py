@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_xrce.sessions.counters import Memory, SessionCounters
-from msbot_xrce.streams.fragments import TOO_LARGE, FragmentJoiner
+from msbot_xrce.streams.receiving_in_order import TOO_LARGE, FragmentJoiner
+from msbot_xrce.streams.settings import Memory, SessionCounters
 
 
 def make_joiner(limit: int = 100) -> tuple[FragmentJoiner, Memory, SessionCounters]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_xrce.streams.login_retries import Retries
+from msbot_xrce.streams.round_trip import Retries
 
 
 def is_asking(retries: Retries) -> bool:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.sessions.counters import Memory, SessionCounters
 from msbot_xrce.streams.overtaking import DELAY_MAX_S, MARGIN, MEMORY_S, Overtaking
 from msbot_xrce.streams.receiving_in_order import ReliableInput
 from msbot_xrce.streams.round_trip import RoundTrip
+from msbot_xrce.streams.settings import Memory, SessionCounters
 
 STREAM = 0x80
 

@@ -8,14 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_xrce.messages.envelope import Envelope, data_submessage
 from msbot_xrce.messages.message import Fragment, iter_submessages
-from msbot_xrce.messages.submessage import frame
-from msbot_xrce.sessions.counters import SessionCounters
-from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.messages.submessage import Envelope, data_submessage, frame
 from msbot_xrce.streams.sending_and_resending import SLOT_HEAD
 from msbot_xrce.streams.session_output import SessionOutput
-from msbot_xrce.streams.sharing_messages import PACKED_MAX
+from msbot_xrce.streams.settings import SessionCounters, SessionSettings
+from msbot_xrce.streams.waiting_messages import PACKED_MAX
 from tests.stock.reading import complaints
 
 STATUS, DATA = 5, 9

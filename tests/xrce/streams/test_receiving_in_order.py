@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_xrce.sessions.counters import Memory, SessionCounters
 from msbot_xrce.streams.receiving_in_order import BEYOND_WINDOW, NO_MEMORY, BestEffortInput, ReliableInput
+from msbot_xrce.streams.settings import Memory, SessionCounters
 from tests.effort import tries
 
 

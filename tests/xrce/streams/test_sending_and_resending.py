@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.messages.envelope import Envelope
-from msbot_xrce.sessions.counters import Memory, SessionCounters
+from msbot_xrce.messages.submessage import Envelope
 from msbot_xrce.streams.round_trip import RoundTrip
 from msbot_xrce.streams.sending_and_resending import STALE_ACKNACK, ReliableOutput
 from msbot_xrce.streams.sending_best_effort import QUEUE_FULL, TOO_LARGE, BestEffortOutput
+from msbot_xrce.streams.settings import Memory, SessionCounters
 from msbot_xrce.streams.waiting_messages import Outbox
 
 

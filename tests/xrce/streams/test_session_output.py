@@ -7,12 +7,11 @@ from dataclasses import replace
 import pytest
 
 from msbot_xrce.errors import LocalProtocolError
-from msbot_xrce.messages.envelope import Envelope
-from msbot_xrce.sessions.counters import Memory, SessionCounters
-from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.messages.submessage import Envelope
 from msbot_xrce.streams.receiving_in_order import ReliableInput
 from msbot_xrce.streams.sending_best_effort import TOO_LARGE
 from msbot_xrce.streams.session_output import ANSWERS_FULL, STREAM_LIMIT, SessionOutput
+from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
 
 
 def make_sender(**changes: int) -> tuple[SessionOutput, SessionCounters]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.messages.envelope import Envelope, data_submessage
 from msbot_xrce.messages.objects import write_status
-from msbot_xrce.sessions.counters import SessionCounters
-from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.messages.submessage import Envelope, data_submessage
 from msbot_xrce.streams.session_output import SessionOutput
+from msbot_xrce.streams.settings import SessionCounters, SessionSettings
 
 RELIABLE = 0x80
 STATUS, DATA = 5, 9

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from msbot_xrce.streams.stream_state import last_number
+from msbot_xrce.streams.sequence_numbers import last_number
 
 
 def test_the_number_before_the_first_is_none() -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from msbot_xrce.sessions.counters import SessionCounters
-from msbot_xrce.streams.waiting_messages import Lane, Outbox
+from msbot_xrce.streams.settings import SessionCounters
+from msbot_xrce.streams.waiting_messages import Outbox, StreamQueue
 
 
 def test_messages_leave_in_the_order_in_which_they_were_booked() -> None:
     outbox = Outbox(8, SessionCounters())
-    lane = Lane("full")
+    lane = StreamQueue("full")
     outbox.put(b"1")
     outbox.put_newest(b"2", lane)
     outbox.put(b"3")
@@ -22,7 +22,7 @@ def test_messages_leave_in_the_order_in_which_they_were_booked() -> None:
 def test_a_full_lane_drops_its_oldest_and_leaves_the_others_alone() -> None:
     counters = SessionCounters()
     outbox = Outbox(2, counters)
-    full, other = Lane("full"), Lane("other")
+    full, other = StreamQueue("full"), StreamQueue("other")
     outbox.put_newest(b"a", full)
     outbox.put_newest(b"x", other)
     outbox.put_newest(b"b", full)
@@ -43,7 +43,7 @@ def test_only_waiting_messages_are_held() -> None:
 
 def test_clear_forgets_lanes_too() -> None:
     outbox = Outbox(2, SessionCounters())
-    lane = Lane("full")
+    lane = StreamQueue("full")
     outbox.put_newest(b"a", lane)
     outbox.put(b"b")
     outbox.clear()

@@ -3,7 +3,7 @@
 import os
 from random import Random
 
-from msbot.doctor import Check, Finding, Patient
+from msbot.doctor import Check, Examined, Finding
 from msbot.hardware import Driver, Values
 from msbot_agent.link import Peer
 from msbot_school.faults import Acts, Amount, FaultKind, PacketFault
@@ -31,7 +31,7 @@ class Hiccup:
         return now
 
 
-def load(patient: Patient) -> float:
+def load(patient: Examined) -> float:
     return os.getloadavg()[0]
 
 

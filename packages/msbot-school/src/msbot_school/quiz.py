@@ -10,7 +10,7 @@ from typing import Final
 from msbot_agent.link.can.protocol import CanIds, Frame, format_frame, frame_bits, node_of, wire_bits
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce import FoundField, read_fields
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import (
     SESSION_DEFAULT,
     STREAM_BEST_EFFORT,

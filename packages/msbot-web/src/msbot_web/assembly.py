@@ -8,19 +8,19 @@ from functools import partial
 from urllib.parse import urlsplit
 
 from msbot.config import Library
-from msbot.doctor.patient import PAGE_PORT, Patient
+from msbot.doctor.finding import PAGE_PORT, Examined
 from msbot.master import Master
-from msbot.metrics import Collecting, DatabaseFigures, MomentFigures, Noting, PageFigures
-from msbot.operations.bus_objects import known_object
+from msbot.metrics import Collecting, DatabaseFigures, MetricsSampler, MomentFigures, PageFigures
+from msbot.operations.blocking import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.running_arena import RunningArena
 from msbot_agent.agent import read_statuses
 from msbot_agent.link import bound_name
 from msbot_agent.space import SpaceAddress
-from msbot_school.lessons.lesson_desk import LessonDesk
+from msbot_school.lessons.lesson_controller import LessonController
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.clocks import since_boot_s
 from msbot_web.access.kept_sessions import session_file
@@ -32,15 +32,15 @@ from msbot_web.frames import FrameRing
 from msbot_web.learning import Learning
 from msbot_web.live import Live
 from msbot_web.local_masters import LocalMasters
-from msbot_web.programs.program_shelf import RegistryShelf
+from msbot_web.programs.programs import RegistryProgramStore
 from msbot_web.records import RegistryUsers, no_records, registry_records
 from msbot_web.server import WebServer, WebSettings
 from msbot_web.service import Service
-from msbot_web.simulated.bench import Bench
-from msbot_web.simulated.simulated_bench import SimulatedBench
+from msbot_web.simulated.controls import SimulatedControls
+from msbot_web.simulated.simulated_part_controls import SimulatedPartControls
 from msbot_web.timeline import Timeline
 from msbot_web.views import BusMeter, Views
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 SESSIONS_S = 1.0
 """Period in which to check who may still be signed in."""
@@ -49,14 +49,14 @@ LOOK_S = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class PageSources:
     """What can be shown of a robot in addition to its master."""
 
     frames: FrameRing
     """Fed by the bus, or never."""
     bus: BusMeter | None = None
-    bench: Bench | None = None
-    arena: LivingArena | None = None
+    bench: SimulatedControls | None = None
+    arena: RunningArena | None = None
     """The world that its simulated parts are in."""
 
 
@@ -75,7 +75,7 @@ class Database:
         return self.registry.runs.store(self.robot)
 
 
-class WebRoom:
+class RobotPages:
     """The pages of one robot, ready to run.
 
     Args:
@@ -95,8 +95,8 @@ class WebRoom:
 
     def __init__(
         self, master: Master, operations: RunningOperations, library: Library, *,
-        database: Database | None, seen: Seen, settings: WebSettings, entry_link: bool = False,
-        lessons: LessonDesk | None = None, space: SpaceAddress | None = None,
+        database: Database | None, seen: PageSources, settings: WebSettings, entry_link: bool = False,
+        lessons: LessonController | None = None, space: SpaceAddress | None = None,
     ) -> None:  # fmt: skip
         self._master = master
         self._space = space or SpaceAddress()
@@ -111,7 +111,7 @@ class WebRoom:
             live=Live(master.space, self._class_of, clock),
             frames=seen.frames,
             timeline=timeline,
-            bench=seen.bench or SimulatedBench(operations.stand_ins),
+            bench=seen.bench or SimulatedPartControls(operations.stand_ins),
             clock=clock,
             ignored=operations.showing.is_ignored,
             by_hand=operations.by_hand.said,
@@ -119,7 +119,7 @@ class WebRoom:
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
-        self._noting = Noting(master.agent, master)
+        self._noting = MetricsSampler(master.agent, master)
         self._is_noting = asyncio.Event()
         self._collecting = Collecting(
             master.agent, master=master, page=self.figures, noting=self._noting,
@@ -141,7 +141,7 @@ class WebRoom:
         )
         self.service = Service(
             views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
-            programs=None if database is None else RegistryShelf(database.registry),
+            programs=None if database is None else RegistryProgramStore(database.registry),
             doctor=Examining(partial(self._patient, master, database), clock),
             figures=self._read_figures, arena=seen.arena, neighbours=LocalMasters.of_group(lambda: master.stop_group),
             learning=Learning(lessons, None if database is None else database.registry, accounts),
@@ -150,9 +150,9 @@ class WebRoom:
         master.add_link(self.server.parts)
         self._sessions = session_file(accounts, self.server.mark)
 
-    def _patient(self, master: Master, database: Database | None) -> Patient:
+    def _patient(self, master: Master, database: Database | None) -> Examined:
         """Whom the doctor of the page examines; it asks the running masters, so it belongs in a thread."""
-        return Patient(
+        return Examined(
             database=None if database is None else database.address,
             robot=master.profile.name,
             links=tuple(map(bound_name, master.links)),

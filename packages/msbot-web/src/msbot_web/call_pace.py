@@ -14,12 +14,11 @@ from collections.abc import Callable, Hashable
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from msbot_agent.pace.steady_rate import SteadyRate
+from msbot_agent.pace import SteadyRate
 from msbot_agent.text.sentence import said
 from msbot_web.access.sessions import Session
 from msbot_web.language import language_of
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally, amount
 
 CALLS_PER_S = 50.0
 """For a person in all browsers, for each API token, and for a guest."""

@@ -14,17 +14,19 @@ from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot_agent.agent import SessionWear
 from msbot_agent.text.sentence import said
 from msbot_web.api.models import (
+    PartDeclaration,
     PartLine,
+    PortDeclaration,
     PortLine,
     Scalar,
+    SettingDeclaration,
     SlotCard,
     StopConfirmed,
     StopState,
+    Wear,
 )
-from msbot_web.api.says import Says, SaysPort, SaysSetting
-from msbot_web.api.wear import Wear
 from msbot_web.live import Live, TopicWatch
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 STALE_PERIODS = 3
 """A value is stale when this many of its periods have passed without a new one."""
@@ -207,27 +209,29 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
     )
 
 
-def _says(said: SelfDescription) -> Says:
+def _says(said: SelfDescription) -> PartDeclaration:
     if said.described is None:
-        return Says(checked=False, fault=said.fault)
+        return PartDeclaration(checked=False, fault=said.fault)
     part_type = said.described.part_type
-    return Says(
+    return PartDeclaration(
         name=part_type.name,
         description=part_type.description,
         ports=[_says_port(port) for port in part_type.ports],
         settings=[
-            SaysSetting(name=one.name, default=scalar_text(one.default), least=one.least, most=one.most, unit=one.unit)
+            SettingDeclaration(
+                name=one.name, default=scalar_text(one.default), least=one.least, most=one.most, unit=one.unit
+            )
             for one in part_type.parameters
         ],
         checked=True,
     )
 
 
-def _says_port(port: Port) -> SaysPort:
+def _says_port(port: Port) -> PortDeclaration:
     message = port.message
     fields = {} if message is None else {name: message.units.get(name, "") for name in message.fields}
     safe = ", ".join(f"{name} = {scalar_text(value)}" for name, value in (port.safe or {}).items())
-    return SaysPort(
+    return PortDeclaration(
         name=port.name, direction=port.direction.value, type=port.type_name,
         fields=[f"{name} {unit}".strip() for name, unit in fields.items()], safe=safe,
     )  # fmt: skip

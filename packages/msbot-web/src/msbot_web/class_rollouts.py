@@ -19,20 +19,19 @@ from typing import Final, ParamSpec, TypeVar
 from msbot.config import Blueprint, Library
 from msbot.operations.rights import Right
 from msbot.process.daemon_threads import DaemonThreads
-from msbot.process.kept_worker import KeptWorker
-from msbot.process.worker import WorkLimits
-from msbot.registry.database_identity import database_identity
+from msbot.process.persistent_worker import PersistentWorker
+from msbot.process.worker_pool import WorkLimits
+from msbot.registry.records import database_identity
 from msbot_agent.text.sentence import said
-from msbot_school.classroom.access import AccessBook
+from msbot_school.classroom.access import RemoteAccessFile
 from msbot_school.classroom.class_robots import ClassRobot, Read, class_robots
 from msbot_school.classroom.rollout import RollOut, RollOutPlan, blueprint_of, plan_for, undo_job
-from msbot_school.classroom.rollout_book import Remembered, RolledOut, RollOutBook
-from msbot_school.classroom.rollout_run import RobotJob, RobotStep, RollOutRun
+from msbot_school.classroom.rollout_run import Remembered, RobotJob, RobotStep, RolledOut, RollOutLog, RollOutRun
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.records import Records
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 AT_ONCE: Final = 4
 """Robots that are looked at, or changed, at the same time; each takes 30 s at most."""
@@ -82,18 +81,18 @@ class ClassRollOuts:
 
     def __init__(
         self, records: Records, accounts: Accounts, library: Callable[[], Library], clock: Callable[[], float],
-        *, accesses: AccessBook | None = None, book: RollOutBook | None = None, read: Read | None = None,
+        *, accesses: RemoteAccessFile | None = None, book: RollOutLog | None = None, read: Read | None = None,
     ) -> None:  # fmt: skip
         self._records = records
         self._accounts = accounts
         self._library = library
         self._clock = clock
-        self._accesses = accesses or AccessBook()
-        self._book = book or RollOutBook()
+        self._accesses = accesses or RemoteAccessFile()
+        self._book = book or RollOutLog()
         self._looking = DaemonThreads(AT_ONCE, "msbot roll-out look")
         self._threads = DaemonThreads(AT_ONCE, "msbot roll-out")
         self._read = read
-        self._databases = KeptWorker(WorkLimits())
+        self._databases = PersistentWorker(WorkLimits())
         self._comparing = 0
         self._is_beginning = False
         self._last: tuple[float, Remembered | None] | None = None

@@ -15,7 +15,7 @@ from msbot_agent.text.sentence import said
 from msbot_xrce.errors import RegistryError
 
 if TYPE_CHECKING:
-    from msbot.doctor import Examination, Patient
+    from msbot.doctor import Examination, Examined
 
 KEPT_S = 5.0
 """How long one examination serves everybody."""
@@ -31,8 +31,8 @@ class Examining:
     """
 
     def __init__(
-        self, patient: Callable[[], Patient], clock: Callable[[], float],
-        look: Callable[[Patient], Examination] | None = None,
+        self, patient: Callable[[], Examined], clock: Callable[[], float],
+        look: Callable[[Examined], Examination] | None = None,
     ) -> None:  # fmt: skip
         self._patient = patient
         self._clock = clock
@@ -59,13 +59,13 @@ class Examining:
         return await asyncio.get_running_loop().run_in_executor(self._aside, partial(_back_up, self._patient))
 
 
-def _examine(patient: Patient) -> Examination:
+def _examine(patient: Examined) -> Examination:
     from msbot.doctor import examine  # a large room, and most robots are well
 
     return examine(patient)
 
 
-def _back_up(patient_of: Callable[[], Patient]) -> str:
+def _back_up(patient_of: Callable[[], Examined]) -> str:
     patient = patient_of()
     folder, database = patient.backup_folder, patient.database
     if folder is None or database is None:

@@ -13,10 +13,10 @@ from io import StringIO
 from itertools import islice
 
 from msbot.part import Message
-from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, Overhearer
+from msbot.pnp import KNOWN_TYPES, FrameListener, KnownObject, SessionListener
 from msbot_agent.link.can.protocol import CanIds, Frame, LogLine, format_frame, format_log_line, node_of, show_frame
-from msbot_agent.text.table_cell import as_cell
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import as_cell
+from msbot_xrce.lazy import dataclass
 
 KEPT = 4000
 """Frames that are kept."""
@@ -77,7 +77,7 @@ class FrameRing:
             objects: what the master knows of an object of the client at a node.
             units: units of the fields of a message type.
         """
-        overhearer = Overhearer((*KNOWN_TYPES, *types), know=objects, units=units)
+        overhearer = SessionListener((*KNOWN_TYPES, *types), know=objects, units=units)
         self._listener = FrameListener(overhearer, ids=self._ids)
 
     def tap(self, at: float, sender: str, frame: Frame) -> None:

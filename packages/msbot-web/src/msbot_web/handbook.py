@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 
 from msbot.carried.carried_files import carried_folder
-from msbot_web.place import root
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_web.root_path import root
+from msbot_xrce.lazy import dataclass
 
 CHAPTERS = (
     ("tutorial", "Tutorial"),

@@ -13,7 +13,7 @@ from jinja2 import BaseLoader, Environment, StrictUndefined, Template, TemplateN
 from markupsafe import Markup
 
 from msbot_agent.startup.kept_beside import kept_names
-from msbot_web.place import root
+from msbot_web.root_path import root
 
 __all__ = ["Markup", "render"]
 

@@ -21,8 +21,8 @@ from starlette.requests import HTTPConnection
 
 from msbot_agent.startup.kept_beside import carried_toml
 from msbot_agent.text.sentence import Sentence, said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 COOKIE = "msbot_language"
 ENGLISH = "en"

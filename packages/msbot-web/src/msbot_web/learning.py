@@ -11,7 +11,7 @@ from msbot.registry import Registry
 from msbot.registry.lesson_ticks import Tick
 from msbot_agent.text.sentence import said
 from msbot_school.lessons.lesson import Lesson
-from msbot_school.lessons.lesson_desk import LessonDesk
+from msbot_school.lessons.lesson_controller import LessonController
 from msbot_school.lessons.progress import PersonInLesson, progress_of
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
@@ -40,7 +40,7 @@ class Learning:
         accounts: who is signed in.
     """
 
-    def __init__(self, desk: LessonDesk | None, registry: Registry | None, accounts: Accounts) -> None:
+    def __init__(self, desk: LessonController | None, registry: Registry | None, accounts: Accounts) -> None:
         self._desk = desk
         self._registry = registry
         self._accounts = accounts

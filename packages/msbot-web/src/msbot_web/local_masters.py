@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import urlsplit
 
 from msbot.stop.asking import SilentMaster, ask_masters
-from msbot_agent.text.json_reading import told_count
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import told_count
+from msbot_xrce.lazy import dataclass
 
 MOST_TEXT = 4096
 """Of a text that a master says; paths and names are shorter."""

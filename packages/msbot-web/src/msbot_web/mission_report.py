@@ -7,13 +7,12 @@ from datetime import datetime
 
 from msbot_agent.text.sentence import said
 from msbot_school.faults.kinds import KINDS
-from msbot_school.missions.facts import Fact, What
 from msbot_school.missions.grading import FaultGrade, Grade, place_words
-from msbot_school.missions.played import PlayedMission
-from msbot_school.missions.repairs import REPAIRS
+from msbot_school.missions.mission import REPAIRS, Fact, What
+from msbot_school.missions.recorded_missions import PlayedMission
 from msbot_web.html import Markup, render
 from msbot_web.language import Language, languages
-from msbot_web.svg.plots import STATE_COLOURS, shortened
+from msbot_web.svg.wiring_graph import STATE_COLOURS, shortened
 from msbot_xrce.errors import ConfigError
 
 _WIDTH, _LEFT, _RIGHT, _ROW = 1000, 150, 20, 26

@@ -10,7 +10,7 @@ import logging
 import time
 from collections.abc import Callable
 
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 
 SAY_S = 60.0
 MOST_PLACES = 64

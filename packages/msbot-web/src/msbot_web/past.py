@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from msbot.config import Library
-from msbot.process.kept_worker import KeptWorker
-from msbot.process.worker import TooMuchWork, WorkLimits, Workshop
+from msbot.process.persistent_worker import PersistentWorker
+from msbot.process.worker_pool import TooMuchWork, WorkerPool, WorkLimits
 from msbot.recording.curves.reading import ReadCurves, read_curves, ring_files
-from msbot.recording.recorder.ring import file_began_s
+from msbot.recording.recorder.recording_file import file_began_s
 from msbot.recording.recordings.reading import NS, RecordedMessage, RecordingReader
 from msbot_agent.text.sentence import said
 from msbot_web.past_robot import HISTORY_S, KnownEndpoint, Moment, PastRobot
@@ -50,8 +50,8 @@ class RecordedPast:
         self._folder = folder
         self._library = library
         self._endpoints = endpoints
-        self._workshop = Workshop(LIMITS)
-        self._kept = KeptWorker(LIMITS)
+        self._workshop = WorkerPool(LIMITS)
+        self._kept = PersistentWorker(LIMITS)
         self._moments: OrderedDict[int, asyncio.Task[Moment]] = OrderedDict()
         """By tenths of a second: what was read, or is being read."""
 

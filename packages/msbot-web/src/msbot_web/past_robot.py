@@ -10,29 +10,98 @@ import math
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Final
 
-from msbot.config import Binding, Blueprint, Library, RobotProfile, Scalar, Slot, SlotPort
+from msbot.config import Binding, Blueprint, Direction, Library, RobotProfile, Scalar, Slot, SlotPort
 from msbot.part import Message
 from msbot.part.join.plug import Nature
 from msbot.pnp import KnownObject, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopConfirmation, StopStatus
-from msbot.recording.curves.names import number_of
-from msbot.recording.recorder.can_frames import FRAME
+from msbot.recording.curves.curve import number_of
+from msbot.recording.recorder.batch import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
 from msbot.recording.recorder.recording_file import ENCAPSULATION
-from msbot.recording.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
+from msbot.recording.recorder.schemas import FRAME
 from msbot.recording.recordings.reading import FRAMES, NS, OWN, RecordedMessage
-from msbot.recording.recordings.telling import frame_of
+from msbot.recording.recordings.summary import frame_of
 from msbot.sim import message_class
 from msbot_agent.link.can.protocol import busy_seconds
 from msbot_agent.space import MemorySpace, Sample
-from msbot_agent.text.json_reading import read_json
+from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import from_json
 from msbot_web.api.bus_lines import BusFigures, FrameLine
 from msbot_web.api.models import Robot, SlotCard, TopicLine, WirePort
 from msbot_web.cards import SlotCards, stop_state
-from msbot_web.frames import FrameRing
+from msbot_web.frames import FrameRing, FrameRow
 from msbot_web.live import Live
-from msbot_web.wiring_lines import frame_line_of, spark_of, topic_lines, wire_ports
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
+
+# Topics, ports and frames as pages show them, of the present robot and of one in the past.
+
+
+def topic_lines(blueprint: Blueprint, live: Live, now: float) -> list[TopicLine]:
+    """All bound topics."""
+    lines = []
+    for binding in blueprint.bindings:
+        watch = live.topic(binding.topic)
+        lines.append(
+            TopicLine(
+                topic=binding.topic,
+                type_name=binding.type_name,
+                publishers=[str(binding.source)] if binding.source.slot else [],
+                subscribers=[str(target) for target in binding.targets],
+                rate_hz=0.0 if watch is None else watch.rate_hz(now),
+                count=0 if watch is None else watch.count,
+                fields={} if watch is None else live.fields(watch),
+            )
+        )
+    return lines
+
+
+def wire_ports(blueprint: Blueprint, library: Library) -> list[WirePort]:
+    """All ports of all slots, in the order of the blueprint, with the topics they are wired to."""
+    wired = {str(end): binding for binding in blueprint.bindings for end in (binding.source, *binding.targets)}
+    lines: dict[str, WirePort] = {}
+    for slot in blueprint.slots:
+        part_type = library.get(slot.part_number)
+        for port in () if part_type is None else part_type.ports:
+            end = f"{slot.name}.{port.name}"
+            lines[end] = WirePort(
+                slot=slot.name, port=port.name, type_name=port.type_name,
+                publishes=port.direction is Direction.PUBLISH, topic=wired[end].topic if end in wired else "",
+            )  # fmt: skip
+    for end, binding in wired.items():  # of parts that the library does not know
+        slot_name, _, port_name = end.rpartition(".")
+        if end not in lines:
+            lines[end] = WirePort(
+                slot=slot_name, port=port_name, type_name=binding.type_name,
+                publishes=str(binding.source) == end, topic=binding.topic,
+            )  # fmt: skip
+    return list(lines.values())
+
+
+def spark_of(live: Live, topic: str) -> list[float]:
+    """The first number on a topic over the last minute, or on and off as 1 and 0 where there is none; oldest first."""
+    watch = live.topic(topic)
+    if watch is None:
+        return []
+    fields = live.fields(watch)
+    numbers = (name for name, value in fields.items() if not isinstance(value, str))
+    field = min(numbers, key=lambda name: isinstance(fields[name], bool), default=None)
+    return [] if field is None else live.spark(watch, field)
+
+
+def frame_line_of(row: FrameRow, now: float) -> FrameLine:
+    """A frame, with its age."""
+    return FrameLine(
+        number=row.number,
+        age_s=max(now - row.at, 0.0),
+        sender=row.sender,
+        text=row.text,
+        node=row.node,
+        plain=list(row.plain),
+        about=list(row.about),
+        words=list(row.words),
+        notation=row.notation,
+    )
+
 
 MOST_FRAMES: Final = 2000
 """Frames of a moment: those just before it."""

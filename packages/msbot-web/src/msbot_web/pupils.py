@@ -15,14 +15,14 @@ from msbot_school.lessons.progress import PersonInLesson
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.class_list import Newcomer, new_password, read_list
 from msbot_web.access.guest_tickets import Ticket
-from msbot_web.access.passes import Passes
+from msbot_web.access.passes import SignInTokens
 from msbot_web.access.sessions import Session
 from msbot_web.api.models import Done
 from msbot_web.learning import Learning
-from msbot_web.programs.block_view import PYTHON, with_view
-from msbot_web.programs.program_shelf import ProgramShelf, check_program
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_web.programs.programs import ProgramStore, check_program
+from msbot_web.programs.robot_words import PYTHON, with_view
 from msbot_xrce.errors import ConfigError, NotThere
+from msbot_xrce.lazy import dataclass
 
 MOST_SCREENS = 500
 """Open pages Program that are known; of more, the oldest cannot be looked at."""
@@ -94,7 +94,7 @@ class GroupNow:
     """How far the group is in the lessons that its pupils began last, 0 to 1."""
 
 
-class PupilDesk:
+class ClassController:
     """See the module's docstring.
 
     Args:
@@ -106,7 +106,7 @@ class PupilDesk:
     """
 
     def __init__(
-        self, accounts: Accounts, operations: RunningOperations, passes: Passes, shelf: ProgramShelf,
+        self, accounts: Accounts, operations: RunningOperations, passes: SignInTokens, shelf: ProgramStore,
         learning: Learning,
     ) -> None:  # fmt: skip
         self._accounts = accounts

@@ -9,10 +9,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 
-from msbot.metrics.bus_meter import FrameMeter
+from msbot.metrics.figures import FrameMeter
 from msbot_agent.link import Link
 from msbot_agent.link.can import CanEnd
-from msbot_web.assembly import Seen
+from msbot_web.assembly import PageSources
 from msbot_web.frames import FrameRing
 from msbot_web.views import BusMeter
 
@@ -21,14 +21,14 @@ class LinkMeter(FrameMeter, BusMeter):
     """The figures of the buses of some links."""
 
 
-def seen_of_links(links: Sequence[Link]) -> Seen:
+def seen_of_links(links: Sequence[Link]) -> PageSources:
     """What the page shows of a master's links."""
     frames = FrameRing()
     ends = [link for link in links if isinstance(link, CanEnd)]
     if not ends:
-        return Seen(frames)
+        return PageSources(frames)
     meter = LinkMeter([end.bus_info for end in ends], asyncio.get_running_loop().time)
     for end in ends:
         end.on_frame(frames.tap)
     meter.hear(ends)
-    return Seen(frames, meter)
+    return PageSources(frames, meter)

@@ -14,23 +14,23 @@ from typing import BinaryIO, NoReturn
 
 from msbot.config import Blueprint, Library, blueprint_mark, blueprint_toml, compare_text, parse_blueprint
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.rights import Role, role_named
 from msbot.process.daemon_threads import DaemonThreads
-from msbot.process.kept_worker import KeptWorker
-from msbot.process.worker import WorkLimits
+from msbot.process.persistent_worker import PersistentWorker
+from msbot.process.worker_pool import WorkLimits
 from msbot.registry import EditKind, EditRecord, JournalEntry, Registry, RobotRecord, UserRecord
-from msbot.registry.database.class_look import RobotInClass
-from msbot.registry.database_identity import database_identity
 from msbot.registry.edits import users as people
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
+from msbot.registry.records import database_identity
+from msbot.registry.robots import RobotInClass
 from msbot_agent.text.sentence import said
 from msbot_web.access.users import User
 from msbot_web.api.class_models import RobotTile
 from msbot_web.api.models import JournalLine, Robot
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import dataclass
 
 MARKS_AT_ONCE = 20
 """Blueprints of the class that one look reads; the others follow with the next looks."""
@@ -148,7 +148,7 @@ def registry_records(
 
     aside = DaemonThreads(1, "msbot backup")  # one at a time: each takes a copy of everything
     # What strangers write is read by another process, which stays for a while: a roll-out asks twice.
-    workshop = KeptWorker(WorkLimits())
+    workshop = PersistentWorker(WorkLimits())
 
     async def diff(toml: str) -> list[str]:
         present = await registry.storage.in_time(registry.robots.blueprint, robot, by_hand=False)

@@ -27,13 +27,11 @@ from starlette.routing import BaseRoute
 from starlette.staticfiles import StaticFiles
 
 from msbot_agent.link.net import WebSocketServerLink
-from msbot_agent.log.log_limiter import write_by_root_alone
-from msbot_agent.pace.accept_connections import ProtocolAcceptor
-from msbot_agent.pace.connection_pace import ConnectionPace
+from msbot_agent.log import write_by_root_alone
+from msbot_agent.pace import ConnectionPace, ProtocolAcceptor
 from msbot_agent.text.given_file import LARGEST_PEM, read_given
 from msbot_agent.text.sentence import said
-from msbot_web.access.cookies import cookie_names
-from msbot_web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard
+from msbot_web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard, cookie_names
 from msbot_web.access.proxies import BehindProxies, Proxies
 from msbot_web.access.sign_in_pages import make_forms
 from msbot_web.api.late_routes import LateRoutes
@@ -41,9 +39,9 @@ from msbot_web.api.problems import tell_problems
 from msbot_web.api.stop_call import make_stop_api
 from msbot_web.call_pace import CallPace
 from msbot_web.connections import HEAD_S, RESERVED, Connections, WatchedConnection
+from msbot_web.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.known_addresses import KnownAddresses
-from msbot_web.nicegui_internals.application import LOGGER, serve_pages, set_ping
-from msbot_web.nicegui_internals.late_websocket import LateWebSocket, websocket_protocol
+from msbot_web.nicegui_internals.application import LOGGER, LateWebSocket, serve_pages, set_ping, websocket_protocol
 from msbot_web.nicegui_internals.open_pages import OpenPages
 from msbot_web.nicegui_internals.page_sockets import PageSockets
 from msbot_web.nicegui_internals.page_turns import PageTurns
@@ -52,11 +50,10 @@ from msbot_web.pages import register_pages
 from msbot_web.pages.help import picture_answer
 from msbot_web.part_socket import PartSocket
 from msbot_web.programs.browser_files import add_browser_files
-from msbot_web.refusals import PASSING, refusal_page, sentence, wants_page
 from msbot_web.service import Service
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 STATIC = Path(str(files("msbot_web") / "static"))
 DEFAULT_PORT = 8080
@@ -265,9 +262,8 @@ class WebServer:
 
 def _late_routes(service: Service) -> list[BaseRoute]:
     websocket_protocol()  # the first page asks for one next
-    from msbot_web.api.admin import make_admin_api
-    from msbot_web.api.brought_routes import brought_routers
-    from msbot_web.api.metrics import make_metrics
+    from msbot_web.api.admin import make_admin_api, make_metrics
+    from msbot_web.api.operation_routes import brought_routers
     from msbot_web.api.routes import make_api
 
     routers = (make_api(service), make_admin_api(service), make_metrics(service), *brought_routers(service))

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 from msbot.metrics import MomentFigures
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.rights import Asker, Right, role_named
 from msbot.registry import EditRecord
-from msbot.sim.arena.living_arena import LivingArena
+from msbot.sim.arena.running_arena import RunningArena
 from msbot_agent.text.sentence import counted, said
 from msbot_web.access.accounts import Accounts, NotAllowed
 from msbot_web.access.class_list import Newcomer
-from msbot_web.access.passes import Passes
+from msbot_web.access.passes import SignInTokens
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import User
 from msbot_web.api.models import (
@@ -34,16 +34,15 @@ from msbot_web.api.models import (
     UserLine,
     Value,
 )
-from msbot_web.arena_sight import ArenaSight
+from msbot_web.arena_view import ArenaView
 from msbot_web.examining import Examining
-from msbot_web.far_robots import FarRobots
 from msbot_web.learning import Learning
 from msbot_web.local_masters import LocalMasters
 from msbot_web.past import RecordedPast
-from msbot_web.programs.program_deeds import ProgramDeeds
-from msbot_web.programs.program_shelf import NoShelf, ProgramShelf
-from msbot_web.pupils import PupilDesk
+from msbot_web.programs.programs import NoProgramStore, ProgramActions, ProgramStore
+from msbot_web.pupils import ClassController
 from msbot_web.records import Backup, Records
+from msbot_web.remote_robots import RemoteRobots
 from msbot_web.simulated.held_controls import HeldControls
 from msbot_web.views import Views
 from msbot_web.whole_class import WholeClass
@@ -82,9 +81,9 @@ class Service:
     def __init__(
         self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
         robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
-        programs: ProgramShelf | None = None, doctor: Examining | None = None,
-        figures: Callable[[], MomentFigures] | None = None, arena: LivingArena | None = None,
-        learning: Learning | None = None, far: FarRobots | None = None,
+        programs: ProgramStore | None = None, doctor: Examining | None = None,
+        figures: Callable[[], MomentFigures] | None = None, arena: RunningArena | None = None,
+        learning: Learning | None = None, far: RemoteRobots | None = None,
     ) -> None:  # fmt: skip
         self.views = views
         self.accounts = accounts
@@ -104,14 +103,18 @@ class Service:
             views.endpoints,
         )  # fmt: skip
         """What the recorder has."""
-        self.arena = ArenaSight(arena)
+        self.arena = ArenaView(arena)
         self.learning = learning or Learning(None, None, accounts)
-        shelf = programs or NoShelf()
-        self.pupils = PupilDesk(
-            accounts, operations, Passes(accounts, accounts.clock, accounts.forward_clock.now), shelf, self.learning
+        shelf = programs or NoProgramStore()
+        self.pupils = ClassController(
+            accounts,
+            operations,
+            SignInTokens(accounts, accounts.clock, accounts.forward_clock.now),
+            shelf,
+            self.learning,
         )
         """The class."""
-        self.programs = ProgramDeeds(shelf, accounts, self.pupils.check_writing)
+        self.programs = ProgramActions(shelf, accounts, self.pupils.check_writing)
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._held = HeldControls(lambda: views.bench)
         operations.pupils.use_holds(self._held.end_where)

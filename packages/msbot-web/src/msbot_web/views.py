@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from msbot.config import Blueprint, Library
 from msbot.master import Master
-from msbot.operations.bus_objects import known_object
+from msbot.operations.blocking import known_object
 from msbot.pnp import PartInfo
 from msbot_agent.text.sentence import said
 from msbot_web.api.bus_lines import BusFigures, FrameLine
@@ -24,13 +24,11 @@ from msbot_web.api.models import (
     WirePort,
 )
 from msbot_web.cards import SaidByHand, SlotCards, part_line
-from msbot_web.curves import LiveCurves
 from msbot_web.frames import FrameRing
 from msbot_web.live import Live
-from msbot_web.past_robot import KnownEndpoint
-from msbot_web.simulated.bench import Bench
-from msbot_web.timeline import Timeline
-from msbot_web.wiring_lines import frame_line_of, spark_of, topic_lines, wire_ports
+from msbot_web.past_robot import KnownEndpoint, frame_line_of, spark_of, topic_lines, wire_ports
+from msbot_web.simulated.controls import SimulatedControls
+from msbot_web.timeline import LiveCurves, Timeline
 from msbot_xrce.errors import NotThere
 
 ARRIVING = ("new", "checking", "refused", "standby")
@@ -77,7 +75,7 @@ class Views:
 
     def __init__(
         self, master: Master, *, blueprint: Callable[[], Blueprint], library: Library, live: Live, frames: FrameRing,
-        timeline: Timeline, bench: Bench, clock: Callable[[], float], ignored: Callable[[PartInfo], bool],
+        timeline: Timeline, bench: SimulatedControls, clock: Callable[[], float], ignored: Callable[[PartInfo], bool],
         bus: BusMeter | None = None, stop: Callable[[], StopState] = StopState, by_hand: SaidByHand = dict,
         planted: Callable[[str], Sequence[str]] = lambda _: (),
     ) -> None:  # fmt: skip

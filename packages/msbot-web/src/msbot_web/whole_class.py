@@ -10,19 +10,19 @@ from dataclasses import replace
 from msbot.config import Library
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Asker, Right
-from msbot_agent.startup.own_version import own_version
-from msbot_agent.text.json_reading import told_count
+from msbot_agent.startup.extensions import own_version
+from msbot_agent.text.given_file import told_count
 from msbot_agent.text.sentence import said
 from msbot_school.classroom.class_robots import ClassRobot, database_mark
-from msbot_school.classroom.far_masters import Answer
+from msbot_school.classroom.remote_masters import Answer
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.api.class_models import RobotStatus, RobotTile
 from msbot_web.api.models import Robot
 from msbot_web.class_rollouts import ClassRollOuts
-from msbot_web.far_robots import FarRobots, FarStop
 from msbot_web.local_masters import LocalMaster, LocalMasters, StopForAll
 from msbot_web.records import Records
+from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_xrce.errors import ConfigError
 
 CLASS_S = 2.0
@@ -49,7 +49,7 @@ class WholeClass:
     def __init__(
         self, operations: RunningOperations, records: Records, robot: Callable[[], Robot], accounts: Accounts, *,
         clock: Callable[[], float], neighbours: LocalMasters, library: Callable[[], Library],
-        asker: Callable[[Session], Asker], far: FarRobots | None = None,
+        asker: Callable[[Session], Asker], far: RemoteRobots | None = None,
     ) -> None:  # fmt: skip
         self._operations = operations
         self._asker = asker
@@ -58,7 +58,7 @@ class WholeClass:
         self._accounts = accounts
         self._clock = clock
         self._neighbours = neighbours
-        self._far = far or FarRobots(clock)
+        self._far = far or RemoteRobots(clock)
         self.rollouts = ClassRollOuts(records, accounts, library, clock)
         """One blueprint for many."""
         self._looking_around = asyncio.Lock()
@@ -126,7 +126,7 @@ class WholeClass:
         return together(here, far)
 
 
-def together(here: StopForAll, far: Sequence[FarStop]) -> StopForAll:
+def together(here: StopForAll, far: Sequence[RemoteStop]) -> StopForAll:
     """One STOP, here and elsewhere; who has not answered is named, and nothing is assumed of it."""
     taken = [(one.robot, one.answer) for one in far if one.answer is not None and one.answer.get("stopped")]
     known = [(robot, answer, told_count(told)) for robot, answer in taken if (told := answer.get("told")) is not None]

@@ -7,24 +7,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from msbot_xrce.compression.header_compression import compress, decompress
+    from msbot_xrce.compression import compress, decompress
     from msbot_xrce.layout import FoundField, read_fields
     from msbot_xrce.message_words import explain
     from msbot_xrce.messages.ids import Status
-    from msbot_xrce.messages.whole import is_whole
+    from msbot_xrce.messages.message import is_whole
     from msbot_xrce.objects.references import References
     from msbot_xrce.sessions.agent import AgentSession
-    from msbot_xrce.sessions.client import ClientSession
-    from msbot_xrce.sessions.client_state import ClientState
-    from msbot_xrce.sessions.settings import AgentSessionSettings, ClientSessionSettings
+    from msbot_xrce.sessions.client import ClientSession, ClientState
     from msbot_xrce.streams.receiving_in_order import GIVEN_UP
+    from msbot_xrce.streams.settings import AgentSessionSettings, ClientSessionSettings
     from msbot_xrce.wireshark import dissector
 
 _NAMES = {
-    "msbot_xrce.compression.header_compression": (
+    "msbot_xrce.compression": (
         "compress",
         "decompress",
     ),
@@ -34,12 +33,14 @@ _NAMES = {
         "read_fields",
     ),
     "msbot_xrce.messages.ids": ("Status",),
-    "msbot_xrce.messages.whole": ("is_whole",),
+    "msbot_xrce.messages.message": ("is_whole",),
     "msbot_xrce.objects.references": ("References",),
     "msbot_xrce.sessions.agent": ("AgentSession",),
-    "msbot_xrce.sessions.client": ("ClientSession",),
-    "msbot_xrce.sessions.client_state": ("ClientState",),
-    "msbot_xrce.sessions.settings": (
+    "msbot_xrce.sessions.client": (
+        "ClientSession",
+        "ClientState",
+    ),
+    "msbot_xrce.streams.settings": (
         "AgentSessionSettings",
         "ClientSessionSettings",
     ),

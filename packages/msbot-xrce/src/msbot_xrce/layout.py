@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Final
 
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.ids import (
     SESSION_NONE,
     Format,

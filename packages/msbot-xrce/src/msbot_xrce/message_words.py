@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import RemoteProtocolError
 from msbot_xrce.messages.ids import (
     OBJECT_AGENT,

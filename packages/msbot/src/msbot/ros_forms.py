@@ -14,9 +14,9 @@ from collections.abc import Callable, Mapping, Sequence
 from msbot import ros2
 from msbot.part import Message
 from msbot.part.messages.message import Field, fields_of
-from msbot_agent.ros.ros_names import is_topic, topic_of
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.ros.node_names import is_topic, topic_of
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 USUAL: dict[str, tuple[type[Message], dict[str, str]]] = {
     "HelloWorld": (ros2.String, {"message": "data"}),

@@ -20,7 +20,7 @@ from msbot_agent.link.can.adapters.driver import (
 )
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LinkDown, LinkFull
 
 FRAME = Frame(0x123, b"\1")

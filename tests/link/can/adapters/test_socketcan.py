@@ -15,7 +15,14 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link.can.adapters import socketcan
 from msbot_agent.link.can.adapters.driver import CanDriver
-from msbot_agent.link.can.adapters.error_frames import NO_ACK_WORDS, STATE_WORDS, WARNING_WORDS
+from msbot_agent.link.can.adapters.error_frames import (
+    FD_SIZE,
+    NO_ACK_WORDS,
+    STATE_WORDS,
+    WARNING_WORDS,
+    pack_frame,
+    unpack_frame,
+)
 from msbot_agent.link.can.adapters.interface import CanInterface
 from msbot_agent.link.can.adapters.remedies import NO_KERNEL_SUPPORT, Wanted
 from msbot_agent.link.can.adapters.socketcan import (
@@ -25,7 +32,6 @@ from msbot_agent.link.can.adapters.socketcan import (
     SocketCanChannel,
     pack_filters,
 )
-from msbot_agent.link.can.adapters.socketcan_frames import FD_SIZE, pack_frame, unpack_frame
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.filters import IdFilter, master_filters, one_id
 from msbot_agent.link.can.protocol.frames import Frame

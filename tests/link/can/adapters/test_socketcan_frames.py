@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_agent.link.can.adapters.socketcan_frames import CLASSIC_SIZE, FD_SIZE, pack_frame, unpack_frame
+from msbot_agent.link.can.adapters.error_frames import CLASSIC_SIZE, FD_SIZE, pack_frame, unpack_frame
 from msbot_agent.link.can.protocol.frames import FD_LENGTHS, Frame
 
 standard = st.integers(0, 0x7FF)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from msbot_agent.link.can.protocol.frames import FrameJoiner, split
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from tests.effort import tries
 from tests.link.can.protocol.spec_segments import SpecReceiver, spec_segments
 

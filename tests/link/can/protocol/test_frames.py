@@ -20,7 +20,7 @@ from msbot_agent.link.can.protocol.frames import (
     pad_fd,
     split,
 )
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
 from tests.effort import tries
 

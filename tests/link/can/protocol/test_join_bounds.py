@@ -10,6 +10,7 @@ from msbot_agent.link.can.protocol.ids import (
     NODES,
     STARTING,
     Beacon,
+    MemoryNodeIds,
     beacon_frame,
     join_frame,
     question_frame,
@@ -18,7 +19,6 @@ from msbot_agent.link.can.protocol.ids import (
 )
 from msbot_agent.link.can.protocol.join_master import MasterJoin, NodeEvicted, NodeJoined, NodeRefused, OtherMaster
 from msbot_agent.link.can.protocol.join_part import ComponentJoin, ComponentState
-from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from tests.link.joining import HASH, IDS, UID, assign, beacon, uid
 
 BASE = 64.0

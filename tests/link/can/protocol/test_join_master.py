@@ -16,6 +16,7 @@ from msbot_agent.link.can.protocol.ids import (
     STARTING,
     Assign,
     Beacon,
+    MemoryNodeIds,
     beacon_frame,
     join_frame,
     question_frame,
@@ -32,7 +33,6 @@ from msbot_agent.link.can.protocol.join_master import (
     NodeRefused,
     OtherMaster,
 )
-from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from tests.effort import tries
 from tests.link.joining import HASH, IDS, UID, any_frame, beacon, uid
 

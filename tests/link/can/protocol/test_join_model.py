@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from msbot_agent.link.can.protocol import join_master
-from msbot_agent.link.can.protocol.ids import NOBODY, Assign, join_frame, read_assign
+from msbot_agent.link.can.protocol.ids import NOBODY, Assign, MemoryNodeIds, join_frame, read_assign
 from msbot_agent.link.can.protocol.join_master import (
     LISTEN_S,
     MasterJoin,
@@ -24,7 +24,6 @@ from msbot_agent.link.can.protocol.join_master import (
     NodeJoined,
     NodeRefused,
 )
-from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
 from tests.effort import tries
 from tests.link.joining import HASH, IDS, uid
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msbot_agent.link.can.protocol.frames import EMPTY_FRAME, FRAME_LOST, REPEATED, TOO_SLOW
 from msbot_agent.link.can.protocol.legacy_frames import MTU, NOT_WHOLE, SHORT_FRAME, LegacyJoiner, split_legacy
 from msbot_xrce import is_whole
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
 from msbot_xrce.messages import Acknack, CreateClient, Header, Heartbeat, StatusReply, WriteData, encode_message
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds
+from msbot_agent.link.can.protocol.ids import MemoryNodeIds
 
 A, B, C = (bytes([letter]) * 8 for letter in b"ABC")
 

@@ -16,7 +16,7 @@ from msbot_agent.link.can.protocol.ids import (
     question_frame,
     stop_frame,
 )
-from msbot_agent.link.can.protocol.plain_words import frame_sentence, node_of
+from msbot_agent.link.can.protocol.notation import frame_sentence, node_of
 
 IDS = CanIds()
 UID = bytes(range(1, 9))

@@ -17,14 +17,14 @@ from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.sim import client as sim_client
-from msbot_agent.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusWish, WhenAbsent
+from msbot_agent.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusRequest, WhenAbsent
 from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot_agent.link.can.sim.model.messages import BusFrame, FrameSent, Restart, Welcome, encode
 from msbot_agent.link.can.sim.names import NamedBus, existing_bus, find_bus, publish, withdraw
 from msbot_xrce.errors import ConfigError, LinkDown, LinkFull
 from tests.link.sim_programs import Ear, served
 
-WISH = SimBusWish("classroom")
+WISH = SimBusRequest("classroom")
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ async def test_who_is_too_slow_for_the_bus_is_less_than_a_second_behind_and_told
 
 async def test_what_is_known_of_the_bus(folder: Path) -> None:
     assert SimAdapter(WISH, folder=folder).info.bits_per_second == 500_000
-    fast = SimAdapter(SimBusWish("classroom", 250_000, 4_000_000, fd=True), folder=folder).info
+    fast = SimAdapter(SimBusRequest("classroom", 250_000, 4_000_000, fd=True), folder=folder).info
     assert (fast.name, fast.bits_per_second, fast.data_bits_per_second, fast.fd) == (
         "sim:classroom",
         250_000,
@@ -150,7 +150,7 @@ async def test_a_part_waits_for_its_bus_and_comes_back_when_the_bus_does(
 
 
 async def test_a_master_serves_the_bus_itself_when_nobody_does(folder: Path) -> None:
-    wish = SimBusWish("classroom", 125_000)
+    wish = SimBusRequest("classroom", 125_000)
     async with running(SimAdapter(wish, node="master", absent=WhenAbsent.SERVE, folder=folder)) as master:
         assert existing_bus("classroom", folder).bitrate == 125_000
         async with running(SimAdapter(WISH, absent=WhenAbsent.SERVE, folder=folder)) as part:
@@ -190,11 +190,11 @@ async def test_a_master_off_its_own_bus_comes_back(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("wish", "words"),
     [
-        (SimBusWish("classroom", 250_000), "is CAN, 500 kbit/s, not CAN, 250 kbit/s"),
-        (SimBusWish("classroom", fd=True), "is CAN, 500 kbit/s, not CAN FD, 500 kbit/s"),
+        (SimBusRequest("classroom", 250_000), "is CAN, 500 kbit/s, not CAN, 250 kbit/s"),
+        (SimBusRequest("classroom", fd=True), "is CAN, 500 kbit/s, not CAN FD, 500 kbit/s"),
     ],
 )
-async def test_a_bus_of_other_rates_is_refused(folder: Path, wish: SimBusWish, words: str) -> None:
+async def test_a_bus_of_other_rates_is_refused(folder: Path, wish: SimBusRequest, words: str) -> None:
     async with served(folder):
         with pytest.raises(LinkDown, match=words):
             async with running(SimAdapter(wish, absent=WhenAbsent.SERVE, folder=folder)):
@@ -204,15 +204,15 @@ async def test_a_bus_of_other_rates_is_refused(folder: Path, wish: SimBusWish, w
 async def test_other_data_rates_are_refused(folder: Path) -> None:
     async with served(folder, bus=SimBus(500_000, 2_000_000, fd=True)):
         with pytest.raises(LinkDown, match="500 and 2000 kbit/s, not CAN FD, 500 and 4000 kbit/s"):
-            async with running(SimAdapter(SimBusWish("classroom", data_bitrate=4_000_000, fd=True), folder=folder)):
+            async with running(SimAdapter(SimBusRequest("classroom", data_bitrate=4_000_000, fd=True), folder=folder)):
                 pass
-        async with running(SimAdapter(SimBusWish("classroom", 500_000, 2_000_000), folder=folder)):
+        async with running(SimAdapter(SimBusRequest("classroom", 500_000, 2_000_000), folder=folder)):
             pass
 
 
 def test_what_is_no_name_is_refused() -> None:
     with pytest.raises(ConfigError, match="not a name"):
-        SimAdapter(SimBusWish("a/b"))
+        SimAdapter(SimBusRequest("a/b"))
 
 
 async def test_a_file_of_a_program_that_has_gone_is_removed(folder: Path) -> None:

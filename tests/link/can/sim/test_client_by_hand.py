@@ -14,7 +14,7 @@ import pytest
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.sim import client as sim_client
-from msbot_agent.link.can.sim.client import LOST_WORDS, Host, SimAdapter, SimBusClient, SimBusWish, WhenAbsent
+from msbot_agent.link.can.sim.client import LOST_WORDS, Host, SimAdapter, SimBusClient, SimBusRequest, WhenAbsent
 from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
@@ -194,7 +194,7 @@ KINDS = (None, False, True)
 def test_a_bus_is_as_requested_if_all_that_was_requested_is_so(bus: NamedBus) -> None:
     for bitrate, fast, fd in product(RATES, FAST, KINDS):
         is_so = bitrate in (None, 500_000) and (bus.fd or not fd) and (not bus.fd or fast in (None, 2_000_000))
-        wish = SimBusWish("classroom", bitrate, fast, fd)
+        wish = SimBusRequest("classroom", bitrate, fast, fd)
         if is_so:
             wish.check(bus)
             continue
@@ -207,16 +207,16 @@ def test_a_bus_is_as_requested_if_all_that_was_requested_is_so(bus: NamedBus) ->
 @pytest.mark.parametrize(
     ("wish", "bitrate", "data_bitrate", "fd"),
     [
-        (SimBusWish("b"), 500_000, None, False),
-        (SimBusWish("b", 125_000), 125_000, None, False),
-        (SimBusWish("b", fd=False), 500_000, None, False),
-        (SimBusWish("b", fd=True), 500_000, 2_000_000, True),
-        (SimBusWish("b", 1_000_000, 8_000_000, fd=True), 1_000_000, 8_000_000, True),
-        (SimBusWish("b", 4_000_000, fd=True), 4_000_000, 4_000_000, True),
+        (SimBusRequest("b"), 500_000, None, False),
+        (SimBusRequest("b", 125_000), 125_000, None, False),
+        (SimBusRequest("b", fd=False), 500_000, None, False),
+        (SimBusRequest("b", fd=True), 500_000, 2_000_000, True),
+        (SimBusRequest("b", 1_000_000, 8_000_000, fd=True), 1_000_000, 8_000_000, True),
+        (SimBusRequest("b", 4_000_000, fd=True), 4_000_000, 4_000_000, True),
     ],
 )
 def test_the_bus_that_is_made_and_what_is_known_of_it_before(
-    wish: SimBusWish, bitrate: int, data_bitrate: int | None, fd: bool, tmp_path: Path
+    wish: SimBusRequest, bitrate: int, data_bitrate: int | None, fd: bool, tmp_path: Path
 ) -> None:
     bus = wish.make()
     assert (bus.bitrate, bus.data_bitrate, bus.fd) == (bitrate, data_bitrate, fd)
@@ -225,11 +225,11 @@ def test_the_bus_that_is_made_and_what_is_known_of_it_before(
 
 
 def test_what_a_bus_is_counts_before_what_it_was_wished_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    wish = SimBusWish("classroom", 125_000, 8_000_000, fd=True)
+    wish = SimBusRequest("classroom", 125_000, 8_000_000, fd=True)
     monkeypatch.setattr(sim_client, "find_bus", lambda *_: BUS)
     assert SimAdapter(wish).info == CanBusInfo("sim:classroom", 500_000, None, False)
     monkeypatch.setattr(sim_client, "find_bus", lambda *_: FD_BUS)
-    assert SimAdapter(SimBusWish("classroom")).info == CanBusInfo("sim:classroom", 500_000, 2_000_000, True)
+    assert SimAdapter(SimBusRequest("classroom")).info == CanBusInfo("sim:classroom", 500_000, 2_000_000, True)
 
     def fail(*_: object) -> None:
         raise ConfigError("somebody else's folder")
@@ -271,7 +271,7 @@ class Script:
 
 
 def adapter_of(absent: WhenAbsent) -> SimAdapter:
-    return SimAdapter(SimBusWish("classroom"), node="N", absent=absent, listen_only=True)
+    return SimAdapter(SimBusRequest("classroom"), node="N", absent=absent, listen_only=True)
 
 
 @virtually
@@ -381,7 +381,7 @@ async def test_only_that_another_serves_the_bus_is_no_error(
 
     monkeypatch.setattr(SimBusServer, "run", fail)
     monkeypatch.setattr(sim_client, "find_bus", lambda *_: BUS if is_another_there else None)
-    host = Host(Owner(), SimBusWish("classroom"), "", None)
+    host = Host(Owner(), SimBusRequest("classroom"), "", None)
     if is_another_there and isinstance(error, LinkDown):
         assert not await host.start()
     else:
@@ -413,7 +413,7 @@ async def test_who_serves_is_on_the_bus_until_it_has_closed_it(
     node: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     served, owner = Served(monkeypatch, 1.0), Owner()
-    host = Host(owner, SimBusWish("classroom"), node, None)
+    host = Host(owner, SimBusRequest("classroom"), node, None)
     assert await host.start()
     assert asyncio.get_running_loop().time() == 1.0
     other = host.driver.attach("other")
@@ -436,7 +436,7 @@ async def test_who_serves_is_on_the_bus_until_it_has_closed_it(
 @virtually
 async def test_whoever_is_cancelled_while_it_begins_to_serve_serves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     served = Served(monkeypatch, 5.0)
-    starting = asyncio.ensure_future(Host(Owner(), SimBusWish("classroom"), "", None).start())
+    starting = asyncio.ensure_future(Host(Owner(), SimBusRequest("classroom"), "", None).start())
     await asyncio.sleep(1.0)
     starting.cancel()
     await asyncio.wait([starting])

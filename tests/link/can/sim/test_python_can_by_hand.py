@@ -17,7 +17,7 @@ from msbot_agent.link.can.adapters.python_can import frame_of, message_of
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.sim import python_can_interface as sim_interface
-from msbot_agent.link.can.sim.client import LOST_WORDS, SimBusWish
+from msbot_agent.link.can.sim.client import LOST_WORDS, SimBusRequest
 from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
     FrameRejected,
@@ -95,12 +95,12 @@ class Stage:
     """The rest of the world: who serves what, and what was asked of it."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *, serves_here: bool = False) -> None:
-        self.wishes: list[SimBusWish] = []
+        self.wishes: list[SimBusRequest] = []
         self.released: list[str] = []
         self.wire = Wire([])
         self.asked: list[object] = []
 
-        def hold(wish: SimBusWish) -> bool:
+        def hold(wish: SimBusRequest) -> bool:
             self.wishes.append(wish)
             return serves_here
 
@@ -141,16 +141,16 @@ def test_how_a_bus_is_joined_and_left(stage: Stage) -> None:
 @pytest.mark.parametrize(
     ("options", "wish"),
     [
-        ({}, SimBusWish("classroom")),
-        ({"channel": "b", "bitrate": "250000"}, SimBusWish("b", 250_000)),
-        ({"data_bitrate": 4_000_000}, SimBusWish("classroom")),
-        ({"fd": True}, SimBusWish("classroom", fd=True)),
-        ({"fd": True, "bitrate": 1, "data_bitrate": "4000000"}, SimBusWish("classroom", 1, 4_000_000, fd=True)),
+        ({}, SimBusRequest("classroom")),
+        ({"channel": "b", "bitrate": "250000"}, SimBusRequest("b", 250_000)),
+        ({"data_bitrate": 4_000_000}, SimBusRequest("classroom")),
+        ({"fd": True}, SimBusRequest("classroom", fd=True)),
+        ({"fd": True, "bitrate": 1, "data_bitrate": "4000000"}, SimBusRequest("classroom", 1, 4_000_000, fd=True)),
     ],
 )
-def test_what_is_asked_for(options: dict[str, Any], wish: SimBusWish, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_asked_for(options: dict[str, Any], wish: SimBusRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(monkeypatch, serves_here=True)
-    monkeypatch.setattr(SimBusWish, "check", lambda *_: None)
+    monkeypatch.setattr(SimBusRequest, "check", lambda *_: None)
     with stage.join(**options):
         assert (stage.wishes, stage.released) == ([wish], [])
     assert stage.released == [wish.name]
@@ -315,7 +315,7 @@ def test_a_server_that_has_gone_is_no_reason_to_fail_when_leaving(
 
 
 def test_errors_of_names_are_errors_of_opening(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_: SimBusWish) -> bool:
+    def fail(_: SimBusRequest) -> bool:
         raise LinkDown("somebody else serves it")
 
     monkeypatch.setattr(sim_interface, "hold", fail)

@@ -10,7 +10,7 @@ import pytest
 
 from msbot_agent.link import Signal, open_link
 from msbot_agent.link.can import CanMasterLink, CanPartLink, CanSettings, Codec
-from msbot_agent.link.can.sim.client import SimBusWish
+from msbot_agent.link.can.sim.client import SimBusRequest
 from msbot_agent.link.can.sim.names import existing_bus, find_bus
 from msbot_agent.link.can.sim.sim_address import open_sim_bus, parse_sim
 from msbot_xrce.errors import ConfigError
@@ -28,14 +28,14 @@ def runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("text", "wish"),
     [
-        ("classroom", SimBusWish("classroom")),
-        ("bench-2?bitrate=125000", SimBusWish("bench-2", 125_000)),
-        ("bench_2?fd=1", SimBusWish("bench_2", fd=True)),
-        ("b?fd=1&dbitrate=8000000&bitrate=1000000", SimBusWish("b", 1_000_000, 8_000_000, fd=True)),
-        ("b?fd=0", SimBusWish("b", fd=False)),
+        ("classroom", SimBusRequest("classroom")),
+        ("bench-2?bitrate=125000", SimBusRequest("bench-2", 125_000)),
+        ("bench_2?fd=1", SimBusRequest("bench_2", fd=True)),
+        ("b?fd=1&dbitrate=8000000&bitrate=1000000", SimBusRequest("b", 1_000_000, 8_000_000, fd=True)),
+        ("b?fd=0", SimBusRequest("b", fd=False)),
     ],
 )
-def test_an_address_names_a_bus(text: str, wish: SimBusWish) -> None:
+def test_an_address_names_a_bus(text: str, wish: SimBusRequest) -> None:
     assert parse_sim(text) == wish
 
 

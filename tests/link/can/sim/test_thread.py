@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.link.can.sim import thread as sim_thread
-from msbot_agent.link.can.sim.client import SimBusWish
+from msbot_agent.link.can.sim.client import SimBusRequest
 from msbot_agent.link.can.sim.names import NamedBus, existing_bus, find_bus, publish
 from msbot_agent.link.can.sim.server import SimBusServer
 from msbot_agent.link.can.sim.thread import BusThread, hold, release
 from msbot_xrce.errors import ConfigError, LinkDown
 
-WISH = SimBusWish("classroom", 125_000)
+WISH = SimBusRequest("classroom", 125_000)
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +25,7 @@ def runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_bus_ends_with_its_last_user() -> None:
     assert hold(WISH)
-    assert hold(SimBusWish("classroom"))
+    assert hold(SimBusRequest("classroom"))
     release("classroom")
     assert existing_bus("classroom").bitrate == 125_000
     release("classroom")

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_agent.agent.agent_settings import MOST_OBJECTS, AgentSettings
     from msbot_agent.agent.discovery import DiscoveryResponder, host_ipv6_addresses
-    from msbot_agent.agent.gate import ClientInfo, Gate, OpenGate
-    from msbot_agent.agent.latency import Acknowledgements, Worst
-    from msbot_agent.agent.logins import client_key_in
-    from msbot_agent.agent.pending_requests import client_key_of
+    from msbot_agent.agent.gate import ClientInfo, Gate, OpenGate, client_key_in
+    from msbot_agent.agent.reply_routing import client_key_of
     from msbot_agent.agent.server import Agent, AgentSignalHandler
-    from msbot_agent.agent.statistics import ClientView, ObjectView, SessionWear, StreamView
+    from msbot_agent.agent.statistics import Acknowledgements, ClientView, ObjectView, SessionWear, StreamView, Worst
     from msbot_agent.agent.status_reader import (
         MASTER,
         AgentStatus,
@@ -34,28 +32,29 @@ _NAMES = {
         "ClientInfo",
         "Gate",
         "OpenGate",
+        "client_key_in",
     ),
-    "msbot_agent.agent.agent_settings": ("MOST_OBJECTS", "AgentSettings"),
-    "msbot_agent.agent.latency": (
-        "Acknowledgements",
-        "Worst",
-    ),
-    "msbot_agent.agent.logins": ("client_key_in",),
-    "msbot_agent.agent.pending_requests": ("client_key_of",),
-    "msbot_agent.agent.server": (
-        "Agent",
-        "AgentSignalHandler",
+    "msbot_agent.agent.agent_settings": (
+        "AgentSettings",
+        "MOST_OBJECTS",
     ),
     "msbot_agent.agent.statistics": (
+        "Acknowledgements",
         "ClientView",
         "ObjectView",
         "SessionWear",
         "StreamView",
+        "Worst",
+    ),
+    "msbot_agent.agent.reply_routing": ("client_key_of",),
+    "msbot_agent.agent.server": (
+        "Agent",
+        "AgentSignalHandler",
     ),
     "msbot_agent.agent.status_reader": (
-        "MASTER",
         "AgentStatus",
         "LinkView",
+        "MASTER",
         "RunningProcess",
         "read_statuses",
         "running_processes",

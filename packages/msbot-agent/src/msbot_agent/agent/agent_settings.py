@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.link import LinkInfo
+from msbot_xrce import AgentSessionSettings
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 _MAY_BE_ZERO = ("domain_255", "any_text_is_a_name", "packs")
 
@@ -98,3 +100,25 @@ class AgentSettings:
                 raise ConfigError(f"agent setting {item.name} is {value}: it must be greater than 0")
         if self.window > 16:
             raise ConfigError(f"agent setting window is {self.window}: at most 16, the bits of an ACKNACK")
+
+
+# What the agent's settings mean for one session.
+
+
+def session_settings(settings: AgentSettings, link: LinkInfo, *, is_stock: bool) -> AgentSessionSettings:
+    """The settings of sessions on such a link.
+
+    `is_stock`: the client may be a stock one, as it has not said at its login that it is one of ours.
+    """
+    is_fast = link.bits_per_second is None  # all messages leave at once
+    return AgentSessionSettings(
+        window=settings.window,
+        heartbeat_s=settings.heartbeat_s,
+        # On a bus, silence means that others go first, hardly ever a loss; asking more often would make it worse.
+        heartbeat_min_s=settings.heartbeat_s if link.shared_bus else settings.heartbeat_min_s,
+        max_message=settings.max_message,
+        queue_limit=settings.max_burst,
+        packs=settings.packs and is_fast,
+        peer_is_stock=is_stock,
+        may_reorder=not link.keeps_order,
+    )

@@ -15,8 +15,8 @@ from dataclasses import field
 
 from msbot_agent.agent.proxy import Proxy
 from msbot_agent.link import Link, Peer
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import SESSION_NONE
 
 _HIGHEST_DRAWN, _LOWEST_DRAWN = 0xFFFFFFFF, 0xFF000000

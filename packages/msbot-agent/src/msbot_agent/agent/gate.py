@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import Protocol
 
 from msbot_agent.link import Peer
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
+from msbot_xrce.messages import CreateClient, decode_header, first_submessage
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +55,8 @@ class Gate(Protocol):
         """Whether a session may be opened; False answers STATUS_ERR_DENIED."""
 
     def keeps(self, client: ClientInfo) -> bool:
-        """Whether a login with that client's key from another address leaves its session alone
-        (`msbot_agent.agent.rivals`). If not, the last login owns the key, wherever it came from, and packets with it
-        are accepted from anywhere."""
+        """Whether a login with that client's key from another address leaves its session alone (`stale_sessions`). If
+        not, the last login owns the key, wherever it came from, and packets with it are accepted from anywhere."""
 
     def is_settled(self, client: ClientInfo) -> bool:
         """Whether the client has a place that no stranger may take: its session is never ended to make room."""
@@ -66,7 +67,7 @@ class Gate(Protocol):
 
     def limits_strangers(self) -> bool:
         """Whether packets outside of sessions get a bounded part of the agent's time
-        (`msbot_agent.agent.outside_share`)."""
+        (`msbot_agent.agent.fair_share`)."""
 
     def joined(self, client: ClientInfo) -> None:
         """A session was opened or opened again (also from another address): earlier grants are void."""
@@ -131,3 +132,18 @@ class OpenGate:
     def guard_of(self, client: ClientInfo) -> SampleGuard | None:  # noqa: ARG002 - the protocol's signature
         """Always None."""
         return None
+
+
+# Whose a packet is that comes from an address nobody knows: a login, or a packet with the key in its header.
+
+
+def client_key_in(packet: bytes) -> int | None:
+    """The client key that a packet shows; None: it shows none, as packets inside most sessions, or is broken."""
+    try:
+        header = decode_header(packet)
+        if header.client_key:
+            return header.client_key
+        first = first_submessage(packet, header.size)
+    except RemoteProtocolError:
+        return None
+    return first.client_key if isinstance(first, CreateClient) else None

@@ -17,13 +17,17 @@ from functools import lru_cache
 
 from msbot_agent.agent.agent_settings import MIN_MTU, AgentSettings
 from msbot_agent.agent.client_table import ClientTable, ServedLink
+from msbot_agent.agent.fair_share import BEYOND_OUTSIDE, SessionlessLimiter
 from msbot_agent.agent.gate import ClientInfo, Gate
 from msbot_agent.agent.join_queue import JoinQueue
-from msbot_agent.agent.outside_share import BEYOND_OUTSIDE, OutsideShare
-from msbot_agent.agent.predecessors import Predecessors
 from msbot_agent.agent.proxy import Proxy
-from msbot_agent.agent.rivals import PATIENCE_ON_A_BUS_S, PATIENCE_S, Rivals
-from msbot_agent.agent.session_eviction import SessionBudget
+from msbot_agent.agent.stale_sessions import (
+    DOUBLE_LOGIN_PATIENCE_S,
+    PATIENCE_ON_A_BUS_S,
+    KeyConflicts,
+    ResetBoards,
+    SessionBudget,
+)
 from msbot_agent.link import Link, Peer
 from msbot_agent.text.sentence import said
 from msbot_xrce import Status
@@ -69,8 +73,8 @@ class Handshake:
     """Answers messages outside of a session and applies the rules of logging in (XRCE 1.0 §8.4.3)."""
 
     def __init__(
-        self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: Rivals,
-        predecessors: Predecessors, queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
+        self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: KeyConflicts,
+        predecessors: ResetBoards, queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
     ) -> None:  # fmt: skip
         self._clients = clients
         self._gate = gate
@@ -81,8 +85,8 @@ class Handshake:
         self._queue = queue
         self._open_session = open_session
         self._end_session = end_session
-        self._strangers = OutsideShare(settings.max_outside_per_s)
-        self._settled = OutsideShare(settings.max_outside_per_s)
+        self._strangers = SessionlessLimiter(settings.max_outside_per_s)
+        self._settled = SessionlessLimiter(settings.max_outside_per_s)
 
     def answer(self, port: ServedLink, packet: bytes, peer: Peer, now: float) -> bytes | None:
         """The one answer to a packet that belongs to no session, or None for silence."""
@@ -239,7 +243,7 @@ def wants_echo(request: CreateClient) -> bool:
 def _info_of(link: Link, peer: Peer, client_key: int) -> ClientInfo:
     """The client that logs in, as long as nobody else has its key."""
     about = link.info
-    patience_s = PATIENCE_ON_A_BUS_S if about.shared_bus else PATIENCE_S
+    patience_s = PATIENCE_ON_A_BUS_S if about.shared_bus else DOUBLE_LOGIN_PATIENCE_S
     return ClientInfo(client_key, about.name, peer, link.describe(peer), client_key, patience_s)
 
 

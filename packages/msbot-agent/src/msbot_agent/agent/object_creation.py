@@ -11,10 +11,10 @@ from msbot_agent.agent.agent_settings import AgentSettings
 from msbot_agent.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
 from msbot_agent.agent.topic_attachment import EndpointHost
 from msbot_agent.space import Owner, Qos, Topic
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.same_object import ForSameObject
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import ObjectKind
 from msbot_xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
+from msbot_xrce.same_object import ForSameObject
 
 KEPT = 256
 """Definitions whose quality of service is worked out once, and topics that are made once."""

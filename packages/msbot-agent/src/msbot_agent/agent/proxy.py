@@ -8,20 +8,19 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from msbot_agent.agent.client_views import view_of
+from msbot_agent.agent.client_views import LARGEST_TO_STOCK, drop_too_large, tell_of_lost, view_of
+from msbot_agent.agent.endpoints import NoEchoShape
 from msbot_agent.agent.fair_share import Limit
 from msbot_agent.agent.gate import ClientInfo, SampleGuard
 from msbot_agent.agent.object_tree import ObjectTree
-from msbot_agent.agent.pending_requests import client_key_of, make_guid
-from msbot_agent.agent.sample_filters import NoEchoShape
+from msbot_agent.agent.reply_routing import client_key_of, make_guid
+from msbot_agent.agent.shared_state import SharedAgentState
 from msbot_agent.agent.statistics import PUSHED_OUT, ClientView, SessionWear, TopicTraffic
-from msbot_agent.agent.stock_limits import LARGEST_TO_STOCK, drop_too_large, tell_of_lost
-from msbot_agent.agent.surroundings import Surroundings
 from msbot_agent.agent.topic_attachment import ReadSide, Shape
 from msbot_agent.link import Peer
 from msbot_agent.space import Guid
 from msbot_xrce import AgentSession, Status
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import RemoteProtocolError
 from msbot_xrce.messages import STREAM_RELIABLE, ObjectKind, kind_of
 from msbot_xrce.sessions import (
@@ -66,7 +65,7 @@ class Proxy:
     )  # fmt: skip
 
     def __init__(
-        self, info: ClientInfo, open_session: OpenSession, surroundings: Surroundings, now: float, *,
+        self, info: ClientInfo, open_session: OpenSession, surroundings: SharedAgentState, now: float, *,
         dead_after_s: float, echo: bool = True,
     ) -> None:  # fmt: skip
         """`echo=False` keeps the client's own samples from it (property `uxr_sm`)."""

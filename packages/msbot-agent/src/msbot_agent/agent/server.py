@@ -13,32 +13,27 @@ import time
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 
-from msbot_agent.agent.agent_settings import AgentSettings
+from msbot_agent.agent.agent_settings import AgentSettings, session_settings
 from msbot_agent.agent.client_table import ClientTable, ServedLink
 from msbot_agent.agent.fair_share import FairShare
 from msbot_agent.agent.flushing import Flusher
 from msbot_agent.agent.gate import ClientInfo, Gate, OpenGate
 from msbot_agent.agent.handshake import Handshake, dead_after_s, login_number, wants_echo
 from msbot_agent.agent.join_queue import JoinQueue
-from msbot_agent.agent.known_peers import put_known_peers_first
-from msbot_agent.agent.latency import Latency
 from msbot_agent.agent.object_creation import Creator
 from msbot_agent.agent.object_tree import ObjectBudget
-from msbot_agent.agent.predecessors import Predecessors
 from msbot_agent.agent.proxy import Proxy
-from msbot_agent.agent.relays import Relays
+from msbot_agent.agent.relays import Relays, put_known_peers_first
 from msbot_agent.agent.reply_routing import ReplyExchange
-from msbot_agent.agent.rivals import Rivals
-from msbot_agent.agent.session_eviction import SessionBudget
-from msbot_agent.agent.session_settings import session_settings
-from msbot_agent.agent.statistics import ClientView, SessionWear, TopicTable
-from msbot_agent.agent.surroundings import Surroundings
+from msbot_agent.agent.shared_state import SharedAgentState
+from msbot_agent.agent.stale_sessions import KeyConflicts, ResetBoards, SessionBudget
+from msbot_agent.agent.statistics import ClientView, Latency, SessionWear, TopicTable
 from msbot_agent.link import Link, Peer, Signal, Tap
 from msbot_agent.link.relay import MARK, RelayGreeting
 from msbot_agent.space import Space
 from msbot_agent.text.sentence import said
 from msbot_xrce import AgentSession, References
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import BusTaken, LinkDown
 from msbot_xrce.messages import CreateClient
 from msbot_xrce.sessions import Memory
@@ -76,8 +71,8 @@ class Agent:
         self._ports: list[ServedLink] = []
         self._clients = ClientTable()
         self._budget = SessionBudget(self._gate, settings)
-        self._rivals = Rivals(self._clients, self._gate, self._call_at, self._end_session)
-        predecessors = Predecessors(self._gate, self._call_at, self._end_session)
+        self._rivals = KeyConflicts(self._clients, self._gate, self._call_at, self._end_session)
+        predecessors = ResetBoards(self._gate, self._call_at, self._end_session)
         self._queue = JoinQueue(self._gate, places=settings.max_joining, most_waiting=settings.max_unsettled)
         self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), settings.max_outside_per_s)
         self._handshake = Handshake(
@@ -93,7 +88,7 @@ class Agent:
         self.latency = Latency(self._now, self._clients)
         """How long messages take."""
         self._flusher = Flusher(self._now, self._end_session, self._compare, transit=self.latency.transit)
-        self._surroundings = Surroundings(
+        self._surroundings = SharedAgentState(
             space=space, gate=self._gate, settings=settings, clock=self._now,
             agent_id=agent_id or os.urandom(8), mark=self._flusher.mark, replies=ReplyExchange(space),
             transit=self.latency.transit, references=references, topics=TopicTable(settings.max_topics),

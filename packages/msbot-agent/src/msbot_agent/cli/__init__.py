@@ -95,7 +95,7 @@ _HELP = (["-h"], ["--help"])
 def main() -> None:
     """Entry point: a user's mistake is one message on stderr and exit status 2, never a traceback."""
     if sys.stdin is None or sys.stdout is None or sys.stderr is None:
-        from msbot_agent.process.standard_streams import fill_closed_streams
+        from msbot_agent.process.patient_output import fill_closed_streams
 
         fill_closed_streams()
     if sys.argv[1:] in _HELP and "_MSBOT_COMPLETE" not in os.environ:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from msbot_agent.cli.numbers import WholeRange
+from msbot_agent.cli.options import WholeRange
 from msbot_agent.idl import read_definitions, to_c, to_idl, to_python
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))

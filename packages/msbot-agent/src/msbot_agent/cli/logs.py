@@ -12,11 +12,9 @@ from typing import TextIO, TypeVar
 
 import click
 
-from msbot_agent.log.log_forms import JournalFormatter, JsonFormatter, goes_to_journal
-from msbot_agent.log.log_limiter import BURST
-from msbot_agent.log.terminal_log import TerminalHandler
-from msbot_agent.process.own_code import PACKAGES, UNDIVIDED
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.log import BURST, JournalFormatter, JsonFormatter, TerminalHandler, goes_to_journal
+from msbot_agent.process.user_folders import PACKAGES, UNDIVIDED
+from msbot_xrce.lazy import dataclass
 
 LEVELS = {
     "debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR,
@@ -28,7 +26,7 @@ _C = TypeVar("_C", bound=Callable[..., object])
 
 
 @dataclass(frozen=True, slots=True)
-class LogWishes:
+class LogOptions:
     """The user's options."""
 
     is_json: bool = False
@@ -102,6 +100,6 @@ def log_options(function: _C) -> _C:
                   help="What is logged: debug, info, warning, error; for one room with ROOM=; repeatable.")  # fmt: skip
     @wraps(function)
     def wrapped(log_format: str, log_levels: tuple[tuple[str, int], ...], **others: object) -> object:
-        return function(log_wishes=LogWishes(log_format == "json", log_levels), **others)
+        return function(log_wishes=LogOptions(log_format == "json", log_levels), **others)
 
     return wrapped  # type: ignore[return-value]

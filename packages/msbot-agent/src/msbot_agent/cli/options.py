@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-import click
+import math
+import re
 
+import click
+from click.shell_completion import get_completion_class
+
+from msbot_agent.cli.group import name_in_words
 from msbot_agent.space import SpaceAddress, parse_space
 from msbot_xrce.errors import ConfigError
 
@@ -36,3 +41,89 @@ space_option = click.option(
     help="Where topics are: in this process; in DDS, where ROS 2 and others see them (extra msbot-agent[dds]); or at a "
     "Zenoh router, for sites far apart (extra msbot-agent[zenoh]).",
 )
+
+
+# Numbers on the command line: what is none, or too small or great, is refused by saying what would be right.
+
+
+_WHOLE = re.compile(r"\s*[+-]?[0-9]+\s*", re.ASCII)
+
+
+class WholeRange(click.IntRange):
+    """A whole number, in a range or any. Its digits are 0 to 9: Python reads `8_8` and the digits of other scripts."""
+
+    name = "number"
+
+    def _describe_range(self) -> str:
+        """For `--help`."""
+        return described(self.min, self.max).removeprefix("of ")
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The number, or click's error."""
+        if isinstance(value, str) and not (_WHOLE.fullmatch(value) and len(value) <= 100):
+            self.fail(refusal(value, "a whole number", self.min, self.max), param, ctx)
+        number = int(value)  # type: ignore[call-overload]
+        if (self.min is not None and number < self.min) or (self.max is not None and number > self.max):
+            self.fail(refusal(value, "a whole number", self.min, self.max), param, ctx)
+        return int(number)
+
+
+class FiniteRange(click.FloatRange):
+    """A number, in a range or any; `nan`, which is in none and yet below and above nothing, and `inf` are refused."""
+
+    name = "number"
+
+    def _describe_range(self) -> str:
+        """For `--help`."""
+        return described(self.min, self.max).removeprefix("of ")
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number, or click's error."""
+        try:
+            number = float(value)  # type: ignore[arg-type]
+        except ValueError:
+            number = math.nan
+        low, high = -math.inf if self.min is None else self.min, math.inf if self.max is None else self.max
+        if not (math.isfinite(number) and low <= number <= high):
+            self.fail(refusal(value, "a number", self.min, self.max), param, ctx)
+        return number
+
+
+def refusal(value: object, kind: str, low: float | None, high: float | None) -> str:
+    """What is said of a value that is not `kind` from `low` to `high`."""
+    return f"'{name_in_words(value)}' is not {kind} {described(low, high)}".rstrip()
+
+
+def described(low: float | None, high: float | None) -> str:
+    """The range in words; nothing where every number is right."""
+    if low is not None and high is not None:
+        return f"from {low} to {high}"
+    if low is not None:
+        return f"of {low} or more"
+    return "" if high is None else f"of {high} or less"
+
+
+# `msbot completion`: what a shell needs to complete commands and options.
+
+
+SHELLS = ("bash", "zsh", "fish")
+VARIABLE = "_MSBOT_COMPLETE"
+
+
+@click.command("completion")
+@click.argument("shell", type=click.Choice(SHELLS))
+def command(shell: str) -> None:
+    """Print a script for SHELL; its first lines say what to do with it."""
+    from msbot_agent.cli import msbot
+
+    kind = get_completion_class(shell)
+    assert kind is not None
+    completion = kind(msbot, {}, "msbot", VARIABLE)
+    click.echo(f"# {INSTALL[shell]}\n{completion.source_template % completion.source_vars()}")
+
+
+INSTALL = {
+    "bash": 'Put into ~/.bashrc:  eval "$(msbot completion bash)"',
+    "zsh": 'Put into ~/.zshrc, behind compinit:  eval "$(msbot completion zsh)"',
+    "fish": "Once:  msbot completion fish > ~/.config/fish/completions/msbot.fish",
+}

@@ -14,8 +14,8 @@ from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.can import CanSettings, Codec
 from msbot_agent.link.relay import PartsRelay
-from msbot_agent.log.terminal_log import TerminalHandler
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.log import TerminalHandler
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.patient_output import patient_output
 from msbot_xrce import compress, decompress, is_whole
 

@@ -24,8 +24,8 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 import click
 
 from msbot_agent.startup.extensions import Extension, Extensions, extensions
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import MsbotError
+from msbot_xrce.lazy import dataclass
 
 T = TypeVar("T")
 W = TypeVar("W")
@@ -67,7 +67,7 @@ class CommandService(Generic[W, C]):
 
         Args:
             wanted: what `check` returned.
-            context: a `msbot.cli.run.master_context.MasterContext`, or a
+            context: a `msbot.cli.run.master_services.MasterContext`, or a
             `msbot_agent.cli.agent.agent_service.AgentContext`.
 
         Raises:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine, Iterable
 
-from msbot_agent.process.end_signals import on_end_signal
-from msbot_agent.process.task_errors import ungrouped
+from msbot_agent.process.end_signals import on_end_signal, ungrouped
 from msbot_xrce.errors import MsbotError
 
 

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.text.given_file import open_given
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 REMEDY: Final = "pip install 'msbot-agent[pcap]'"
 ENDINGS: Final = (".pcap", ".pcapng", ".cap")

@@ -10,7 +10,7 @@ from html import escape
 from itertools import accumulate
 
 from msbot_agent.link.can.protocol import Frame, WireBit, format_frame, wire_bits
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 CELL = 22
 """Width of a bit."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import field
 from typing import TypeAlias
 
-from msbot_agent.text.printable import printable
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import printable
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 Name: TypeAlias = tuple[str, ...]
 """A scoped name: `("geometry_msgs", "msg", "Twist")`."""
@@ -19,7 +19,7 @@ LARGEST_ARRAY = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
-class SourcePlace:
+class SourceLocation:
     """Where something is in a file."""
 
     file: str
@@ -132,7 +132,7 @@ class Definitions:
     order: list[Name] = field(default_factory=list)
     """Structs and enums."""
 
-    def add(self, one: Struct | Enum | Constant, place: SourcePlace) -> None:
+    def add(self, one: Struct | Enum | Constant, place: SourceLocation) -> None:
         """Add a definition.
 
         Raises:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msbot_agent.idl.cursor import Cursor, Expressions
+from msbot_agent.idl.cursor import Cursor, Expressions, TokenKind, scan
 from msbot_agent.idl.model import (
     LARGEST_ARRAY,
     Array,
@@ -21,7 +21,6 @@ from msbot_agent.idl.model import (
     Type,
     Value,
 )
-from msbot_agent.idl.scanner import TokenKind, scan
 from msbot_agent.text.given_file import read_given
 from msbot_xrce.errors import ConfigError
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from msbot_agent.idl.model import Definitions, Name, SourcePlace
+from msbot_agent.idl.model import Definitions, Name, SourceLocation
 from msbot_agent.idl.omg_reader import LARGEST_FILE, read_idl
 from msbot_agent.idl.ros_reader import read_ros
 from msbot_agent.text.given_file import read_given
@@ -80,7 +80,7 @@ class _RosFiles:
         read_ros(_text(path), str(path), name, self._found, self._find)
         self._open.pop()
 
-    def _find(self, name: Name, place: SourcePlace) -> None:
+    def _find(self, name: Name, place: SourceLocation) -> None:
         if name in self._open:
             raise place.error(f"{'/'.join(name)} contains itself")
         for folder in self._folders:
@@ -99,7 +99,7 @@ class _RosFiles:
                 f"{name[0]} with --include"
             )
 
-    def _take_common(self, name: Name, place: SourcePlace) -> None:
+    def _take_common(self, name: Name, place: SourceLocation) -> None:
         known = common_ros_definitions()
         needed = known.needed_by(name)
         for one in known.order:

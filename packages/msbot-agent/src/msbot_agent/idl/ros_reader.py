@@ -17,16 +17,16 @@ from msbot_agent.idl.model import (
     Name,
     Reference,
     Sequence,
-    SourcePlace,
+    SourceLocation,
     StringType,
     Struct,
     Type,
     Value,
 )
-from msbot_agent.text.json_reading import read_json
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import read_json
+from msbot_xrce.lazy import dataclass
 
-Finder = Callable[[Name, SourcePlace], None]
+Finder = Callable[[Name, SourceLocation], None]
 """Adds a type that a file needs; raises ConfigError when it cannot be found."""
 
 _WORDS = {name: name for name in BASICS} | {"byte": "uint8", "char": "uint8"}
@@ -66,7 +66,7 @@ def read_ros(text: str, file: str, name: Name, into: Definitions, find: Finder) 
             parts.append(_Content())
         elif words.strip():
             shown = " ".join(comments) or comment
-            _line(words.rstrip(), SourcePlace(file, number, 1), name, parts[-1], into=into, find=find, comment=shown)
+            _line(words.rstrip(), SourceLocation(file, number, 1), name, parts[-1], into=into, find=find, comment=shown)
             comments = []
             continue
         if comment:
@@ -76,15 +76,15 @@ def read_ros(text: str, file: str, name: Name, into: Definitions, find: Finder) 
     wanted = 2 if name[1] == "srv" else 1
     if len(parts) != wanted:
         what = "a request and a response, with one line --- between them" if wanted == 2 else "no line ---"
-        raise SourcePlace(file, 1, 1).error(f"this file must have {what}")
+        raise SourceLocation(file, 1, 1).error(f"this file must have {what}")
     if wanted == 1:
-        _take(parts[0], name, SourcePlace(file, 1, 1), into)
+        _take(parts[0], name, SourceLocation(file, 1, 1), into)
         return
     for part, ending in zip(parts, ("_Request", "_Response"), strict=True):
-        _take(part, (*name[:-1], name[-1] + ending), SourcePlace(file, 1, 1), into)
+        _take(part, (*name[:-1], name[-1] + ending), SourceLocation(file, 1, 1), into)
 
 
-def _take(content: _Content, name: Name, place: SourcePlace, into: Definitions) -> None:
+def _take(content: _Content, name: Name, place: SourceLocation, into: Definitions) -> None:
     members = tuple(content.members) or (EMPTY,)
     into.add(Struct(name, members, constants=tuple(content.constants), is_ros=True), place)
 
@@ -102,10 +102,10 @@ def _split_comment(line: str) -> tuple[str, str, str]:
 
 
 def _line(
-    words: str, place: SourcePlace, name: Name, content: _Content, *, into: Definitions, find: Finder, comment: str
+    words: str, place: SourceLocation, name: Name, content: _Content, *, into: Definitions, find: Finder, comment: str
 ) -> None:
     indent = len(words) - len(words.lstrip())
-    place = SourcePlace(place.file, place.line, indent + 1)
+    place = SourceLocation(place.file, place.line, indent + 1)
     found = _LINE.fullmatch(words.strip())
     if found is None:
         raise place.error("a line is TYPE NAME, TYPE NAME DEFAULT, or TYPE NAME=VALUE")
@@ -128,7 +128,7 @@ def _line(
     content.members.append(Member(field_name, kind, comment, default))
 
 
-def _type(found: re.Match[str], place: SourcePlace, name: Name, into: Definitions, find: Finder) -> Type:
+def _type(found: re.Match[str], place: SourceLocation, name: Name, into: Definitions, find: Finder) -> Type:
     word = found["type"]
     kind: Type
     if word == "wstring":
@@ -169,7 +169,7 @@ def _full_name(word: str, name: Name) -> Name:
     return (parts[0], parts[1], parts[2])
 
 
-def _bound(text: str | None, place: SourcePlace) -> int | None:
+def _bound(text: str | None, place: SourceLocation) -> int | None:
     if not text:
         return None
     number = int(text.removeprefix("<=")) if text.removeprefix("<=") else 0
@@ -178,7 +178,7 @@ def _bound(text: str | None, place: SourcePlace) -> int | None:
     return number
 
 
-def _value(kind: Type, text: str, place: SourcePlace) -> Value | list[Value]:
+def _value(kind: Type, text: str, place: SourceLocation) -> Value | list[Value]:
     match kind:
         case StringType():
             return text[1:-1] if text[:1] in ("'", '"') and text[-1:] == text[:1] and len(text) > 1 else text

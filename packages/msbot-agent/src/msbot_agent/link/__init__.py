@@ -4,33 +4,34 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_agent.link.base import BaseLink
     from msbot_agent.link.contract import (
-        ChoosyLink,
         KnownPeers,
         Link,
         LinkCounters,
         LinkInfo,
         PacketHandler,
         Peer,
+        PriorityLink,
         RoomHandler,
         Signal,
         SignalHandler,
         Tap,
+        Visitor,
+        pupil_behind,
+        visitor_behind,
     )
-    from msbot_agent.link.disturbed import Disturbance, DisturbedLink, Treatment
+    from msbot_agent.link.disturbed import Disturbance, DisturbedLink, LossyLink, Treatment
     from msbot_agent.link.in_process import InprocEnd, InprocHub, inproc_pair
     from msbot_agent.link.link_schemes import Scheme, bound_name, link_kinds, open_link, parse_host_and_port
-    from msbot_agent.link.lossy import LossyLink
-    from msbot_agent.link.visitor import Visitor, pupil_behind, visitor_behind
 
 _NAMES = {
     "msbot_agent.link.base": ("BaseLink",),
     "msbot_agent.link.contract": (
-        "ChoosyLink",
+        "PriorityLink",
         "KnownPeers",
         "Link",
         "LinkCounters",
@@ -41,10 +42,14 @@ _NAMES = {
         "Signal",
         "SignalHandler",
         "Tap",
+        "Visitor",
+        "pupil_behind",
+        "visitor_behind",
     ),
     "msbot_agent.link.disturbed": (
         "Disturbance",
         "DisturbedLink",
+        "LossyLink",
         "Treatment",
     ),
     "msbot_agent.link.in_process": (
@@ -59,19 +64,12 @@ _NAMES = {
         "open_link",
         "parse_host_and_port",
     ),
-    "msbot_agent.link.lossy": ("LossyLink",),
-    "msbot_agent.link.visitor": (
-        "Visitor",
-        "pupil_behind",
-        "visitor_behind",
-    ),
 }
 
 __getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "BaseLink",
-    "ChoosyLink",
     "Disturbance",
     "DisturbedLink",
     "InprocEnd",
@@ -83,6 +81,7 @@ __all__ = [
     "LossyLink",
     "PacketHandler",
     "Peer",
+    "PriorityLink",
     "RoomHandler",
     "Scheme",
     "Signal",

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from dataclasses import field
 
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
+from msbot_xrce.lazy import dataclass
 
 FLAG = 0x7E
 ESCAPE = 0x7D

@@ -12,8 +12,8 @@ from dataclasses import field
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
+from msbot_xrce.lazy import dataclass
 
 Peer = Hashable
 """Who a packet came from or goes to; chosen by the link, opaque to everybody else."""
@@ -96,7 +96,7 @@ class KnownPeers(Protocol):
 
 
 @runtime_checkable
-class ChoosyLink(Protocol):
+class PriorityLink(Protocol):
     """A link that can put the packets of known peers before those of strangers."""
 
     def put_first(self, known: KnownPeers) -> None:
@@ -153,3 +153,32 @@ class Link(Protocol):
         Raises:
             LinkDown: it cannot be opened or has gone for good; the text names the remedy.
         """
+
+
+# The person behind a peer: known where the page's server has asked who is there, and nowhere else.
+#
+# Whatever is spoken inside such a connection stays that person's: a part behind a relay that came in by it, and a
+# part at an agent that came in by it, too.
+
+
+@dataclass(frozen=True, slots=True)
+class Visitor:
+    """The person behind a connection."""
+
+    person: str
+    address: str
+    """The computer's address, without the port."""
+    pupil: str = ""
+    """The pupil whose rights everything from there has, whom a teacher may hold; empty: it is no pupil's."""
+
+
+def visitor_behind(peer: Peer) -> Visitor | None:
+    """The person behind a peer; None: nobody has asked."""
+    visitor = getattr(peer, "visitor", None)
+    return visitor if isinstance(visitor, Visitor) else None
+
+
+def pupil_behind(peer: Peer) -> str:
+    """The pupil behind a peer; empty: it is somewhere else, or somebody else's."""
+    visitor = visitor_behind(peer)
+    return "" if visitor is None else visitor.pupil

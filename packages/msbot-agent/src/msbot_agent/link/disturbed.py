@@ -247,3 +247,23 @@ class DisturbedLink:
             self.counters.dropped.count(f"held back, then not sent: {type(error).__name__}")
         if self.info.in_bursts and self._burst_end is not None:
             self._burst_end()  # a late packet is a burst of its own
+
+
+# A link that loses, duplicates, reorders and delays packets, the same way every time for the same random seed.
+
+
+class LossyLink(DisturbedLink):
+    """Wraps any link and disturbs its packets in both directions; satisfies `Link`.
+
+    Args:
+        link: the link that carries the remaining packets.
+        random, drop, duplicate, reorder, delay: see `Disturbance`.
+    """
+
+    def __init__(
+        self, link: Link, *, random: Random, drop: float = 0.0, duplicate: float = 0.0, reorder: float = 0.0,
+        delay: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.disturbance = Disturbance(random, drop=drop, duplicate=duplicate, reorder=reorder, delay=delay)
+        """What happens to the packets; may be changed while the link runs."""
+        super().__init__(link, self.disturbance)

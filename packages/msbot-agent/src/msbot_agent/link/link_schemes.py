@@ -22,7 +22,7 @@ from msbot_agent.link.can.can_address import (
 )
 from msbot_agent.link.can.sim.sim_address import SIM_EXAMPLE, open_sim
 from msbot_agent.link.contract import Link
-from msbot_agent.link.either_link import EitherLink
+from msbot_agent.link.failover_link import FailoverLink
 from msbot_agent.link.net.tcp import TcpClientLink, TcpServerLink
 from msbot_agent.link.net.udp import UdpClientLink, UdpServerLink
 from msbot_agent.link.net.websocket_client import open_websocket
@@ -30,8 +30,8 @@ from msbot_agent.link.serial.lines import CLIENT_ADDRESS
 from msbot_agent.link.serial.port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
 from msbot_agent.link.serial.pty import PtyServerLink
 from msbot_agent.startup.extensions import extensions
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def open_link(address: str, *, serve: bool = False, can: CanSettings | None = No
 
     Args:
         address: for example `udp:192.168.1.20:8888` or `udp:[::1]:8888`; a part may have several, with commas between
-            them: masters of which one serves (`EitherLink`).
+            them: masters of which one serves (`FailoverLink`).
         serve: True for the side that serves many peers (the master), False for a part.
         can: what a link on a CAN bus needs in addition to its address.
 
@@ -60,7 +60,7 @@ def open_link(address: str, *, serve: bool = False, can: CanSettings | None = No
     if len(several) > 1:
         if serve:
             raise ConfigError(f"link {address!r}: a master serves each of them: give --link several times")
-        return EitherLink([open_link(one, can=can) for one in several])
+        return FailoverLink([open_link(one, can=can) for one in several])
     name, colon, rest = address.strip().partition(":")
     scheme = SCHEMES.get(name.lower()) or _brought(name.lower())
     if scheme is None or not colon:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
 import signal
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
 from types import FrameType
+from typing import TypeVar
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -68,3 +72,74 @@ class _Stuck:
     def _remind(self, noted_at: float) -> None:
         if self._noted_at == noted_at:
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)  # breaks a sleep, too
+
+
+# Has the C library give large pieces of memory back to the system as soon as they are free.
+#
+# glibc takes pieces from 128 kB up from the system one by one, and gives each back when it is free. But whenever such a
+# piece is freed it raises that bound to the piece's size, and from then on keeps what is smaller in its heap, where one
+# small piece that is still used holds everything below it: after a flood of connections by TLS (256 kB each in asyncio)
+# the process would stay as large as it was at worst. With a bound that somebody has set it does not raise it.
+
+
+LARGE = 128 * 1024
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+
+
+def give_memory_back() -> None:
+    """Do so in this process from now on; nothing where the C library is another one."""
+    if sys.platform != "linux":
+        return
+    set_option = getattr(ctypes.CDLL(None), "mallopt", None)
+    if set_option is not None:
+        set_option(_M_MMAP_THRESHOLD, LARGE)
+        set_option(_M_TRIM_THRESHOLD, LARGE)
+
+
+# The event loop of a program, which watches sockets and serial lines on every system.
+
+
+_T = TypeVar("_T")
+
+
+def run_to_end(main: Coroutine[object, object, _T]) -> _T:
+    """Run a coroutine to its end, as `asyncio.run` does.
+
+    The loop that Windows gets from `asyncio.run` cannot watch a socket (`add_reader`), which links live on.
+    """
+    give_memory_back()
+    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+        return runner.run(main)
+
+
+def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    return asyncio.SelectorEventLoop if sys.platform == "win32" else None
+
+
+# One error in place of the group that a `TaskGroup` makes of it.
+
+
+@contextmanager
+def ungrouped(kind: type[Exception]) -> Iterator[None]:
+    """Raise the first error of that kind by itself, when a group holds nothing but such errors.
+
+    Not `except*`: up to Python 3.11.3, which Debian 12 and Raspberry Pi OS have, an error raised there comes out in a
+    group again.
+
+    Raises:
+        Exception: of that kind; other groups come out as they are.
+    """
+    try:
+        yield
+    except BaseExceptionGroup as group:
+        found, rest = group.split(kind)
+        if found is None or rest is not None:
+            raise
+        raise _first(found) from None
+
+
+def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:
+    leaves: Sequence[BaseException] = group.exceptions
+    while isinstance(leaves[0], BaseExceptionGroup):
+        leaves = leaves[0].exceptions
+    return leaves[0]

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Any, Final, TextIO
 
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 
 MOST_WAITING: Final = 1 << 18
 """Characters that wait to be written."""
@@ -199,3 +199,24 @@ def _exchange_streams(present: Sequence[Any], other: Sequence[Any]) -> None:
     for log in logging.getLogger().handlers:
         if isinstance(log, logging.StreamHandler) and log.stream in present:
             log.setStream(other[present.index(log.stream)])
+
+
+# Standard input, output and error that a program was started without.
+#
+# `msbot master robot.toml >&-`, a starter of daemons, or Python without a console on Windows: `sys.stdout` is None, and
+# the next socket that is opened gets the number 1. What would have been written there goes nowhere instead.
+
+
+def fill_closed_streams() -> None:
+    """Open the null device in place of each standard stream that is closed."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest number that is free: this one
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull, encoding="utf-8")  # noqa: SIM115 - as long as the program
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115

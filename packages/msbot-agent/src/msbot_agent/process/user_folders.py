@@ -13,6 +13,8 @@ import platform
 import stat
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from msbot_xrce.errors import ConfigError
@@ -111,3 +113,48 @@ def _earlier_state_folder() -> Path:
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / APP
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / APP
+
+
+# Keeps this user's processes from changing the files of one folder at the same time.
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Be the only one of this user's programs, and of the threads of this one, that changes files there.
+
+    For what takes microseconds. Windows has no lock of a folder: there it keeps nobody out.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+# Which code is MsBOT's own: five distributions, each with a package of its own.
+
+
+PACKAGES = ("msbot_xrce", "msbot_agent", "msbot", "msbot_school", "msbot_web")
+"""The import packages, from the lowest up."""
+UNDIVIDED = {"msbot_xrce": "xrce", "msbot_web": "web"}
+"""Packages that count as one room each; the others are divided into rooms."""
+
+
+def room_of(name: str) -> str:
+    """The room of MsBOT that a module belongs to; the package, for other modules."""
+    package, _, rest = name.partition(".")
+    if package not in PACKAGES:
+        return package
+    return UNDIVIDED.get(package) or rest.partition(".")[0] or package
+
+
+def own_folders() -> tuple[str, ...]:
+    """The folders of those that this program has loaded."""
+    loaded = (sys.modules.get(name) for name in PACKAGES)
+    return tuple(str(Path(one.__file__).parent) for one in loaded if one is not None and one.__file__)

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 
 from msbot_agent.ros.node_names import NodeName
 from msbot_agent.space import Guid
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import CdrReader, CdrWriter
 
 TOPIC = "ros_discovery_info"

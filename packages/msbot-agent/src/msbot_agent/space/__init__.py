@@ -21,6 +21,7 @@ from msbot_agent.space.contract import (
 )
 from msbot_agent.space.dds_topics import DdsTopic, DdsTopicsOf
 from msbot_agent.space.memory import MemorySpace
+from msbot_agent.space.network_options import TlsFiles
 from msbot_agent.space.service_names import crosses as is_service_topic
 from msbot_agent.space.space_address import (
     DDS,
@@ -29,7 +30,6 @@ from msbot_agent.space.space_address import (
     ZENOH_HERE,
     SpaceAddress,
     SpaceKind,
-    TlsFiles,
     brought_kinds,
     check_endpoint,
     open_space,

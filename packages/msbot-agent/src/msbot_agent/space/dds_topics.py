@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from msbot_agent.space.contract import Topic
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 ROBOTS = "msbot/"
 """Prefix of the DDS partitions of robots; the robot's name follows."""

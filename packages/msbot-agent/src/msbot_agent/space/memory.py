@@ -16,11 +16,10 @@ from dataclasses import replace
 from functools import lru_cache
 
 from msbot_agent.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Sample, Topic
-from msbot_agent.space.history import History, Store
 from msbot_agent.space.qos_matching import mismatch
-from msbot_agent.space.readers import Clock, MemoryReader, SelectiveReader, is_selective
-from msbot_xrce.common.same_object import ForSameObject
+from msbot_agent.space.readers import Clock, History, MemoryReader, SelectiveReader, Store, is_selective
 from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.same_object import ForSameObject
 
 FEEDBACK_LIMIT = 1000
 """Samples that call-backs may add to a topic while one sample is delivered; more means an endless loop."""

@@ -11,17 +11,16 @@ from pathlib import Path
 from msbot_agent.space.contract import Space
 from msbot_agent.space.dds_topics import ROBOTS, DdsTopicsOf, as_it_is
 from msbot_agent.space.memory import MemorySpace
+from msbot_agent.space.network_options import MAX_DOMAIN, TlsFiles
 from msbot_agent.startup.extensions import extensions
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MEMORY = "memory"
 DDS = "dds"
 ZENOH = "zenoh"
 KINDS = (MEMORY, DDS, ZENOH)
 
-MAX_DOMAIN = 232
-"""DDS domains above this have no UDP ports (DDSI-RTPS 2.3 §9.6.1.1)."""
 
 ZENOH_HERE = "tcp/127.0.0.1:7447"
 """The router that `zenoh` alone means, on this computer."""
@@ -29,18 +28,6 @@ ZENOH_HERE = "tcp/127.0.0.1:7447"
 _FORM = re.compile(r"(?P<kind>[a-z]+)(:(?P<domain>[^?]*))?(\?(?P<options>.*))?")
 _ENDPOINT = re.compile(r"(?:tcp|tls)/(?:\[[0-9A-Fa-f:.%]+\]|[A-Za-z0-9._-]+):(?P<port>[0-9]{1,5})")
 _TLS_OPTIONS = ("ca", "cert", "key")
-
-
-@dataclass(frozen=True, slots=True)
-class TlsFiles:
-    """The certificates of one end of a connection (PEM)."""
-
-    ca: Path
-    """Whose certificates are accepted."""
-    certificate: Path | None = None
-    """Our own; None: we show none."""
-    key: Path | None = None
-    """Its private key."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from msbot_agent.process.own_code import PACKAGES
-from msbot_agent.text.printable import printable
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.process.user_folders import PACKAGES
+from msbot_agent.text.sentence import printable
 from msbot_xrce.errors import MsbotError
+from msbot_xrce.lazy import dataclass
 
 T = TypeVar("T")
 
@@ -249,3 +249,17 @@ def _why(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError) and error.name:
         return f"there is no module {error.name!r}"
     return f"{type(error).__name__}{': ' if words else ''}{words}"
+
+
+# The version of MsBOT that this is.
+
+
+@cache
+def own_version() -> str:
+    """As `msbot --version` says it; `unknown` when MsBOT runs without having been installed."""
+    from importlib.metadata import PackageNotFoundError, version  # slow to load, and seldom needed
+
+    try:
+        return version("msbot-agent")
+    except PackageNotFoundError:
+        return "unknown"

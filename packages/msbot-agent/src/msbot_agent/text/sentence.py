@@ -6,6 +6,7 @@ form in a catalogue and puts the same values into it, so no translation ever has
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Final
 
@@ -106,3 +107,41 @@ def from_json(content: object) -> str:
             except (KeyError, IndexError, ValueError, AttributeError):
                 return form
     return str(content)
+
+
+# Words of others, fit for a terminal.
+
+
+def printable(text: str) -> str:
+    """The text with `?` for each character that would control a terminal, line breaks included."""
+    return text if text.isprintable() else "".join(one if one.isprintable() else "?" for one in text)
+
+
+def whole(text: str) -> str:
+    """The text with `?` for each half of a character, which UTF-8 cannot write, and so no file and no database.
+
+    They come from command lines that are no UTF-8, and from JSON such as `"\\ud800"`.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "replace").decode()
+    return text
+
+
+# A stranger's text as the cell of a table that somebody opens in a spreadsheet.
+
+
+_OWN_NAME = re.compile(r"@[A-Za-z][\w.]*")
+"""A figure of the robot, as `@late`: without parentheses no spreadsheet calls anything."""
+
+
+def as_cell(text: str) -> str:
+    """The text; with `'` before it where a spreadsheet would take it for a formula and do what it says."""
+    if text[:1] not in tuple("=+-@\t\r\n") or _OWN_NAME.fullmatch(text):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text

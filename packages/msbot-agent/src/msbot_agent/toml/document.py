@@ -11,10 +11,117 @@ from pathlib import Path
 from msbot_agent.startup.kept_beside import carried_toml
 from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said
-from msbot_agent.toml.limits import MOST_BYTES, too_much
 from msbot_agent.toml.line_numbers import key_lines
-from msbot_agent.toml.problems import KeyPath, Problems, TextPlace
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.toml.problems import KeyPath, Problems, TextLocation
+from msbot_xrce.lazy import dataclass
+
+# How large and how deep a TOML text may be, checked before it is parsed, in time that grows only with its length.
+#
+# A parser builds what a text asks for: forty kilobytes of dots are a table forty thousand levels deep. So the text is
+# scanned first, ignoring strings and comments, and refused when it asks for more than any file written by a person.
+
+
+MOST_BYTES = 256_000
+"""Largest text that is read; a blueprint has a few thousand bytes, one of a thousand slots about a hundred thousand."""
+MOST_LINES = 20_000
+MOST_ENTRIES = 20_000
+"""Most keys and list items of one text."""
+DEEPEST = 8
+"""Most levels of lists and tables, and steps of a dotted key."""
+
+_MARKS = re.compile("[\"'#\\n.,=\\[\\]{}]")
+
+
+def too_much(text: str) -> tuple[int | None, str] | None:
+    """Why a text must not be parsed, with the line that shows it; None when it may be parsed.
+
+    A text that is not TOML may pass: the parser then says so.
+    """
+    if len(text) > MOST_BYTES or len(text.encode("utf-8", "replace")) > MOST_BYTES:
+        return None, said(
+            "is larger than {most_bytes:,} bytes; no file of this kind is: name another", most_bytes=MOST_BYTES
+        )
+    if text.count("\n") >= MOST_LINES:
+        return None, said(
+            "has more than {most_lines:,} lines; no file of this kind has: divide it", most_lines=MOST_LINES
+        )
+    return _Walk(text).fault()
+
+
+class _Walk:
+    """One pass through a text, from mark to mark."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._at = 0
+        self._line = 1
+        self._entries = 0
+        self._depth = 0
+        self._dots = 0
+
+    def fault(self) -> tuple[int, str] | None:
+        while (found := _MARKS.search(self._text, self._at)) is not None:
+            mark = found[0]
+            self._at = found.end()
+            match mark:
+                case '"' | "'":
+                    if not self._skip_string(found.start(), mark):
+                        return None  # it is not closed: the parser will say so
+                case "#":
+                    end = self._text.find("\n", self._at)
+                    self._at = len(self._text) if end < 0 else end
+                case "\n":
+                    self._line += 1
+                    self._dots = 0
+                case ".":
+                    self._dots += 1
+                case _:
+                    self._structure(mark)
+            if self._dots >= DEEPEST or self._depth > DEEPEST:
+                return self._line, said(
+                    "lists, tables or keys are nested deeper than {deepest} levels; a few are enough", deepest=DEEPEST
+                )
+            if self._entries > MOST_ENTRIES:
+                return (
+                    self._line,
+                    said(
+                        "there are more than {most_entries:,} keys and list items up to here; divide the file",
+                        most_entries=MOST_ENTRIES,
+                    ),
+                )
+        return None
+
+    def _structure(self, mark: str) -> None:
+        self._dots = 0
+        if mark in "[{":
+            self._depth += 1
+        elif mark in "]}":
+            self._depth = max(self._depth - 1, 0)
+        self._entries += mark in "=,["
+
+    def _skip_string(self, start: int, quote: str) -> bool:
+        """Skip a string; False when it has no end."""
+        if self._text.startswith(quote * 3, start):
+            fence, begin = quote * 3, start + 3
+        else:
+            fence, begin = quote, start + 1
+        at = begin
+        while True:
+            at = self._text.find(fence, at)
+            if at < 0:
+                return False
+            if quote == "'" or not self._is_escaped(begin, at):
+                break
+            at += 1
+        self._line += self._text.count("\n", start, at)
+        self._at = at + len(fence)
+        return True
+
+    def _is_escaped(self, begin: int, at: int) -> bool:
+        back = at
+        while back > begin and self._text[back - 1] == "\\":
+            back -= 1
+        return (at - back) % 2 == 1
 
 
 @dataclass(frozen=True)
@@ -34,12 +141,12 @@ class Document:
         """The line of every key; looked for only when something is wrong, as it takes as long as parsing."""
         return key_lines(self.text)
 
-    def place(self, path: KeyPath) -> TextPlace:
+    def place(self, path: KeyPath) -> TextLocation:
         """Where `path` is; for a key that is missing, where its table begins."""
         known = path
         while known and known not in self.lines:
             known = known[:-1]
-        return TextPlace(self.file, self.lines.get(known, self.begins), path)
+        return TextLocation(self.file, self.lines.get(known, self.begins), path)
 
 
 def read_document(path: Path, problems: Problems, *, if_missing: str = "name another file") -> Document | None:
@@ -55,7 +162,7 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
     A text larger or deeper than anything written by a person is not parsed at all, see `limits`.
     """
     if refused := too_much(text):
-        problems.add(TextPlace(file, refused[0]), refused[1])
+        problems.add(TextLocation(file, refused[0]), refused[1])
         return None
     try:
         values = tomllib.loads(text)
@@ -64,7 +171,7 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
         problems.add(place, sentence, excerpt)
     except ValueError as error:
         problems.add(
-            TextPlace(file), said("a number in it cannot be read ({error}); write it shorter", error=str(error))
+            TextLocation(file), said("a number in it cannot be read ({error}); write it shorter", error=str(error))
         )
     else:
         return Document(file, values, text)
@@ -81,11 +188,11 @@ def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:
         with open_given(path) as stream:
             octets = stream.read(MOST_BYTES + 1) or b""
     except (OSError, ValueError) as error:
-        problems.add(TextPlace(str(path)), _unreadable(path, error, if_missing))
+        problems.add(TextLocation(str(path)), _unreadable(path, error, if_missing))
         return None
     if len(octets) > MOST_BYTES:
         problems.add(
-            TextPlace(str(path)),
+            TextLocation(str(path)),
             said("is larger than {most_bytes:,} bytes; no file of this kind is: name another", most_bytes=MOST_BYTES),
         )
         return None
@@ -114,7 +221,7 @@ def _decode(octets: bytes, file: str, problems: Problems) -> str | None:
         sentence = said(
             "byte 0x{octets:02X} is not UTF-8; save the file as UTF-8 in your editor", octets=octets[error.start]
         )
-        problems.add(TextPlace(file, line), sentence)
+        problems.add(TextLocation(file, line), sentence)
         return None
 
 
@@ -154,7 +261,7 @@ _SYNTAX_WORDS = (
 _POSITION = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)\s*$")
 
 
-def _syntax_problem(text: str, file: str, message: str) -> tuple[TextPlace, str, str]:
+def _syntax_problem(text: str, file: str, message: str) -> tuple[TextLocation, str, str]:
     """The place, a sentence, and the line itself."""
     position = _POSITION.search(message)
     words = next((ours for theirs, ours in _SYNTAX_WORDS if theirs in message), None)
@@ -162,8 +269,8 @@ def _syntax_problem(text: str, file: str, message: str) -> tuple[TextPlace, str,
         words = said("this is not TOML ({right}); see https://toml.io", right=_POSITION.sub("", message).strip())
     lines = text.split("\n")
     if position is None or position[1] is None:
-        return TextPlace(file, len(lines)), said("at the end of the file: {words}", words=words), ""
+        return TextLocation(file, len(lines)), said("at the end of the file: {words}", words=words), ""
     line = int(position[1])
     excerpt = lines[line - 1].strip()
     shown = f"{line} | {excerpt[:100]}" if excerpt else ""
-    return TextPlace(file, line), said("column {column}: {words}", column=position[2], words=words), shown
+    return TextLocation(file, line), said("column {column}: {words}", column=position[2], words=words), shown

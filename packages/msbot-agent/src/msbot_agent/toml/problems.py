@@ -10,10 +10,9 @@ from collections.abc import Iterable, Sequence
 from datetime import date, datetime, time
 from difflib import get_close_matches
 
-from msbot_agent.text.printable import printable
-from msbot_agent.text.sentence import joined, said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import joined, printable, said
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MOST_TOLD = 50
 """Most mistakes that are reported; reading ends there."""
@@ -31,7 +30,7 @@ KeyPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class TextPlace:
+class TextLocation:
     """A place in a file."""
 
     file: str
@@ -53,7 +52,7 @@ class TextPlace:
 class Problem:
     """One mistake: where it is, and a sentence with the remedy."""
 
-    place: TextPlace
+    place: TextLocation
     sentence: str
 
     def __str__(self) -> str:
@@ -83,7 +82,7 @@ class Problems:
     def __init__(self) -> None:
         self.found: list[Problem] = []
 
-    def add(self, place: TextPlace, sentence: str, excerpt: str = "") -> None:
+    def add(self, place: TextLocation, sentence: str, excerpt: str = "") -> None:
         """Note one mistake.
 
         Args:

@@ -6,12 +6,14 @@ type, which nobody sees because the problems are raised at the end. `finish` not
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.document import Document
-from msbot_agent.toml.problems import KeyPath, Problems, TextPlace, kind_words, path_words, quoted, suggestion
+from msbot_agent.toml.problems import KeyPath, Problems, TextLocation, kind_words, path_words, quoted, suggestion
 
 MOST_OCTETS = 254
 """Longest text in octets of UTF-8: the thesis stores every string in 255 characters, including the closing NUL
@@ -46,7 +48,7 @@ class Table:
         self._asked.append(key)
         return key in self._values
 
-    def place(self, *steps: str | int) -> TextPlace:
+    def place(self, *steps: str | int) -> TextLocation:
         """Where a key of this table is, or should be; without steps: the table itself."""
         return self._document.place((*self.path, *steps))
 
@@ -398,3 +400,29 @@ class Table:
                     ),
                     key,
                 )
+
+
+# Keys and values as TOML writes them.
+
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def toml_key(name: str) -> str:
+    """A key, in quotes if it needs them."""
+    return name if _BARE.fullmatch(name) else toml_value(name)
+
+
+def toml_value(value: Scalar) -> str:
+    """A number, truth value or text."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # TOML understands what JSON escapes, but also needs DEL escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    return repr(value)
+
+
+def toml_table(values: Mapping[str, Scalar]) -> str:
+    """A table on one line."""
+    return f"{{ {', '.join(f'{toml_key(key)} = {toml_value(value)}' for key, value in values.items())} }}"

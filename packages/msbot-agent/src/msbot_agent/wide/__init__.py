@@ -1,12 +1,11 @@
 """Sites far apart: the gateway between a site's data space and the others, and the files that say what passes."""
 
-from msbot_agent.wide.gateway import Gateway
-from msbot_agent.wide.gateway_file import CrossingTopic, CrossingWay, GatewayRules, read_gateway_file
+from msbot_agent.wide.gateway import BridgeDirection, BridgedTopic, Gateway, GatewayRules, read_gateway_file
 from msbot_agent.wide.router_file import RouterRules, read_router_file
 
 __all__ = [
-    "CrossingTopic",
-    "CrossingWay",
+    "BridgeDirection",
+    "BridgedTopic",
     "Gateway",
     "GatewayRules",
     "RouterRules",

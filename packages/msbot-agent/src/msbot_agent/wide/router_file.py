@@ -10,8 +10,8 @@ from msbot_agent.space.zenoh import Allowed
 from msbot_agent.toml.document import read_document
 from msbot_agent.toml.problems import Problems
 from msbot_agent.toml.table import Table
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 HERE = "tcp/127.0.0.1:7447"
 """What a router without a file serves: this computer only."""

@@ -19,8 +19,8 @@ from urllib.parse import urlsplit
 from msbot_agent.process.user_folders import state_folder
 from msbot_agent.text.given_file import open_given_text
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MOST: Final = 300
 """Accesses that are kept."""
@@ -28,7 +28,7 @@ _NAMES: Final = frozenset({"address", "token", "robot", "serial_number", "certif
 
 
 @dataclass(frozen=True, slots=True)
-class FarAccess:
+class RemoteAccess:
     """What it takes to speak to one master elsewhere."""
 
     address: str
@@ -41,7 +41,7 @@ class FarAccess:
     """PEM: the only certificate that is trusted there; empty: those that this computer trusts."""
 
 
-class AccessBook:
+class RemoteAccessFile:
     """The file with them.
 
     Args:
@@ -56,7 +56,7 @@ class AccessBook:
         """Where it is."""
         return (self._folder or state_folder()) / "class.json"
 
-    def all(self) -> list[FarAccess]:
+    def all(self) -> list[RemoteAccess]:
         """All accesses, by address.
 
         Raises:
@@ -79,7 +79,7 @@ class AccessBook:
                 )
             ) from error  # fmt: skip
 
-    def keep(self, access: FarAccess) -> None:
+    def keep(self, access: RemoteAccess) -> None:
         """Add an access, in place of another one for that address.
 
         Raises:
@@ -90,7 +90,7 @@ class AccessBook:
             raise ConfigError(said("a class has accesses to at most {most} robots", most=MOST))
         self._write([*others, access])
 
-    def take_away(self, access: FarAccess) -> None:
+    def take_away(self, access: RemoteAccess) -> None:
         """Remove an access.
 
         Raises:
@@ -98,7 +98,7 @@ class AccessBook:
         """
         self._write([one for one in self.all() if one.address != access.address])
 
-    def _write(self, accesses: Sequence[FarAccess]) -> None:
+    def _write(self, accesses: Sequence[RemoteAccess]) -> None:
         new = self.path.with_suffix(".new")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,10 +112,10 @@ class AccessBook:
             raise ConfigError(f"cannot write down who is in the class, {self.path}: {error.strerror}") from error
 
 
-def _access(entry: Mapping[str, object]) -> FarAccess:
+def _access(entry: Mapping[str, object]) -> RemoteAccess:
     if not isinstance(entry, dict) or set(entry) != _NAMES or not all(isinstance(one, str) for one in entry.values()):
         raise ValueError("an entry is no access")
-    return FarAccess(**entry)
+    return RemoteAccess(**entry)
 
 
 def page_address(text: str) -> str:

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from hashlib import sha256
 from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 
-from msbot.registry.database_identity import database_identity
+from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
-from msbot_agent.text.json_reading import told_count
-from msbot_school.classroom.access import FarAccess
-from msbot_school.classroom.far_masters import LOOK_S, Asking, FarTrouble, read_status
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import told_count
+from msbot_school.classroom.access import RemoteAccess
+from msbot_school.classroom.remote_masters import LOOK_S, Asking, RemoteMasterError, read_status
+from msbot_xrce.counting import amount
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.registry import Registry, RobotRecord
@@ -24,10 +24,10 @@ _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
-class FarRobot:
+class RemoteRobot:
     """A robot on another computer, as its master said."""
 
-    access: FarAccess
+    access: RemoteAccess
     status: Mapping[str, object]
     """What `GET /api/status` answered; empty: nothing."""
     trouble: str = ""
@@ -56,7 +56,7 @@ class ClassRobot:
     """The mark of its blueprint in force; empty: not known."""
     msbot: str = ""
     """The version of MsBOT that runs it; empty: none does, or it is not known."""
-    far: FarRobot | None = None
+    far: RemoteRobot | None = None
     """Its master on another computer, if there is an access to it."""
 
     @property
@@ -169,7 +169,7 @@ def database_mark(identity: str) -> str:
 
 
 def class_robots(
-    database: str | None, accesses: Sequence[FarAccess], words: Sequence[str] = (), *, path: str = "",
+    database: str | None, accesses: Sequence[RemoteAccess], words: Sequence[str] = (), *, path: str = "",
     read: Read = directly,
 ) -> list[ClassRobot]:  # fmt: skip
     """All robots of the class that fit the words: of the masters here, of a database, and of the accesses.
@@ -199,16 +199,16 @@ def class_robots(
     )
 
 
-def far_robots(accesses: Sequence[FarAccess], asking: Asking[dict[str, object]]) -> Iterator[ClassRobot]:
+def far_robots(accesses: Sequence[RemoteAccess], asking: Asking[dict[str, object]]) -> Iterator[ClassRobot]:
     """The robots on other computers, as far as their masters answer."""
     answers = asking.answers()
     for access in accesses:
         answer = answers[access.address]
-        if isinstance(answer, FarTrouble):
-            far = FarRobot(access, {}, str(answer))
+        if isinstance(answer, RemoteMasterError):
+            far = RemoteRobot(access, {}, str(answer))
             yield ClassRobot(access.robot, access.serial_number, "", access.address, None, far=far)
             continue
-        far = FarRobot(access, answer)
+        far = RemoteRobot(access, answer)
         yield ClassRobot(
             far.text("robot") or access.robot, far.text("serial_number") or access.serial_number, far.text("version"),
             access.address, None, blueprint=far.text("blueprint"), msbot=far.text("msbot"), far=far,

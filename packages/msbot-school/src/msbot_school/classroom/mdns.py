@@ -19,10 +19,9 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final
 
 from msbot.process.daemon_threads import DaemonThreads
-from msbot_agent.text.printable import printable
-from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import printable, said
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo, Zeroconf

@@ -15,16 +15,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msbot.config import Blueprint, Library, RobotProfile, blueprint_toml, differences
-from msbot.registry.database_identity import database_identity
+from msbot.registry.records import database_identity
 from msbot_agent.agent import RunningProcess
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.text.sentence import said
-from msbot_school.classroom.class_robots import ClassRobot, FarRobot, Read, directly, find_record, open_database
-from msbot_school.classroom.far_masters import CHANGE_S, LOOK_S, Answer, FarLine, FarRefusal, FarTrouble, ask_one
-from msbot_school.classroom.rollout_book import RolledOut, RollOutBook
-from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_school.classroom.class_robots import ClassRobot, Read, RemoteRobot, directly, find_record, open_database
+from msbot_school.classroom.remote_masters import (
+    CHANGE_S,
+    LOOK_S,
+    Answer,
+    RemoteMasterConnection,
+    RemoteMasterError,
+    RemoteMasterRefusal,
+    ask_one,
+)
+from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob, RolledOut, RollOutLog
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.registry import Registry, RobotRecord
@@ -95,7 +102,7 @@ def plan_for(robot: ClassRobot, blueprint: Blueprint, read: Read = directly) -> 
     return RollOutPlan(robot, wanted, tuple(str(one) for one in differences(present, wanted)))
 
 
-def _far_plan(robot: ClassRobot, far: FarRobot, blueprint: Blueprint) -> RollOutPlan:
+def _far_plan(robot: ClassRobot, far: RemoteRobot, blueprint: Blueprint) -> RollOutPlan:
     """What it would change there, as its own master says, by its own part library.
 
     Raises:
@@ -118,14 +125,14 @@ def _far_plan(robot: ClassRobot, far: FarRobot, blueprint: Blueprint) -> RollOut
     return RollOutPlan(robot, wanted, tuple(str(one) for one in changes))
 
 
-def _ask(far: FarRobot, method: str, path: str, body: dict[str, object]) -> Answer:
-    def work(line: FarLine) -> Answer:
+def _ask(far: RemoteRobot, method: str, path: str, body: dict[str, object]) -> Answer:
+    def work(line: RemoteMasterConnection) -> Answer:
         return line.mapping(method, path, body)
 
     return ask_one(far.access, work, CHANGE_S)
 
 
-def _change(far: FarRobot, method: str, path: str, body: dict[str, object]) -> Answer:
+def _change(far: RemoteRobot, method: str, path: str, body: dict[str, object]) -> Answer:
     """The same, of a question that changes the robot.
 
     Raises:
@@ -134,9 +141,9 @@ def _change(far: FarRobot, method: str, path: str, body: dict[str, object]) -> A
     """
     try:
         return _ask(far, method, path, body)
-    except FarRefusal:
+    except RemoteMasterRefusal:
         raise
-    except FarTrouble as trouble:
+    except RemoteMasterError as trouble:
         raise NoAnswer(str(trouble)) from trouble
 
 
@@ -162,13 +169,13 @@ class RollOut:
 
     def __init__(
         self, blueprint: str, folder: Path, library: Library, folders: Sequence[Path], who: str, *,
-        book: RollOutBook | None = None, read: Read = directly,
+        book: RollOutLog | None = None, read: Read = directly,
     ) -> None:  # fmt: skip
         self._folder = folder
         self._who = who
         self._library = library
         self._folders = [str(folder.resolve()) for folder in folders]
-        self._book = book or RollOutBook()
+        self._book = book or RollOutLog()
         self._read = read
         self._at = self._book.begin(blueprint)
 
@@ -233,7 +240,7 @@ def _change_stored(database: str, wanted: Blueprint, library: Library, who: str)
 
 
 def undo_job(
-    at: float, change: RolledOut, robots: Sequence[ClassRobot], who: str, book: RollOutBook, *, read: Read = directly
+    at: float, change: RolledOut, robots: Sequence[ClassRobot], who: str, book: RollOutLog, *, read: Read = directly
 ) -> RobotJob:
     """What is to be done to take one change of that roll-out back; then it is remembered no more."""
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterable, Mapping
+from itertools import islice
+from random import SystemRandom
 
 import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import answer_options, robot_options
-from msbot_agent.cli.numbers import FiniteRange, WholeRange
-from msbot_agent.cli.options import json_option
+from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
+from msbot_xrce.counting import amount
 
 
 @click.group("fault")
-def command() -> None:
+def fault_command() -> None:
     """Faults on purpose: plant one, see what is planted, end it.
 
     A fault ends by itself after a minute, or --for; STOP and a restart of the master end all. Cards and `msbot why` say
@@ -22,7 +25,7 @@ def command() -> None:
     """
 
 
-@command.command("add")
+@fault_command.command("add")
 @click.argument("kind")
 @click.argument("at", required=False, default="", metavar="[SLOT|PART]")
 @click.option(
@@ -45,7 +48,7 @@ def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: objec
     say(db, robot, "plant_fault", {**wish, "for": for_s})
 
 
-@command.command("list")
+@fault_command.command("list")
 @click.option("--answers", is_flag=True, help="Also what a mission wants to be found; its report says who has looked.")
 @json_option
 @robot_options
@@ -60,7 +63,7 @@ def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bo
     click.echo("\n".join(lines) if lines else "No fault is planted: `msbot fault kinds` says what there is.")
 
 
-@command.command("clear")
+@fault_command.command("clear")
 @click.argument("fault", type=WholeRange(min=1), required=False, metavar="[ID]")
 @answer_options
 def clear(fault: int | None, db: str | None, robot: str | None) -> None:
@@ -68,7 +71,7 @@ def clear(fault: int | None, db: str | None, robot: str | None) -> None:
     say(db, robot, "clear_fault", {"fault": fault})
 
 
-@command.command("kinds")
+@fault_command.command("kinds")
 @json_option
 def kinds(*, as_json: bool) -> None:
     """List what can go wrong, and what --amount means for it."""
@@ -104,3 +107,48 @@ def _lines(faults: Iterable[Mapping[str, object]]) -> Iterable[str]:
             state = f"waits{' until ' + str(fault['when']) if fault['when'] else ' for its chance'}"
         hidden = ", hidden" if fault["hidden"] else ""
         yield f"{fault['number']:>3}  {fault['words']}\n     {state}; planted by {fault['who']}{hidden}"
+
+
+# `msbot quiz`: decode it yourself.
+
+
+LONGEST_ANSWER = 1000
+"""Characters of an answer that are read: standard input may have no line break."""
+
+
+@click.command("quiz")
+@click.option("--count", type=WholeRange(1, 1000), default=5, show_default=True, help="How many questions.")
+@click.option("--seed", type=WholeRange(), help="The same questions again: everybody in a class gets these.")
+@json_option
+def quiz_command(*, count: int, seed: int | None, as_json: bool) -> None:
+    """Ask questions about messages and frames, and say after each answer how one finds it.
+
+    Status 1 unless all answers are right. With --json nothing is asked at the terminal: answers come as lines on
+    standard input, the result is an object.
+    """
+    from msbot_school.quiz import questions
+
+    seed = SystemRandom().randrange(1_000_000) if seed is None else seed
+    results = []
+    if not as_json:
+        click.echo(
+            f"{amount(count, 'question')}; `msbot quiz --seed {seed}` asks the same again. "
+            "An empty line means: I do not know."
+        )
+    for number, question in enumerate(islice(questions(seed), count), 1):
+        if as_json:
+            given = sys.stdin.readline(LONGEST_ANSWER).strip()
+        else:
+            click.echo(f"\n{number}. {question.text}\n   {question.shown}")
+            given = click.prompt("  ", default="", show_default=False, prompt_suffix="> ")
+        right = question.is_right(given)
+        if not as_json:
+            click.echo(f"   {'Right' if right else f'No: {question.answer}'}: {question.why}")
+        results.append({"shown": question.shown, "question": question.text, "given": given, "right": right,
+                        "answer": question.answer, "why": question.why})  # fmt: skip
+    score = sum(bool(result["right"]) for result in results)
+    if as_json:
+        click.echo(json.dumps({"seed": seed, "right": score, "of": count, "questions": results}))
+    else:
+        click.echo(f"\n{score} of {count} are right.")
+    sys.exit(0 if score == count else 1)

@@ -13,7 +13,7 @@ from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
 from msbot_school.cli.teaching import lessons_option
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 
 
 @click.group("lesson")
@@ -30,9 +30,9 @@ def command() -> None:
 @json_option
 def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
     """List the lessons that there are."""
-    from msbot_school.lessons.shelf import LessonShelf
+    from msbot_school.lessons.catalog import LessonCatalog
 
-    found, wrong = LessonShelf(lessons).all()
+    found, wrong = LessonCatalog(lessons).all()
     if as_json:
         click.echo(json.dumps({"lessons": [
             {"lesson": one.name, "title": one.title, "minutes": one.minutes, "checks": len(one.checks),
@@ -102,13 +102,13 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 def report(db: str | None, robot: str | None, *, lessons: tuple[Path, ...], as_csv: bool, as_json: bool) -> None:
     """Show how far everybody is in every lesson that they have begun."""
     from msbot.registry import open_registry
+    from msbot_school.lessons.catalog import LessonCatalog
     from msbot_school.lessons.progress import csv_of, progress_of
-    from msbot_school.lessons.shelf import LessonShelf
 
     path = database_to_read(db, robot)
     until_stored(path)
     with open_registry(path, create=False) as registry:
-        rows = progress_of(registry.lesson_ticks.all(), LessonShelf(lessons).all()[0])
+        rows = progress_of(registry.lesson_ticks.all(), LessonCatalog(lessons).all()[0])
     if as_json:
         click.echo(json.dumps({"people": [row.as_json() for row in rows]}))
     elif as_csv:

@@ -12,14 +12,13 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
-from msbot_agent.cli.numbers import WholeRange
-from msbot_agent.cli.options import json_option
+from msbot_agent.cli.options import WholeRange, json_option
 from msbot_agent.startup.extensions import extensions
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from msbot_school.missions.mission import Mission
-    from msbot_school.missions.played import PlayedMission
+    from msbot_school.missions.recorded_missions import PlayedMission
 
 
 @click.group("mission")
@@ -105,7 +104,7 @@ def repair(repair: str, at: str, db: str | None, robot: str | None) -> None:
 @json_option
 def repairs(*, as_json: bool) -> None:
     """List what can be repaired, and which faults that mends."""
-    from msbot_school.missions.repairs import REPAIRS
+    from msbot_school.missions.mission import REPAIRS
 
     if as_json:
         click.echo(json.dumps({"repairs": [
@@ -166,7 +165,7 @@ def report(
         _write_html(played, html, language)
         click.echo(f"{html} is written", err=as_json)
     if as_json:
-        from msbot_school.missions.played import grade_json
+        from msbot_school.missions.recorded_missions import grade_json
 
         click.echo(json.dumps(grade_json(played)))
     elif html is None:
@@ -189,7 +188,7 @@ def _played(recording: Path, number: int | None) -> tuple[PlayedMission, str]:
 
 
 def _asked(db: str | None, robot: str | None, number: int | None) -> PlayedMission:
-    from msbot_school.missions.played import played_from_json
+    from msbot_school.missions.recorded_missions import played_from_json
 
     return played_from_json(perform(db, robot, "mission_report", {"number": number}))
 

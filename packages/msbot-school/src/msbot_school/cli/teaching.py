@@ -11,8 +11,8 @@ import click
 from msbot_agent.cli.services import Beside, CommandService
 
 if TYPE_CHECKING:
-    from msbot.cli.run.master_context import MasterContext
-    from msbot_school.lessons.shelf import LessonShelf
+    from msbot.cli.run.master_services import MasterContext
+    from msbot_school.lessons.catalog import LessonCatalog
 
 lessons_option = click.option(
     "--lessons", "lessons", multiple=True, type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER",
@@ -20,25 +20,25 @@ lessons_option = click.option(
 )  # fmt: skip
 
 
-class Teaching(CommandService["LessonShelf", "MasterContext"]):
-    """Offers the robot's `LessonDesk`."""
+class Teaching(CommandService["LessonCatalog", "MasterContext"]):
+    """Offers the robot's `LessonController`."""
 
     options = (lessons_option,)
 
-    def check(self, given: Mapping[str, Any]) -> LessonShelf:
+    def check(self, given: Mapping[str, Any]) -> LessonCatalog:
         """The lessons that there are."""
-        from msbot_school.lessons.shelf import LessonShelf
+        from msbot_school.lessons.catalog import LessonCatalog
 
-        return LessonShelf(given["lessons"])
+        return LessonCatalog(given["lessons"])
 
-    def beside(self, wanted: LessonShelf, context: MasterContext) -> Iterable[Beside]:
+    def beside(self, wanted: LessonCatalog, context: MasterContext) -> Iterable[Beside]:
         """Faults, missions and lessons."""
         from msbot_school.faults.fault_lab import FaultLab
-        from msbot_school.lessons.lesson_desk import LessonDesk
+        from msbot_school.lessons.lesson_controller import LessonController
         from msbot_school.missions.mission_lab import MissionLab
 
         faults = FaultLab(context.operations)
-        desk = LessonDesk(context.operations, wanted)
+        desk = LessonController(context.operations, wanted)
         context.offers["teaching"] = desk
         return [faults.run(), MissionLab(context.operations, faults).run(), desk.run()]
 

@@ -1,8 +1,7 @@
 """The thesis' sample robot in one process, on a simulated bus or over UDP: what `msbot demo` shows."""
 
 from msbot_school.demo.robot import DemoRobot
-from msbot_school.demo.snapshot import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot
-from msbot_school.demo.wiring import Wire
+from msbot_school.demo.wiring import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot, Wire
 
 __all__ = [
     "BusSnapshot",

@@ -13,10 +13,9 @@ from random import Random
 from typing import Final
 
 from msbot_agent.text.sentence import said
-from msbot_school.faults.conditions import Condition
-from msbot_school.faults.kinds import FaultKind, contradiction
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_school.faults.kinds import Condition, FaultKind, contradiction
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 FOR_S: Final = 60.0
 """How long a fault is there if nobody says otherwise."""

@@ -12,15 +12,15 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.fault_wish import FaultWish
+from msbot.operations.fault_request import FaultRequest
 from msbot.pnp import PartInfo, StopStatus
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import counted, said
-from msbot_school.faults.conditions import LOAD, Condition, NumberCondition
 from msbot_school.faults.effects import Effect, PartsHere
 from msbot_school.faults.engine import Change, Fault, FaultEngine
+from msbot_school.faults.fault_factory import FaultFactory
+from msbot_school.faults.kinds import LOAD, Condition, NumberCondition
 from msbot_school.faults.numbers import Numbers
-from msbot_school.faults.planting import Planting
 from msbot_xrce.errors import ConfigError
 
 
@@ -46,7 +46,7 @@ class FaultLab:
         self._engine = FaultEngine()
         self._effects: dict[int, Effect] = {}
         self._numbers = Numbers(running)
-        self._planting = Planting(running, self._parts, bus, self._numbers)
+        self._planting = FaultFactory(running, self._parts, bus, self._numbers)
         self._timer: asyncio.TimerHandle | None = None
         self._mission = ""
         """The mission whose faults are planted; then there are no others."""
@@ -56,7 +56,7 @@ class FaultLab:
 
     # What people do.
 
-    def plant(self, wish: FaultWish, who: str) -> str:
+    def plant(self, wish: FaultRequest, who: str) -> str:
         """See `FaultControl`.
 
         Raises:
@@ -103,7 +103,7 @@ class FaultLab:
 
     # For missions.
 
-    def plant_for_mission(self, mission: str, wishes: Sequence[FaultWish]) -> list[int]:
+    def plant_for_mission(self, mission: str, wishes: Sequence[FaultRequest]) -> list[int]:
         """Plant the faults of a mission, all or none, and keep others out until `end_mission`; their numbers.
 
         They begin soon, not at once.
@@ -151,7 +151,7 @@ class FaultLab:
 
     # How it works.
 
-    def _plant(self, wishes: Sequence[FaultWish], who: str) -> list[Fault]:
+    def _plant(self, wishes: Sequence[FaultRequest], who: str) -> list[Fault]:
         """Plant them all, or none; they begin with the next look."""
         if self._running.master.stop.stopped:
             raise ConfigError(said("STOP is in force: no fault can be planted until GO"))

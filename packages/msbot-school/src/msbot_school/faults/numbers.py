@@ -8,8 +8,8 @@ from msbot.part import Message
 from msbot.sim import message_class
 from msbot_agent.space import Qos, Reader, Sample, Topic
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 MOST_WATCHED = 32
 

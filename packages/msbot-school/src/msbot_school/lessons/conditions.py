@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
 from msbot_agent.text.sentence import said
-from msbot_school.faults.conditions import Condition as PlainCondition
-from msbot_school.faults.conditions import NumberCondition, StateCondition, read_condition
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_school.faults.kinds import Condition as PlainCondition
+from msbot_school.faults.kinds import NumberCondition, StateCondition, read_condition
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 LONGEST: Final = 200
 """Most characters of a condition."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from msbot.operations.fault_wish import FaultWish
+from msbot.operations.fault_request import FaultRequest
 from msbot_school.lessons.conditions import Condition
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class Lesson:
     """Slots whose part is pulled out when the lesson begins."""
     settings: Mapping[str, Mapping[str, str]] | None = None
     """Values of slots that are set when the lesson begins, by slot and name."""
-    faults: tuple[FaultWish, ...] = ()
+    faults: tuple[FaultRequest, ...] = ()
     """What goes wrong on purpose from the beginning on."""
     hint_after_s: float = 60.0
     """After how long without a tick a hint is shown."""

@@ -7,9 +7,9 @@ import io
 from collections.abc import Iterable, Sequence
 
 from msbot.registry.lesson_ticks import BEGUN, Tick
-from msbot_agent.text.table_cell import as_cell
+from msbot_agent.text.sentence import as_cell
 from msbot_school.lessons.lesson import Lesson
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from msbot.config import SAMPLES
-from msbot.operations.fault_wish import FaultWish
+from msbot.operations.fault_request import FaultRequest
 from msbot_agent.text.given_file import open_given_text
 from msbot_agent.text.sentence import said
-from msbot_agent.toml.document import parse_document
-from msbot_agent.toml.limits import MOST_BYTES
-from msbot_agent.toml.problems import Problems, TextPlace, suggestion
+from msbot_agent.toml.document import MOST_BYTES, parse_document
+from msbot_agent.toml.problems import Problems, TextLocation, suggestion
 from msbot_agent.toml.table import Table
 from msbot_school.lessons.conditions import Condition, read_lesson_condition
 from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
@@ -198,11 +197,11 @@ class _Reader:
         }
 
     def _problem(self, line: int, sentence: str) -> None:
-        self._problems.add(TextPlace(str(self._path), line), sentence)
+        self._problems.add(TextLocation(str(self._path), line), sentence)
 
 
-def _fault(table: Table) -> FaultWish:
-    wish = FaultWish(
+def _fault(table: Table) -> FaultRequest:
+    wish = FaultRequest(
         kind=table.name("kind", "loss"),
         at=table.text("at", "knob"),
         amount=table.number("amount", default=0.0, least=-1e9, most=1e9) if "amount" in table else None,

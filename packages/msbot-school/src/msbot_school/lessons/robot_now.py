@@ -5,7 +5,7 @@ from __future__ import annotations
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp.model import Configuration
 from msbot_agent.link.can.sim import SimBusDriver
-from msbot_school.faults.conditions import LOAD
+from msbot_school.faults.kinds import LOAD
 from msbot_school.faults.numbers import Numbers
 from msbot_xrce.errors import ConfigError
 

@@ -8,8 +8,8 @@ from dataclasses import field
 from msbot_agent.text.sentence import joined, said
 from msbot_school.lessons.conditions import ConditionMemory, RobotNow
 from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(slots=True)

@@ -7,10 +7,8 @@ from dataclasses import field
 
 from msbot_agent.text.sentence import said
 from msbot_school.faults.kinds import KINDS
-from msbot_school.missions.facts import Fact, What
-from msbot_school.missions.mission import DrawnFault, Mission, Task
-from msbot_school.missions.repairs import REPAIRS
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_school.missions.mission import REPAIRS, DrawnFault, Fact, Mission, Task, What
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(slots=True)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field
+from enum import Enum
 from random import Random
+from types import MappingProxyType
 from typing import Final
 
-from msbot.operations.fault_wish import FaultWish
+from msbot.operations.fault_request import FaultRequest
+from msbot_agent.text.sentence import JsonSentence, from_json, said, to_json
 from msbot_school.faults.kinds import KINDS, contradiction
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 LONGEST_S: Final = 3600.0
 TIME_S: Final = 300.0
@@ -106,7 +110,7 @@ class DrawnFault:
 
     number: int
     """Counted from 1."""
-    wish: FaultWish
+    wish: FaultRequest
     find: bool
     mend: bool
 
@@ -140,8 +144,137 @@ def contradict(one: DrawnFault, other: DrawnFault) -> str:
 def _drawn(mission: Mission, number: int, fault: MissionFault, random: Random) -> DrawnFault:
     kind, at = random.choice(fault.kinds), random.choice(fault.at) if fault.at else ""
     seed = random.getrandbits(32) if fault.seed is None else fault.seed
-    wish = FaultWish(
+    wish = FaultRequest(
         kind, at if KINDS[kind].at_part else "", fault.amount, fault.jitter_ms, fault.port, fault.number, fault.after_s,
         mission.time_s if fault.for_s is None else fault.for_s, fault.when, fault.chance, seed, hidden=True,
     )  # fmt: skip
     return DrawnFault(number, wish, fault.find, fault.mend)
+
+
+# What a person can have done to a robot that is ill, and which faults that mends.
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """One thing that can be done."""
+
+    name: str
+    words: str
+    mends: frozenset[str]
+    """Kinds of faults that are over when it is done where they are."""
+    at_part: bool = True
+    """Whether it is done at a part, or at the robot as a whole."""
+
+
+_ROWS = (
+    Repair("plug-in", said("plug the part in again"), frozenset({"unplug"})),
+    Repair("restart-part", said("switch the part off and on"), frozenset({"late", "slow-consumer"})),
+    Repair("exchange-part", said("exchange the part for a good one"), frozenset({"stuck", "drift", "bus-off"})),
+    Repair("right-part", said("put the right part in its place"), frozenset({"wrong-number", "wrong-key"})),
+    Repair("remove-twin", said("take the second part with its identity away"), frozenset({"duplicate-identity"})),
+    Repair("new-cable", said("lay another cable to the part"), frozenset({"loss"})),
+    Repair("new-switch", said("exchange what is between the part and the master"),
+           frozenset({"delay", "duplicates", "reordering"})),
+    Repair("quiet-bus", said("take the stranger off the bus that sends and sends"), frozenset({"babbling"}),
+           at_part=False),
+    Repair("new-bus-cable", said("lay another bus cable, shielded and terminated"), frozenset({"bit-errors"}),
+           at_part=False),
+    Repair("restart-master", said("restart the master"), frozenset({"master-frozen"}), at_part=False),
+    Repair("restart-database", said("start the database again"), frozenset({"database-gone"}), at_part=False),
+)  # fmt: skip
+
+REPAIRS: Final[Mapping[str, Repair]] = MappingProxyType({row.name: row for row in _ROWS})
+"""Every repair by its name."""
+
+
+def repair_named(name: str) -> Repair:
+    """The repair of that name.
+
+    Raises:
+        ConfigError: there is none; the text lists them.
+    """
+    repair = REPAIRS.get(name)
+    if repair is None:
+        raise ConfigError(
+            said("there is no repair {name!r}; there are {repairs}", name=name, repairs=", ".join(REPAIRS))
+        )
+    return repair
+
+
+# What happened in a mission, one note after the other: all that marks are counted from. Pure.
+
+
+class What(Enum):
+    """The kinds of notes."""
+
+    BEGAN = "began"
+    """The mission; `who` has started it."""
+    FAULT_BEGAN = "fault began"
+    FAULT_OVER = "fault over"
+    """`word` is `mended` if a person has mended it at the part itself."""
+    NAMED = "named"
+    """`who` says that the fault `word` is at `slot`."""
+    REPAIRED = "repaired"
+    """`who` had the repair `word` done at `slot`; `number` is the fault that it mended, 0: none."""
+    ACT = "act"
+    """`who` had the operation `word` carried out."""
+    STATE = "state"
+    """The part in `slot` is `word` from now on."""
+    HINT = "hint"
+    """`who` was given hint `number`."""
+    LOOKED = "looked"
+    """`who` has looked the answers up."""
+    HOLDS = "holds"
+    """The condition of task `number` holds from now on, if `word` is `yes`, or no longer."""
+    ENDED = "ended"
+    """The mission, for the reason in `text`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """One note."""
+
+    at_s: float
+    """Seconds since the mission began."""
+    what: What
+    who: str = ""
+    number: int = 0
+    """Of a fault, a hint or a task, counted from 1."""
+    slot: str = ""
+    word: str = ""
+    text: str = ""
+    """A sentence, for people."""
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    """Of an act."""
+
+    def as_json(self) -> dict[str, object]:
+        """For a recording."""
+        text: JsonSentence = to_json(self.text)
+        return {
+            "at_s": self.at_s, "what": self.what.value, "who": self.who, "number": self.number, "slot": self.slot,
+            "word": self.word, "text": text, "arguments": dict(self.arguments),
+        }  # fmt: skip
+
+
+FACT_LONGEST_S: Final = 1e9
+"""No mission lasts longer; JSON may hold whole numbers that are no float."""
+
+
+def facts_from_json(notes: Iterable[object]) -> list[Fact]:
+    """The notes of a recording.
+
+    Raises:
+        RemoteProtocolError: one is no note of a mission.
+    """
+    return [_fact(note) for note in notes]
+
+
+def _fact(note: object) -> Fact:
+    match note:
+        case {
+            "at_s": int() | float() as at_s, "what": str(what), "who": str(who), "number": int(number),
+            "slot": str(slot), "word": str(word), "text": text, "arguments": dict(arguments),
+        } if what in {one.value for one in What} and abs(at_s) < FACT_LONGEST_S:  # fmt: skip
+            named = {str(name): str(value) for name, value in arguments.items()}
+            return Fact(float(at_s), What(what), who, number, slot, word, from_json(text), named)
+    raise RemoteProtocolError(f"no note of a mission: {note!r:.200}")

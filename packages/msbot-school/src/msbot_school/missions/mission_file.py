@@ -7,17 +7,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from msbot.operations.fault_wish import FaultWish
+from msbot.operations.fault_request import FaultRequest
 from msbot.operations.table import OPERATIONS
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.given_file import open_given_text
 from msbot_agent.text.sentence import said
-from msbot_agent.toml.document import Document, parse_document
-from msbot_agent.toml.limits import MOST_BYTES
+from msbot_agent.toml.document import MOST_BYTES, Document, parse_document
 from msbot_agent.toml.problems import Problems
 from msbot_agent.toml.table import Table
-from msbot_school.faults.conditions import read_condition
-from msbot_school.faults.kinds import KINDS, FaultKind
+from msbot_school.faults.kinds import KINDS, FaultKind, read_condition
 from msbot_school.missions.mission import (
     LONGEST_S,
     QUICK_SHARE,
@@ -277,7 +275,7 @@ def _one_or_several(table: Table, key: str, example: str, *, required: bool = Tr
 def _check_contradictions(top: Table, mission: Mission) -> None:
     """Two faults without choice, there at the same time, that contradict each other."""
     certain = [
-        (DrawnFault(number, FaultWish(one.kinds[0], one.at[0] if one.at else ""), find=True, mend=True), one)
+        (DrawnFault(number, FaultRequest(one.kinds[0], one.at[0] if one.at else ""), find=True, mend=True), one)
         for number, one in enumerate(mission.faults, 1)
         if len(one.kinds) == 1 and one.kinds[0] in KINDS and len(one.at) <= 1 and not one.when and one.chance is None
     ]

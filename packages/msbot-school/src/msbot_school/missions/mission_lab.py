@@ -15,16 +15,15 @@ from functools import partial
 from random import SystemRandom
 from typing import Final
 
-from msbot.operations.dispatch import Deed, RunningOperations
+from msbot.operations.dispatch import PerformedOperation, RunningOperations
 from msbot.pnp import PartEvent, PartState, StopStatus
 from msbot_agent.text.sentence import said
-from msbot_school.faults.conditions import Condition, read_condition
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_school.missions.facts import Fact, What
-from msbot_school.missions.mission import Mission, drawn
+from msbot_school.faults.kinds import Condition, read_condition
+from msbot_school.missions.mission import Fact, Mission, What, drawn
 from msbot_school.missions.mission_file import parse_mission, ready_mission
 from msbot_school.missions.mission_run import MissionRun
-from msbot_school.missions.played import PlayedMission
+from msbot_school.missions.recorded_missions import PlayedMission
 from msbot_xrce.errors import ConfigError
 
 LOOK_S: Final = 0.5
@@ -288,7 +287,7 @@ class MissionLab:
         if self._run is not None:
             self._run.looked(who, self._running.now())
 
-    def _done(self, deed: Deed) -> None:
+    def _done(self, deed: PerformedOperation) -> None:
         if self._run is not None and deed.operation not in NO_ACTS:
             self._run.act(deed.operation, deed.arguments, deed.who, deed.words, self._running.now())
 

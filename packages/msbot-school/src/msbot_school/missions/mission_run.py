@@ -7,10 +7,8 @@ from typing import Final
 
 from msbot_agent.text.sentence import said
 from msbot_school.faults.kinds import kind_named
-from msbot_school.missions.facts import Fact, What
 from msbot_school.missions.grading import VERDICTS, Grade, grade, judged, place_words
-from msbot_school.missions.mission import DrawnFault, Mission
-from msbot_school.missions.repairs import repair_named
+from msbot_school.missions.mission import DrawnFault, Fact, Mission, What, repair_named
 from msbot_xrce.errors import ConfigError
 
 MOST_FACTS: Final = 2000

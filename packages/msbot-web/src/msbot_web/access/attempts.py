@@ -16,8 +16,8 @@ are sent one after the other.
 from __future__ import annotations
 
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import MsbotError
+from msbot_xrce.lazy import dataclass
 
 FREE_TRIES = 5
 """Wrong passwords in a row before a pause."""

@@ -8,8 +8,8 @@ import secrets
 from msbot.operations.rights import Role, role_named
 from msbot_agent.text.sentence import said
 from msbot_web.access.passwords import check_password
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MOST_BYTES = 256_000
 MOST_PEOPLE = 1000

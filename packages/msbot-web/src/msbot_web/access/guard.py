@@ -27,13 +27,30 @@ from msbot.registry.maintenance.upkeep import MOST_OF_PAGE
 from msbot_agent.link.net import PART_PATH
 from msbot_agent.text.sentence import said
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.cookies import CookieNames
 from msbot_web.access.proxies import UNTRUSTED
 from msbot_web.access.sessions import Session
-from msbot_web.content_policy import NONCE, new_nonce, page_policy
-from msbot_web.place import THIS_COMPUTER
-from msbot_web.refusals import HTML, PASSING, refusal_page, wants_page
-from msbot_xrce.common.tally import Tally
+from msbot_web.content_policy import HTML, NONCE, PASSING, new_nonce, page_policy, refusal_page, wants_page
+from msbot_web.root_path import THIS_COMPUTER
+from msbot_xrce.counting import Tally
+from msbot_xrce.lazy import dataclass
+
+# The names of a robot's cookies. Cookies know no ports, so each robot on a computer has names of its own.
+
+
+@dataclass(frozen=True, slots=True)
+class CookieNames:
+    """What the cookies of one robot are called."""
+
+    session: str = "msbot_session"
+    """Holds the session's word."""
+    device: str = "msbot_device"
+    """The word of a browser that a person is known in."""
+
+
+def cookie_names(mark: str) -> CookieNames:
+    """The names for the robot with that mark: letters and digits."""
+    return CookieNames(f"msbot_session_{mark}", f"msbot_device_{mark}")
+
 
 CSRF_HEADER = "x-csrf-token"
 MAX_BODY = 1024 * 1024
@@ -95,7 +112,7 @@ Headers: TypeAlias = dict[str, str]
 
 
 class AccessGuard:
-    """ASGI middleware, see the module's docstring.
+    """ASGI middleware: see the comment above.
 
     Args:
         app: everything behind it.

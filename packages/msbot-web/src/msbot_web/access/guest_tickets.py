@@ -14,8 +14,8 @@ from collections.abc import Callable
 from msbot_agent.text.sentence import said
 from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.sessions import digest_of
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 TICKET_S = 600.0
 """How long a ticket can be used."""

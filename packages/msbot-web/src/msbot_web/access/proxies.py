@@ -16,9 +16,9 @@ from urllib.parse import urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from msbot_web.place import ROOT
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_web.root_path import ROOT
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 FOR, PROTO, HOST, PREFIX = b"x-forwarded-for", b"x-forwarded-proto", b"x-forwarded-host", b"x-forwarded-prefix"
 UNTRUSTED = "untrusted_proxy"

@@ -15,7 +15,7 @@ from enum import Enum, auto
 
 from msbot.operations.rights import Right, Role
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 IDLE_S = 8 * 3600.0
 """A session that is not used for this long ends: a school day."""

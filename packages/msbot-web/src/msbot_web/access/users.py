@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from msbot.operations.rights import Role
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 OF_PARTS = "parts:"
 

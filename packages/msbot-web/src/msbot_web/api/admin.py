@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request
 from fastapi.responses import Response, StreamingResponse
 
+from msbot.metrics.serving import exposition
 from msbot_agent.text.sentence import said
 from msbot_web.api.answers import PROBLEMS
 from msbot_web.api.models import Done, NewToken, NewUser, RelayTicket, UserChange, UserLine, Words
@@ -80,5 +82,22 @@ def make_admin_api(service: Service) -> APIRouter:
     async def restore(session: SignedIn, request: Request) -> Done:
         """Go back to a backup: its octets are the body."""
         return await service.restore(session, request.stream())
+
+    return router
+
+
+# `/metrics`: the robot's figures for Prometheus, for everybody who may see the robot.
+
+
+def make_metrics(service: Service) -> APIRouter:
+    """The one call."""
+    router = APIRouter()
+
+    @router.get("/metrics", include_in_schema=False)
+    async def metrics(session: SignedIn) -> Response:
+        """The figures: read here, in the robot's loop, and written down in a thread."""
+        figures = service.figures(session)
+        text, content_type = await asyncio.to_thread(exposition, lambda: figures)
+        return Response(text, media_type=content_type)
 
     return router

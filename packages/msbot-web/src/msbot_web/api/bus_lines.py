@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_web.api.model import Model
+from msbot_web.api.models import Model
 from msbot_web.api.said import Said
 
 

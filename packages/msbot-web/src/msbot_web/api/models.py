@@ -5,12 +5,99 @@ Ages and rates are worked out at the moment of asking, so nobody has to share a 
 
 from __future__ import annotations
 
-from pydantic import Field
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-from msbot_web.api.model import Model as Model  # noqa: PLC0414 - others look for it here
+from pydantic import BaseModel, ConfigDict, Field
+
 from msbot_web.api.said import Said
-from msbot_web.api.says import Offer, Says
-from msbot_web.api.wear import Wear
+
+# What all models of the API have in common.
+
+
+@contextmanager
+def _built_at_first_use() -> Iterator[None]:
+    """Models that are made here get their validators when one of them is first used."""
+    BaseModel.model_config["defer_build"] = True
+    try:
+        yield
+    finally:
+        del BaseModel.model_config["defer_build"]
+
+
+with _built_at_first_use():
+    # Those of an OpenAPI description: a quarter of what it takes to load FastAPI, and hardly ever used.
+    import fastapi.openapi.models  # noqa: F401
+
+
+class Model(BaseModel):
+    """Base: values are never changed, and unknown fields in a request are an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+# What a part says of itself, and the wires that would fit it, as pages and API show them.
+
+
+class PortDeclaration(Model):
+    """A port that a part says it has."""
+
+    name: str
+    direction: str
+    """`publish` or `subscribe`."""
+    type: str
+    fields: list[str]
+    """The fields of its messages with their units."""
+    safe: str
+    """Its safe value in words; empty: none."""
+
+
+class SettingDeclaration(Model):
+    """A setting that a part says it has."""
+
+    name: str
+    default: str
+    least: float | None
+    most: float | None
+    unit: str
+
+
+class PartDeclaration(Model):
+    """What a part says of itself: data of a stranger, checked, and not in force."""
+
+    name: str = ""
+    """What it is, in a few words."""
+    description: str = ""
+    ports: list[PortDeclaration] = Field(default_factory=list)
+    settings: list[SettingDeclaration] = Field(default_factory=list)
+    checked: bool
+    """Whether it can be adopted."""
+    fault: Said = ""
+    """Why it is refused."""
+
+
+class Offer(Model):
+    """A wire that fits by its type: the arguments of `POST /topics/{topic}/bind`."""
+
+    topic: str
+    type: str
+    source: str = Field(alias="from")
+    to: list[str]
+
+
+# How the session of a part has gone, as pages and API show it.
+
+
+class Wear(Model):
+    """What went wrong between the agent and a part since its session was opened."""
+
+    repeated: int
+    """Messages of the part that came twice, or too late."""
+    resent: int
+    """Messages that were sent to it again."""
+    unread: int
+    """Samples for it that were thrown away because it takes them too slowly."""
+
 
 Scalar = bool | int | float | str
 
@@ -115,7 +202,7 @@ class PartLine(Model):
     ignored: bool = False
     nature: str = ""
     """`real` or `simulated`, as the part itself says; empty when it does not."""
-    says: Says | None = None
+    says: PartDeclaration | None = None
     """What it says of itself, while the library does not know its part number."""
     refusal: str = ""
     """Why it was refused or stands by, in a word for programs, as `blocked` or `no_slot`; empty: it is let in."""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from inspect import Parameter, Signature
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Depends, Path
 from pydantic import Field, create_model
 
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
+from msbot_agent.startup.extensions import extensions
+from msbot_web.api.answers import PROBLEMS
 from msbot_web.api.models import Done, Model, Scalar
-from msbot_web.api.session import SignedIn, done_for
+from msbot_web.api.session import SignedIn, done_for, session_of
 from msbot_web.api.stop_call import STOP
 from msbot_web.service import Service, done_of
 
@@ -93,3 +95,18 @@ def _field(argument: Argument) -> tuple[object, object]:
     if argument.default is None:
         return kind | None, Field(default=None, **given)
     return kind, Field(default=argument.default, **given)
+
+
+# Calls of the API that extensions bring, below `/api/x/NAME`, for people who are signed in.
+
+
+def brought_routers(service: Service) -> Iterator[APIRouter]:
+    """The routers of all extensions; one whose function fails is left out."""
+    for name, make in extensions().all("routes", object).items():
+        router = APIRouter(prefix=f"{PREFIX}/x/{name}", responses=PROBLEMS, dependencies=[Depends(session_of)])
+        try:
+            router.include_router(make(service))  # type: ignore[operator]  # what cannot be called is left out
+        except Exception as error:
+            extensions().leave_out_named("routes", name, f"{type(error).__name__}: {error}")
+            continue
+        yield router

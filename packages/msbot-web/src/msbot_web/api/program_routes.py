@@ -10,10 +10,9 @@ from pydantic import Field
 from msbot.registry import ProgramSource
 from msbot_agent.text.sentence import said
 from msbot_web.access.guest_tickets import MOST_GUESTS, TICKET_S
-from msbot_web.api.model import Model
-from msbot_web.api.models import Done
+from msbot_web.api.models import Done, Model
 from msbot_web.api.session import SignedIn
-from msbot_web.programs.program_shelf import MAX_BLOCKS, MAX_PROGRAM
+from msbot_web.programs.programs import MAX_BLOCKS, MAX_PROGRAM
 from msbot_web.service import Service
 
 FileName = Annotated[str, Path(max_length=60, description="File name of the program, such as `lamp.py`")]

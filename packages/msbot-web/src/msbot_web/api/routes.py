@@ -13,12 +13,10 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from msbot.operations.rights import Right
-from msbot_school.missions.played import grade_json, played_from_json
+from msbot_school.missions.recorded_missions import grade_json, played_from_json
 from msbot_web.api.answers import PROBLEMS, Health
 from msbot_web.api.bus_lines import BusFigures, FrameLine
-from msbot_web.api.class_models import RobotStatus, RobotTile
-from msbot_web.api.doctor_models import ExaminationState
-from msbot_web.api.mission_models import MissionMarks, MissionState
+from msbot_web.api.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
 from msbot_web.api.models import (
     BlueprintDiff,
     BlueprintText,

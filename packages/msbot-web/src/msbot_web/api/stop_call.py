@@ -21,7 +21,7 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
 from msbot.operations.table import OPERATIONS
-from msbot_agent.text.json_reading import read_told
+from msbot_agent.text.given_file import read_told
 from msbot_agent.text.sentence import said
 from msbot_web.access.guard import STOP_PATH
 from msbot_web.api.answers import PROBLEMS
@@ -29,7 +29,7 @@ from msbot_web.api.models import StopDone
 from msbot_web.api.session import session_of
 from msbot_web.language import language_of
 from msbot_web.service import Service
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 STOP = OPERATIONS["stop"]
 

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import importlib
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from msbot_agent.cli.numbers import WholeRange
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.cli.options import WholeRange
+from msbot_agent.cli.services import Beside, CommandService
+from msbot_agent.startup.kept_beside import made_to_stay
+from msbot_school.classroom import mdns
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
-    from msbot_web.assembly import WebRoom
+    from msbot.cli.run.master_services import MasterContext
+    from msbot.master import Master
+    from msbot_web.assembly import RobotPages
     from msbot_web.server import WebSettings
+
 
 DEFAULT_PORT = 8080
 
@@ -23,7 +30,7 @@ _C = TypeVar("_C", bound=Callable[..., object])
 
 
 @dataclass(frozen=True, slots=True)
-class PageWishes:
+class PageOptions:
     """The user's options."""
 
     host: str
@@ -72,7 +79,7 @@ def page_wishes(
     certificate_key: Path | None,
     page_names: tuple[str, ...] = (),
     trusted_proxies: tuple[str, ...] = (),
-) -> PageWishes:
+) -> PageOptions:
     """The options as one value.
 
     Raises:
@@ -80,7 +87,7 @@ def page_wishes(
     """
     if certificate_key is not None and certificate is None:
         raise ConfigError("--certificate-key needs the certificate, too: --certificate FILE")
-    return PageWishes(
+    return PageOptions(
         host,
         DEFAULT_PORT if port is None else port,
         port is None,
@@ -93,7 +100,7 @@ def page_wishes(
 
 
 async def serve_page(
-    room: WebRoom, ready: asyncio.Event | None, wishes: PageWishes, say: Callable[[str], None]
+    room: RobotPages, ready: asyncio.Event | None, wishes: PageOptions, say: Callable[[str], None]
 ) -> None:
     """Serve the page until cancelled; say where it is as soon as it and the robot are up.
 
@@ -113,3 +120,115 @@ async def serve_page(
             say("Everybody in this computer's networks can reach it; a password protects it"
                 + ("." if wishes.certificate else ", but what travels can be read: add --certificate."))  # fmt: skip
         await serving
+
+
+# `--announce`: a master that says in the network that it is there.
+
+
+ONLY_HERE = ("127.0.0.1", "localhost", "::1")
+ALL_NETWORKS = ("0.0.0.0", "::")
+
+
+def class_to_announce(name: str, page: PageOptions) -> str:
+    """The class that a master is announced for.
+
+    Raises:
+        ConfigError: it cannot be announced like that; the text says what would be right.
+    """
+    if page.off or page.host in ONLY_HERE:
+        raise ConfigError(
+            "--announce needs a page that other computers can reach: --host 0.0.0.0, or this computer's address in "
+            "one network"
+        )
+    own = mdns.own_addresses()
+    if page.host not in ALL_NETWORKS and page.host not in own:
+        known = f", or {', '.join(own)}" if own else ""
+        raise ConfigError(
+            f"--announce tells an IPv4 address of this computer, and {page.host} is none: --host 0.0.0.0{known}"
+        )
+    return mdns.check_class_name(name)
+
+
+def announcer(
+    master: Master, room: RobotPages, page: PageOptions, class_name: str, say: Callable[[str], None]
+) -> mdns.Announcer:
+    """What announces a master and its page."""
+    profile = master.profile
+    host = "" if page.host in ALL_NETWORKS else page.host
+    announced = mdns.Announced(
+        profile.name, profile.serial_number, profile.version, class_name, room.server.port,
+        page.certificate is not None, host,
+    )  # fmt: skip
+    return mdns.Announcer(announced, say)
+
+
+# The service `page` of `msbot master`: the robot's web page, and with `--announce` its name in the network.
+
+
+announce_option = click.option(
+    "--announce", metavar="CLASS", help="Say in the network that this robot is there, for `msbot class find`; needs a "
+    "page that others can reach: --host.",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    page: PageOptions
+    announced_for: str
+    """The class for which it is announced in the network; empty: it is not."""
+
+
+class PageService(CommandService[_Wanted, "MasterContext"]):
+    """Shows the lessons of the service `teaching`."""
+
+    options = (page_options, announce_option)
+    after = ("teaching",)
+
+    def check(self, given: Mapping[str, Any]) -> _Wanted | None:
+        """The page's options."""
+        page = page_wishes(
+            port=given["port"],
+            host=given["host"],
+            no_page=given["no_page"],
+            certificate=given["certificate"],
+            certificate_key=given["certificate_key"],
+            page_names=given["page_names"],
+            trusted_proxies=given["trusted_proxies"],
+        )
+        announced_for = ""
+        if given["announce"] is not None:
+            announced_for = class_to_announce(given["announce"], page)
+        return None if page.off else _Wanted(page, announced_for)
+
+    def prepare(self, wanted: _Wanted) -> None:  # noqa: ARG002 - every page is the same to load
+        """Load the page."""
+        with made_to_stay():
+            importlib.import_module("msbot_web.assembly")
+
+    def beside(self, wanted: _Wanted, context: MasterContext) -> Iterable[Beside]:
+        """The page, and what announces it."""
+        with made_to_stay():
+            from msbot_school.lessons.lesson_controller import LessonController
+            from msbot_web.assembly import Database, RobotPages
+            from msbot_web.real_buses import seen_of_links
+
+            desk = context.offers.get("teaching")
+            room = RobotPages(
+                context.master,
+                context.operations,
+                context.library,
+                database=Database(context.registry, context.robot, context.db),
+                seen=seen_of_links(context.links),
+                settings=wanted.page.settings(),
+                lessons=desk if isinstance(desk, LessonController) else None,
+                space=context.space,
+            )
+        context.page_address = lambda: room.server.own_address
+        context.page_figures = room.figures
+        found = [serve_page(room, context.ready, wanted.page, context.say)]
+        if wanted.announced_for:
+            found.append(announcer(context.master, room, wanted.page, wanted.announced_for, context.say).run())
+        return found
+
+
+PAGE = PageService()

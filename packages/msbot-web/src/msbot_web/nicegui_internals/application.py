@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI
 from nicegui import client, core, ui
@@ -56,3 +58,25 @@ def _mark_page_scripts() -> None:
     environment = client.templates.env
     if environment.loader is not None and not isinstance(environment.loader, NonceLoader):
         environment.loader = NonceLoader(environment.loader)
+
+
+# Names of elements that NiceGUI has and does not offer.
+
+
+# The protocol of websockets, loaded when the first of them comes or the first page has gone, not before that page.
+
+
+class LateWebSocket(asyncio.Protocol):
+    """Becomes uvicorn's own protocol when a connection asks for one."""
+
+    def __new__(cls, **given: Any) -> Any:  # noqa: ANN401 - whatever uvicorn gives and wants
+        """The protocol for one connection."""
+        return websocket_protocol()(**given)
+
+
+def websocket_protocol() -> type[asyncio.Protocol]:
+    """What uvicorn would have chosen at its start; here it is always installed."""
+    from uvicorn.protocols.websockets.auto import AutoWebSocketsProtocol
+
+    assert isinstance(AutoWebSocketsProtocol, type)
+    return AutoWebSocketsProtocol

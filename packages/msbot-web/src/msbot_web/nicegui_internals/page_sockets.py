@@ -22,11 +22,10 @@ from urllib.parse import parse_qs
 from nicegui import core
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from msbot_agent.pace.steady_rate import SteadyRate
+from msbot_agent.pace import SteadyRate
 from msbot_web.access.guard import SOCKET_PATH
 from msbot_web.access.sessions import Session
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally, amount
 
 MESSAGES_PER_S = 200.0
 """What is read of one browser in all its tabs; a hand that draws moves some sixty times a second."""

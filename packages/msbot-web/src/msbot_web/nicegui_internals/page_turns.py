@@ -21,8 +21,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot_web.access.guard import TURN_PATH
 from msbot_web.access.sessions import Session
-from msbot_web.refusals import refuse
-from msbot_xrce.common.tally import Tally
+from msbot_web.content_policy import refuse
+from msbot_xrce.counting import Tally
 
 MOST_WAITING = 8
 """Pages that one session may be waiting for."""

@@ -8,7 +8,7 @@ import sys
 from collections.abc import AsyncIterator
 from typing import TYPE_CHECKING, Any
 
-from msbot.process.late_modules import leave_out, load_late
+from msbot.process.daemon_threads import leave_out, load_late
 
 if TYPE_CHECKING:
     from fastapi import FastAPI

@@ -18,9 +18,9 @@ from msbot_web.api.models import Done, UserLine
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
-from msbot_web.place import THIS_COMPUTER, base_of
+from msbot_web.root_path import THIS_COMPUTER, base_of
 from msbot_web.service import Service
-from msbot_web.svg.passport import qr_svg
+from msbot_web.svg.drawings import qr_svg
 from msbot_xrce.errors import MsbotError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from msbot_web.html import render
 from msbot_web.pages.layout import page_frame
-from msbot_web.place import base_of
+from msbot_web.root_path import base_of
 from msbot_web.service import Service
 
 

@@ -18,7 +18,7 @@ from msbot_web.api.models import Done
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import heading, panel, set_html
-from msbot_web.place import root
+from msbot_web.root_path import root
 from msbot_web.service import Service
 
 PUSH_S = 0.1

@@ -10,15 +10,13 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.api.models import PartLine
-from msbot_web.api.says import Offer
+from msbot_web.api.models import Offer, PartLine
 from msbot_web.api.session import parts_for
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import heading, page_dialog, set_html, show_dialog
 from msbot_web.pages.simulator import simulator_panel
-from msbot_web.pages.slots_by_hand import slot_name
-from msbot_web.pages.topics_by_hand import free_name
+from msbot_web.pages.slots_by_hand import free_name, slot_name
 from msbot_web.service import Service
 from msbot_web.svg.drawings import state_chip
 

@@ -16,10 +16,10 @@ from msbot_web.api.bus_lines import BusFigures, FrameLine
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html
+from msbot_web.robot_view import RobotView
 from msbot_web.service import Service
-from msbot_web.sight import Sight
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.lazy import dataclass
 
 ROWS = 60
 """Rows that are shown; the counters beside them count every frame."""
@@ -187,5 +187,5 @@ def _colour_of(row: FrameLine) -> str:
     return f"hsl({row.node * 360 // COLOURS % 360} 60% 50%)" if row.node else "transparent"
 
 
-def _download(page: Page, name: str, lines: Callable[[Sight], str]) -> None:
+def _download(page: Page, name: str, lines: Callable[[RobotView], str]) -> None:
     ui.download.content(page.private_octets().lines(lines(page.sight)), name)

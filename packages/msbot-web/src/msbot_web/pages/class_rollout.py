@@ -8,8 +8,7 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from msbot_school.classroom.rollout import RollOutPlan
-from msbot_school.classroom.rollout_book import Remembered
-from msbot_school.classroom.rollout_run import RobotStep, RollOutRun, StepState
+from msbot_school.classroom.rollout_run import Remembered, RobotStep, RollOutRun, StepState
 from msbot_web.api.class_models import RobotTile
 from msbot_web.class_rollouts import Pattern, RobotKey
 from msbot_web.html import render

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from msbot.operations.rights import Right
 from msbot_agent.startup.extensions import extensions
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot_web.pages.layout import Page

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from msbot_web import handbook
 from msbot_web.service import Service
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot_web.pages.layout import Page

@@ -17,7 +17,7 @@ from nicegui import Client, ui
 
 from msbot.operations.rights import Right
 from msbot_agent.text.sentence import said
-from msbot_school.lessons.shelf import SIMPLE
+from msbot_school.lessons.catalog import SIMPLE
 from msbot_web.access.accounts import SignedOut
 from msbot_web.access.sessions import Session
 from msbot_web.api.bus_lines import FrameLine
@@ -33,11 +33,11 @@ from msbot_web.pages.easy import is_easy, read_easily
 from msbot_web.pages.help import help_button, offer_tour
 from msbot_web.pages.looking_back import PATHS, LookingBack
 from msbot_web.pages.menu import show_menu
-from msbot_web.place import root
+from msbot_web.robot_view import LiveRobotView, RobotView
+from msbot_web.root_path import root
 from msbot_web.service import Service, done_of
-from msbot_web.sight import LiveSight, Sight
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, MsbotError, NotThere
+from msbot_xrce.lazy import dataclass
 
 _log = logging.getLogger(__name__)
 
@@ -78,11 +78,11 @@ class Page:
     """Which moment it shows, seconds since 1970; None: the present."""
     looking_back: LookingBack | None = None
     """Its time slider; None: it shows the present only."""
-    sight: Sight = field(init=False)
+    sight: RobotView = field(init=False)
     """What it looks at."""
 
     def __post_init__(self) -> None:
-        self.sight = LiveSight(self.service)
+        self.sight = LiveRobotView(self.service)
 
     @property
     def reads(self) -> str:

@@ -13,12 +13,10 @@ from msbot.operations.rights import Right
 from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import ask_first
-from msbot_web.pages.slots_by_hand import ask_for_slot
-from msbot_web.pages.type_search import types_found
-from msbot_web.place import base_of
+from msbot_web.pages.slots_by_hand import ask_for_slot, types_found
+from msbot_web.root_path import base_of
 from msbot_web.service import Service
-from msbot_web.svg.drawings import value_words
-from msbot_web.svg.passport import picture_of, qr_svg
+from msbot_web.svg.drawings import picture_of, qr_svg, value_words
 
 
 def register(service: Service) -> None:

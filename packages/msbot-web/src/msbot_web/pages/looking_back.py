@@ -17,8 +17,8 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from msbot_web.html import render
-from msbot_web.place import root
-from msbot_web.sight import PastSight
+from msbot_web.robot_view import PastRobotView
+from msbot_web.root_path import root
 from msbot_xrce.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class LookingBack:
                 self._say(str(error))
             return
         if self._wanted is not None:
-            page.sight = PastSight(moment)
+            page.sight = PastRobotView(moment)
             self._show(at_s)
 
     def _show(self, at_s: float | None) -> None:

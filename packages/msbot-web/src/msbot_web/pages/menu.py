@@ -11,7 +11,7 @@ from msbot.operations.rights import Right
 from msbot_web.pages.easy import ENTRIES
 from msbot_web.pages.extension_page import brought_pages
 from msbot_web.pages.lost_parts import lost_slots, tell_lost
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot_web.pages.layout import Page

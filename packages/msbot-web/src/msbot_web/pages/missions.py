@@ -11,10 +11,10 @@ from nicegui.events import UploadEventArguments
 
 from msbot.operations.rights import Right
 from msbot_school.faults.kinds import KINDS
+from msbot_school.missions.mission import REPAIRS
 from msbot_school.missions.mission_file import MOST_TEXT, ready_missions
-from msbot_school.missions.played import PlayedMission, played_from_json
-from msbot_school.missions.repairs import REPAIRS
-from msbot_web.api.mission_models import MissionState
+from msbot_school.missions.recorded_missions import PlayedMission, played_from_json
+from msbot_web.api.class_models import MissionState
 from msbot_web.mission_report import report_body, report_page
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.number_field import NumberField

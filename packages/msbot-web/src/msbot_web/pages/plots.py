@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from urllib.parse import parse_qsl, urlencode
 
@@ -17,18 +17,66 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from msbot.pnp.explain_samples import value_words
-from msbot.recording.curves.curve import Figures, Point, figures_of, thinned
-from msbot.recording.curves.wanted import WantedCurves
-from msbot_agent.text.table_cell import as_cell
+from msbot.recording.curves.curve import Figures, Point, WantedCurves, figures_of, thinned
+from msbot_agent.text.sentence import as_cell
 from msbot_web.html import render
 from msbot_web.live import HISTORY_S
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html
-from msbot_web.pages.plot_views import SavedViews
-from msbot_web.place import root
+from msbot_web.root_path import root
 from msbot_web.service import Service
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import MsbotError
+from msbot_xrce.lazy import dataclass
+
+# Saved views of the page Plots: names for addresses, which the person's browser keeps.
+
+
+class SavedViews:
+    """The fields and buttons for them.
+
+    Args:
+        page: where.
+        address: of what is shown at present.
+        go: shows what an address has.
+    """
+
+    def __init__(self, page: Page, address: Callable[[], str], go: Callable[[str], None]) -> None:
+        self._page = page
+        self._address = address
+        self._go = go
+        self._views: dict[str, str] = {}
+        self._saved = ui.select([], label=page.say("Saved views"), on_change=self._open).props(
+            "outlined dense options-dense"
+        ).style("min-width:10rem")  # fmt: skip
+        self._name = ui.input(page.say("Name of this view")).props("outlined dense maxlength=40")
+        ui.button(page.say("Save"), icon="bookmark_add", on_click=self._save).props("flat")
+        ui.button(page.say("Forget"), icon="bookmark_remove", on_click=self._forget).props("flat")
+        ui.on("plots_views", self._know)
+
+    def _know(self, event: GenericEventArguments) -> None:
+        found = event.args if isinstance(event.args, dict) else {}
+        self._views = {str(name): str(address) for name, address in found.items()}
+        self._saved.set_options([*self._views])
+
+    def _save(self) -> None:
+        name = str(self._name.value or "").strip()
+        if not name:
+            ui.notify(self._page.say("Give the view a name first."), type="warning")
+            return
+        ui.run_javascript(f"msbotPlots.keep({json.dumps(name)}, {json.dumps(self._address())})")
+        self._name.set_value("")
+        ui.notify(self._page.say("{name} is saved in this browser", name=name), type="positive")
+
+    def _forget(self) -> None:
+        if self._saved.value:
+            ui.run_javascript(f"msbotPlots.keep({json.dumps(str(self._saved.value))}, '')")
+            self._saved.set_value(None)
+
+    def _open(self) -> None:
+        address = self._views.get(str(self._saved.value or ""), "")
+        if address.startswith("/plots?"):
+            self._go(address)
+
 
 SPANS_S = {"10 s": 10.0, "1 min": 60.0, "5 min": 300.0, "10 min": 600.0, "1 h": 3600.0}
 """Those up to five minutes are live."""
@@ -77,7 +125,7 @@ class _View:
 
 
 class _Plots:
-    """See the module's docstring."""
+    """Saved views of the page Plots: names for addresses, which the person's browser keeps."""
 
     def __init__(self, page: Page, wanted: Sequence[str], span_s: float) -> None:
         self._page = page

@@ -23,14 +23,13 @@ from msbot_web.pages.arrivals import adopt
 from msbot_web.pages.layout import BUILD_S, Page, page_frame
 from msbot_web.pages.page_elements import show_dialog
 from msbot_web.pages.program_blocks import ProgramBlocks
+from msbot_web.pages.program_editor import ShareDialog
 from msbot_web.pages.program_words import program_words
-from msbot_web.pages.share_program import ShareDialog
-from msbot_web.pages.under_teacher import UnderTeacher
-from msbot_web.place import base_of, root
-from msbot_web.programs.block_view import PYTHON, with_view
+from msbot_web.pages.pupil_program import TakenOverPage
 from msbot_web.programs.browser_files import examples
-from msbot_web.programs.program_deeds import ProgramDeeds
-from msbot_web.programs.program_shelf import MAX_BLOCKS, MAX_PROGRAM
+from msbot_web.programs.programs import MAX_BLOCKS, MAX_PROGRAM, ProgramActions
+from msbot_web.programs.robot_words import PYTHON, with_view
+from msbot_web.root_path import base_of, root
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError
 
@@ -63,7 +62,7 @@ class _Desk:
     def __init__(self, page: Page, base: str) -> None:
         self._page = page
         self._base = base
-        self._deeds: ProgramDeeds = page.service.programs
+        self._deeds: ProgramActions = page.service.programs
         self._name = ""
         self._kept = ProgramSource("")
         """The program as it was opened or kept last."""
@@ -75,7 +74,7 @@ class _Desk:
 
     async def lay_out(self, name: str, shared: str) -> None:
         """Make everything, and open what the address names: a program, a shared one, or the last."""
-        from msbot_web.pages.editor import Editor  # with CodeMirror, which the first page does not need
+        from msbot_web.pages.program_editor import Editor  # with CodeMirror, which the first page does not need
 
         say = self._page.say
         for script in ("board", "program"):
@@ -116,7 +115,7 @@ class _Desk:
         ui.run_javascript(f"msbotProgram.label({self._editor.id}, {json.dumps(say('Program text'))})")
         self._blocks.lay_out_editor(self._editor)
         held = (run, stop, self._blocks.switch, self._choice, *keeping)
-        UnderTeacher(self._page, self._blocks, held, lambda: (self._name, self._source))
+        TakenOverPage(self._page, self._blocks, held, lambda: (self._name, self._source))
         assert self._page.client is not None
         self._page.client.on_disconnect(self._left)
         self._page.client.on_connect(self._connected)

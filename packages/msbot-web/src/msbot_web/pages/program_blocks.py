@@ -16,10 +16,9 @@ from msbot.registry import ProgramSource
 from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page
 from msbot_web.pages.page_elements import show_dialog
-from msbot_web.place import root
-from msbot_web.programs.block_view import BLOCKS, PYTHON, View, view_of, with_view
-from msbot_web.programs.program_shelf import MAX_BLOCKS
-from msbot_web.programs.robot_words import RobotWords, robot_words
+from msbot_web.programs.programs import MAX_BLOCKS
+from msbot_web.programs.robot_words import BLOCKS, PYTHON, RobotWords, View, robot_words, view_of, with_view
+from msbot_web.root_path import root
 
 SCRIPT_LANGUAGES = ("en", "de")
 """Languages of which Blockly's own words are carried (`static/blockly`)."""

@@ -13,16 +13,65 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot_web.access.guest_tickets import MOST_GUESTS
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import Done, RelayTicket
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import END_WITH_MASTER, ask_first, heading, page_dialog, panel, show_dialog
-from msbot_web.pages.relay_tickets import relay_tickets
-from msbot_web.place import THIS_COMPUTER, base_of
 from msbot_web.pupils import PupilNow, PupilTicket
+from msbot_web.root_path import THIS_COMPUTER, base_of
 from msbot_web.service import Service
-from msbot_web.svg.passport import qr_svg
+from msbot_web.svg.drawings import qr_svg
 from msbot_xrce.errors import MsbotError
+
+# Tickets for relays and agents: a teacher gives them, sees which there are, and takes them back.
+
+
+def relay_tickets(page: Page) -> None:
+    """The panel of page Pupils."""
+    service, say = page.service, page.say
+    with panel().classes("w-full"):
+        heading(say("Relays and agents"))
+        ui.label(
+            say("A ticket lets a relay or an agent bring parts that are no pupil's. It opens nothing else.")
+        ).classes("soft")
+        for ticket in service.tickets(page.session):
+            with ui.element("div").classes("row spread line"):
+                ui.label(f"{ticket.purpose} · {ticket.name}").classes("ellipsis")
+                ui.button(say("Remove"), on_click=partial(_remove, page, ticket)).props("flat dense color=negative")
+        if service.accounts.role_of(page.session.name) is None:  # the demo's own administrator
+            ui.label(say("A token belongs to a person: add one first.")).classes("soft")
+            return
+        with ui.element("div").classes("row").style("margin-top:.8rem;align-items:flex-end"):
+            wanted = ui.input(say("Name of the relay or agent")).props("dense outlined maxlength=64")
+
+            async def make() -> None:
+                made: list[str] = []
+
+                async def deed(session: Session) -> Done:
+                    made.append(await service.new_ticket(session, session.name, str(wanted.value or "")))
+                    return Done(words=say("The ticket is made."))
+
+                if await page.do(deed) is not None:
+                    with ui.dialog() as dialog, ui.card():
+                        ui.label(say("Copy it now: it is never shown again."))
+                        ui.label(f"MSBOT_TOKEN={made[0]}").classes("mono").style(
+                            "user-select:all;overflow-wrap:anywhere"
+                        )
+                        ui.button(say("Close"), on_click=lambda: ui.navigate.to("/pupils"))
+                    show_dialog(dialog)
+
+            ui.button(say("Make a ticket"), icon="hub", on_click=make)
+
+
+def _remove(page: Page, ticket: RelayTicket) -> None:
+    async def remove() -> None:
+        deed = partial(page.service.remove_token, name=ticket.name, purpose=ticket.purpose)
+        if await page.do(deed) is not None:
+            ui.navigate.to("/pupils")
+
+    ask_first(page, page.say("Remove the ticket for {purpose}? What it brings is gone at once.",
+                             purpose=ticket.purpose), remove)  # fmt: skip
+
 
 DAYS = (1, 7, 30)
 
@@ -117,7 +166,7 @@ class _Everybody:
             with ui.element("div").classes("row"):
                 if one.hand_s is not None:
                     seen = partial(page.do, lambda session: _seen(page, session, one.name))
-                    ui.button(say("Seen"), on_click=seen).props("flat dense")
+                    ui.button(say("PageSources"), on_click=seen).props("flat dense")
                 look = f"/pupil?name={quote(one.name)}"
                 ui.button(say("Look"), on_click=partial(ui.navigate.to, look)).props("flat dense")
                 if one.taken_by:

@@ -92,7 +92,7 @@ def _robot(page: Page) -> None:
 
 
 async def _blueprint(page: Page) -> None:
-    from msbot_web.pages.editor import Editor  # with CodeMirror, which the first page does not need
+    from msbot_web.pages.program_editor import Editor  # with CodeMirror, which the first page does not need
 
     service, say = page.service, page.say
     try:

@@ -12,7 +12,7 @@ from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html
 from msbot_web.service import Service
-from msbot_web.svg.plots import bars_svg
+from msbot_web.svg.wiring_graph import bars_svg
 
 SPANS_S = {"1 min": 60.0, "5 min": 300.0, "30 min": 1800.0, "2 h": 7200.0}
 EVENTS = 100

@@ -12,7 +12,7 @@ from msbot_web.api.models import Scalar, Value
 from msbot_web.html import render
 from msbot_web.pages.layout import Page
 from msbot_web.pages.number_field import NumberField
-from msbot_web.pages.wire_editor import edit_wires
+from msbot_web.pages.wires import edit_wires
 from msbot_web.svg.drawings import value_words
 from msbot_xrce.errors import MsbotError
 

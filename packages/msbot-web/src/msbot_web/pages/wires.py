@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
 
 from fastapi import Request
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
+from msbot.config import BOARD_DRIVERS, PartType, WiredPart, wired_part, wired_parts
+from msbot.config.library.board_wiring import CHIPS, pin_faults
+from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
 from msbot_web.api.models import TopicLine
-from msbot_web.html import render
+from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page, page_frame
-from msbot_web.pages.page_elements import set_html
-from msbot_web.pages.slots_by_hand import ask_for_slot, ask_to_take_out
-from msbot_web.pages.topics_by_hand import join, say_misfit
-from msbot_web.place import root
+from msbot_web.pages.page_elements import set_html, show_dialog
+from msbot_web.pages.slots_by_hand import ask_for_slot, ask_to_take_out, join, say_misfit
+from msbot_web.root_path import root
 from msbot_web.service import Service
 from msbot_web.svg.drawings import value_words
 from msbot_web.svg.wiring_graph import box_colour, rate_words, wiring_svg
+from msbot_xrce.errors import ConfigError, MsbotError
 
 
 def register(service: Service) -> None:
@@ -130,3 +135,130 @@ def _row(topic: TopicLine, page: Page) -> tuple[str, ...]:
         topic.topic, topic.type_name, ", ".join(topic.publishers), ", ".join(topic.subscribers),
         f"{page.number(topic.rate_hz, '.1f')} Hz", "–" if page.is_past else str(topic.count), values,
     )  # fmt: skip
+
+
+# A form for what is wired to a board: part type, name, pins, address and options, with the picture of its wires.
+#
+# It writes the text that people write into `part_1` (`msbot.config.library.board_wiring`), checks it against the board's
+# other parts while somebody types, and sets it as any setting is set, so that it can be undone.
+
+
+OTHER_BOARD = ""
+
+
+async def edit_wires(page: Page, slot: str, parameter: str, changed: Callable[[], Awaitable[None]]) -> None:
+    """Open the form for one part of the board in a slot; `changed` is called after it has been set."""
+    values = {value.name: str(value.value) for value in await page.service.values(slot) if value.kind == "part"}
+    with ui.dialog() as dialog, ui.card().style("max-width:56rem;width:100%"):
+        ui.label(page.say("What is wired to {board}: {place}", board=slot, place=parameter)).props(
+            "role=heading aria-level=2"
+        )
+        form = _Form(page, values, parameter)
+
+        async def save(text: str) -> None:
+            if await page.act("set", slot=slot, name=parameter, value=text) is not None:
+                dialog.close()
+                await changed()
+
+        with ui.element("div").classes("row"):
+            form.save = ui.button(page.say("Wire it so"), icon="check", on_click=lambda: save(form.text()))
+            ui.button(page.say("Nothing is wired"), icon="delete", on_click=partial(save, "")).props("outline")
+            ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+        form.look()
+    show_dialog(dialog)
+
+
+class _Form:
+    """The fields; the picture and the sentences beside them follow each key."""
+
+    save: ui.button
+
+    def __init__(self, page: Page, values: Mapping[str, str], parameter: str) -> None:
+        self._page = page
+        self._library = page.service.views.library
+        self._others = {name: text for name, text in values.items() if name != parameter and text.strip()}
+        self._parameter = parameter
+        now = self._now(values.get(parameter, ""))
+        types = {one.number: f"{one.number}: {page.say(one.name)}" for one in self._library if one.driver.board.driver}
+        self._fields: dict[str, ui.input] = {}
+        with ui.element("div").classes("row").style("align-items:flex-start;gap:1.5rem"):
+            with ui.column().style("flex:1;min-width:15rem;gap:.3rem"):
+                self._number = ui.select(types, label=page.say("Part type"), value=now and now.part_type.number)
+                self._number.props("dense use-input").classes("w-full").on_value_change(lambda: self._fill(None))
+                self._name = ui.input(page.say("Name of its slot"), value=now.name if now else "").props("dense")
+                self._name.classes("w-full").on_value_change(self.look)
+                boards = {
+                    OTHER_BOARD: page.say("another board: its pins are not checked"),
+                    **{one: one for one in CHIPS},
+                }
+                self._board = ui.select(boards, label=page.say("Board"), value=OTHER_BOARD).props("dense")
+                self._board.classes("w-full").on_value_change(self.look)
+                self._wires = ui.column().classes("w-full").style("gap:.3rem")
+            with ui.column().style("flex:2;min-width:18rem"):
+                self._picture = ui.html("", sanitize=False).classes("wiring w-full")
+                self._says = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
+        self._fill(now)
+
+    def text(self) -> str:
+        """The form as the text that is set."""
+        number, name = str(self._number.value or ""), str(self._name.value or "").strip()
+        pairs = [f"{key}={str(field.value).strip()}" for key, field in self._fields.items() if str(field.value).strip()]
+        return f"{number} {name}".strip() + ": " + ", ".join(pairs)
+
+    def look(self) -> None:
+        """Check what the form says, and draw it."""
+        part_type, say = self._type(), self._page.say
+        faults: list[str] = []
+        part: WiredPart | None = None
+        if part_type is not None:
+            try:
+                part = wired_part(self.text(), self._library)
+                wired_parts({**self._others, self._parameter: self.text()}, self._library)
+            except ConfigError as error:
+                faults.append(say(str(error)) if not error.args else say(error.args[0]))
+            if part is not None:
+                faults += [say(fault) for fault in pin_faults(str(self._board.value), part)]
+            pins: Mapping[str, int | str] = {wire: str(field.value).strip() for wire, field in self._fields.items()
+                                             if wire in part_type.driver.board.pins and str(field.value).strip()}  # fmt: skip
+            set_html(
+                self._picture, Markup(wiring_picture(part_type, pins, str(self._board.value) or say("board"), say))
+            )
+        set_html(self._says, render("lines", say=say, lines=faults))
+        if hasattr(self, "save"):
+            self.save.set_enabled(part is not None and not faults)
+
+    def _now(self, text: str) -> WiredPart | None:
+        try:
+            return wired_part(text, self._library)
+        except MsbotError:  # written by hand, and the form starts anew
+            return None
+
+    def _type(self) -> PartType | None:
+        return self._library.find(str(self._number.value or ""))
+
+    def _fill(self, now: WiredPart | None) -> None:
+        """The fields of the chosen type."""
+        part_type = self._type()
+        self._wires.clear()
+        self._fields = {}
+        if part_type is not None:
+            spec, say = part_type.driver, self._page.say
+            with self._wires:
+                for wire in spec.board.pins:
+                    self._field(
+                        wire, say("pin for {wire}", wire=wire), "" if now is None else str(now.pins.get(wire, ""))
+                    )
+                if BOARD_DRIVERS[spec.board.driver].on_i2c:
+                    address = spec.addresses[0] if now is None or now.address is None else now.address
+                    known = ", ".join(f"0x{one:02x}" for one in spec.addresses)
+                    self._field("address", say("address: {known}", known=known), f"0x{address:02x}")
+                for option in spec.options:
+                    value = option.default if now is None else now.options[option.name]
+                    shown = str(value).lower() if isinstance(value, bool) else str(value)
+                    self._field(option.name, f"{option.name}: {say(option.description)}", shown)
+        self.look()
+
+    def _field(self, key: str, words: str, value: str) -> None:
+        made = ui.input(words, value=value).props("dense").classes("w-full")
+        made.on_value_change(self.look)
+        self._fields[key] = made

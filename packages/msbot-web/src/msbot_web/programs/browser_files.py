@@ -15,9 +15,8 @@ from pathlib import Path
 
 from fastapi import FastAPI, Request, Response
 
-from msbot.carried.board_package import OF_GENERIC_BOARDS, board_sources, browser_sources, package_files
-from msbot.carried.carried_files import carried_folder
-from msbot_web.place import root
+from msbot.carried.carried_files import OF_GENERIC_BOARDS, board_sources, browser_sources, carried_folder, package_files
+from msbot_web.root_path import root
 
 FILES_PATH = "/program/files.json"
 WORKER_PATH = "/program/worker.js"

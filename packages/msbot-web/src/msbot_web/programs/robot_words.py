@@ -5,11 +5,13 @@ The page hands it to the browser as JSON, anew whenever it has changed, so that 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Sequence
-from typing import TypedDict
+from typing import Literal, TypeAlias, TypedDict
 
 from msbot.config import Direction, Library, ParameterKind, Port
 from msbot.part.messages.standard import STANDARD_MESSAGES
+from msbot_agent.text.given_file import read_json
 from msbot_web.api.models import SlotCard, WirePort
 
 HELD = ("active", "late")
@@ -149,3 +151,30 @@ class _Wiring:
             wired=bool(topic),
             silent=[] if any(other in self._held for other in others) else others,
         )
+
+
+# How a program that has blocks is shown: as these, or as text. It is kept with the blocks. Pure.
+
+
+View: TypeAlias = Literal["blocks", "python"]
+BLOCKS: View = "blocks"
+PYTHON: View = "python"
+
+
+def view_of(doc: str) -> View:
+    """How a program was shown when it was kept."""
+    return BLOCKS if _read(doc).get("view") == BLOCKS else PYTHON
+
+
+def with_view(doc: str, view: View) -> str:
+    """The same blocks, of a program that is shown so; what is no blocks stays as it is."""
+    found = _read(doc)
+    return json.dumps(found | {"view": view}, ensure_ascii=False, separators=(",", ":")) if found else doc
+
+
+def _read(doc: str) -> dict[str, object]:
+    try:
+        found = read_json(doc) if doc else {}
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}

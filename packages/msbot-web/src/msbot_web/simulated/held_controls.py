@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from msbot_web.api.models import Scalar
-from msbot_web.simulated.bench import Bench
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_web.simulated.controls import SimulatedControls
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class HeldControls:
         bench: gives the simulated parts.
     """
 
-    def __init__(self, bench: Callable[[], Bench]) -> None:
+    def __init__(self, bench: Callable[[], SimulatedControls]) -> None:
         self._bench = bench
         self._held: dict[tuple[str, str], _Hold] = {}
         """By `(slot, control)`."""

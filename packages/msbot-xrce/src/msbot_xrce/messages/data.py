@@ -9,8 +9,8 @@ from __future__ import annotations
 import struct
 from typing import ClassVar, Self
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.cdr import CdrReader, CdrWriter
 from msbot_xrce.messages.ids import SubmessageId
 from msbot_xrce.messages.submessage import LITTLE_ENDIAN, MAX_LENGTH, frame

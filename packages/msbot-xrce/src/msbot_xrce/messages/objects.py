@@ -6,7 +6,7 @@ import struct
 from functools import lru_cache
 from typing import ClassVar, Self
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.cdr import CdrReader, CdrWriter
 from msbot_xrce.messages.ids import Format, ObjectKind, SubmessageId
 from msbot_xrce.messages.submessage import LITTLE_ENDIAN, frame, need

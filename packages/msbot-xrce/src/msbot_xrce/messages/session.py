@@ -10,8 +10,8 @@ import struct
 from enum import IntEnum
 from typing import ClassVar, Self
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.cdr import CdrReader, CdrWriter
 from msbot_xrce.messages.ids import COOKIE, VENDOR, VERSION, ObjectKind, SubmessageId
 from msbot_xrce.messages.submessage import LITTLE_ENDIAN, frame, need

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import ClassVar, Self
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.ids import SubmessageId
 from msbot_xrce.messages.submessage import LITTLE_ENDIAN, frame, need
 

@@ -23,8 +23,8 @@ from msbot_xrce.objects.definitions import (
     TopicDef,
     WriterDef,
 )
-from msbot_xrce.objects.names import named_by
 from msbot_xrce.objects.parse import parse_variant
+from msbot_xrce.objects.references import named_by
 
 __all__ = [
     "RELIABLE_QOS",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.cdr import CdrWriter
 from msbot_xrce.messages.ids import Format, ObjectKind
 from msbot_xrce.messages.objects import ObjectVariant

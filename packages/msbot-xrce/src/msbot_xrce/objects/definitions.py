@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import field
 from typing import TypeAlias
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 FurtherQos: TypeAlias = tuple[tuple[str, str], ...]
 """Quality of service that no data space here supports: it is only compared."""

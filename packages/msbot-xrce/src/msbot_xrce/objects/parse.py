@@ -10,7 +10,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from msbot_xrce.common.same_object import ForSameObject
 from msbot_xrce.errors import RemoteProtocolError
 from msbot_xrce.messages.cdr import CdrReader
 from msbot_xrce.messages.ids import Format, ObjectKind
@@ -29,6 +28,7 @@ from msbot_xrce.objects.definitions import (
 from msbot_xrce.objects.references import References, resolve
 from msbot_xrce.objects.xml import Element, parse_xml
 from msbot_xrce.objects.xml_profiles import DEFAULT_PARTICIPANT_NAME, define, locate, service_topics, topic_name
+from msbot_xrce.same_object import ForSameObject
 
 FLAG_RELIABLE = 0x01
 FLAG_KEEP_LAST = 0x02

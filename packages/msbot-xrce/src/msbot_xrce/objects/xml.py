@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import field
 from xml.parsers import expat
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 MAX_OCTETS = 0x10000
 MAX_DEPTH = 16

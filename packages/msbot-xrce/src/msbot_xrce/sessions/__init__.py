@@ -1,7 +1,6 @@
 """Sessions of both ends, and the events they report to their owners."""
 
 from msbot_xrce.sessions.agent import DataHandler
-from msbot_xrce.sessions.counters import Memory
 from msbot_xrce.sessions.events import (
     AgentEvent,
     ClientEvent,
@@ -23,6 +22,7 @@ from msbot_xrce.sessions.events import (
     TimeSynchronised,
     WindowOpened,
 )
+from msbot_xrce.streams.settings import Memory
 
 __all__ = [
     "AgentEvent",

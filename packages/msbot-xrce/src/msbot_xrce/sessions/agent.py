@@ -5,7 +5,7 @@ to an event before it takes the next event; they then precede the ACKNACK.
 
 DEVIATION: the genuine agent sends one submessage per message. Where the settings say so, samples and statuses of one
 stream that are booked in one turn share messages up to the client's MTU, and nothing waits for another. Stock clients
-get only what they take as they would take several messages (`msbot_xrce.streams.sharing_messages`).
+get only what they take as they would take several messages (`msbot_xrce.streams.waiting_messages`).
 
 DEVIATION: the genuine agent loses a STATUS when 16 messages are unacknowledged; here further ones wait, up to
 `SessionSettings.backlog` of them.
@@ -18,7 +18,6 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from msbot_xrce.messages.data import FORMAT_MASK
-from msbot_xrce.messages.envelope import MTU_MIN, Envelope, kept_data_head
 from msbot_xrce.messages.ids import (
     KIND_MASK,
     OBJECT_CLIENT,
@@ -32,8 +31,7 @@ from msbot_xrce.messages.ids import (
 )
 from msbot_xrce.messages.message import GetInfo, Info, ReadData, Timestamp, TimestampReply
 from msbot_xrce.messages.objects import REPLACE, REUSE, read_create, write_status
-from msbot_xrce.messages.submessage import LITTLE_ENDIAN, need
-from msbot_xrce.sessions.counters import Memory
+from msbot_xrce.messages.submessage import LITTLE_ENDIAN, MTU_MIN, Envelope, kept_data_head, need
 from msbot_xrce.sessions.events import (
     AgentEvent,
     CreateRequested,
@@ -46,7 +44,7 @@ from msbot_xrce.sessions.events import (
     SessionReset,
 )
 from msbot_xrce.sessions.session import OTHER_SESSION, Session, Take
-from msbot_xrce.sessions.settings import AgentSessionSettings
+from msbot_xrce.streams.settings import AgentSessionSettings, Memory
 
 _IDS = struct.Struct(">HH")
 # Plain ints: comparing with a member of an IntEnum costs several times as much, for every request.

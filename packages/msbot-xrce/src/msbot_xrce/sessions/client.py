@@ -3,7 +3,7 @@
 Theory of operation. A login or logout is repeated until it is answered or the tries are used up. Requests and samples
 booked in one turn of the owner are packed into as few messages as possible, which `packets_to_send` finishes.
 
-Several answers to a repeated login: see `RestartDoubt`.
+Several answers to a repeated login: see `DuplicateLoginCheck`.
 
 ::
 
@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from enum import Enum
 from typing import ClassVar
 
 from msbot_xrce.errors import LinkFull, LocalProtocolError
 from msbot_xrce.messages.data import FORMAT_MASK
-from msbot_xrce.messages.envelope import data_submessage
 from msbot_xrce.messages.ids import (
     FIRST_REQUEST,
     FIRST_RULED_REQUEST,
@@ -54,7 +54,8 @@ from msbot_xrce.messages.message import (
     TimestampReply,
     encode_message,
 )
-from msbot_xrce.sessions.client_state import OPEN_STATES, ClientState
+from msbot_xrce.messages.submessage import data_submessage
+from msbot_xrce.sessions.duplicate_login_check import DuplicateLoginCheck
 from msbot_xrce.sessions.events import (
     ClientEvent,
     Connected,
@@ -65,11 +66,28 @@ from msbot_xrce.sessions.events import (
     SessionRestarted,
     StatusReceived,
 )
-from msbot_xrce.sessions.restart_doubt import RestartDoubt
 from msbot_xrce.sessions.session import OTHER_SESSION, Session, Take
-from msbot_xrce.sessions.settings import ClientSessionSettings
 from msbot_xrce.sessions.time_sync import ClockComparison
-from msbot_xrce.streams.login_retries import Retries
+from msbot_xrce.streams.round_trip import Retries
+from msbot_xrce.streams.settings import ClientSessionSettings
+
+# The states of a client's session; the docstring of `client.py` draws the transitions.
+
+
+class ClientState(Enum):
+    """The state of a client's session."""
+
+    IDLE = "not connected yet"
+    CONNECTING = "waiting for the agent's answer to the login"
+    CONNECTED = "open"
+    CLOSING = "waiting for the agent's answer to the logout"
+    CLOSED = "closed"
+    FAILED = "the agent refused, or did not answer"
+
+
+OPEN_STATES = (ClientState.CONNECTED, ClientState.CLOSING)
+"""States in which the agent has a session for the client."""
+
 
 _IDS = struct.Struct(">HH")
 _WRITE_DATA_ID = SubmessageId.WRITE_DATA.value
@@ -83,7 +101,7 @@ NOT_ASKED = "answer that nobody asked for"
 
 
 class ClientSession(Session[ClientEvent]):
-    """One session with an agent, sans I/O (see the module's docstring)."""
+    """One session with an agent, sans I/O."""
 
     _DATA_ID = SubmessageId.DATA.value
 
@@ -106,7 +124,7 @@ class ClientSession(Session[ClientEvent]):
         self._state = ClientState.IDLE
         self._retries = Retries(options.login_period_s, options.login_tries)
         self._sent_before = 0
-        self._doubt = RestartDoubt(self._sender)
+        self._doubt = DuplicateLoginCheck(self._sender)
         self._request_id = FIRST_REQUEST - 1
         self._pinged_at = 0.0
         self._outside = Header(

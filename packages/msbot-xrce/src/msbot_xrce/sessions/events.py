@@ -5,7 +5,7 @@ There is one event for every message, so events are plain classes with slots. Th
 
 from __future__ import annotations
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages.ids import OBJECT_CLIENT, STREAM_NONE
 from msbot_xrce.messages.message import ObjectVariant, ReadData
 

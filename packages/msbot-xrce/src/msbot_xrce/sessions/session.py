@@ -20,20 +20,17 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Generic, TypeVar
 
 from msbot_xrce.errors import RemoteProtocolError
-from msbot_xrce.messages.envelope import MTU_MIN, Envelope
 from msbot_xrce.messages.ids import STREAM_NONE, STREAM_RELIABLE, SubmessageId
 from msbot_xrce.messages.message import Heartbeat
 from msbot_xrce.messages.streams import LAST_FRAGMENT, read_acknack
-from msbot_xrce.messages.submessage import HEADER_SIZE, SUBMESSAGE_HEADER, end_of_empty
-from msbot_xrce.sessions.counters import Memory, SessionCounters
+from msbot_xrce.messages.submessage import HEADER_SIZE, MTU_MIN, SUBMESSAGE_HEADER, Envelope, end_of_empty
 from msbot_xrce.sessions.events import WindowOpened
-from msbot_xrce.sessions.settings import SessionSettings
 from msbot_xrce.streams.asking_again import AskingAgain
 from msbot_xrce.streams.overtaking import Overtaking
 from msbot_xrce.streams.receiving_in_order import GIVEN_UP, BestEffortInput, ReliableInput
-from msbot_xrce.streams.sequence_numbers import HALF, NOTHING_YET
+from msbot_xrce.streams.sequence_numbers import HALF, NOTHING_YET, StreamState, last_number
 from msbot_xrce.streams.session_output import STREAM_LIMIT, SessionOutput
-from msbot_xrce.streams.stream_state import StreamState, last_number
+from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
 
 Event = TypeVar("Event")
 

@@ -23,14 +23,13 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot_xrce.messages.envelope import Envelope, append_submessage
+from msbot_xrce.messages.ids import KIND_MASK
 from msbot_xrce.messages.message import Fragment, Heartbeat
-from msbot_xrce.messages.submessage import HEADER_SIZE
-from msbot_xrce.sessions.counters import Memory, SessionCounters
+from msbot_xrce.messages.submessage import HEADER_SIZE, Envelope, append_submessage
 from msbot_xrce.streams.round_trip import RoundTrip
-from msbot_xrce.streams.sharing_messages import PACKED_MAX, PADDING, stands_alone, takes_nothing_more
-from msbot_xrce.streams.stream_state import StreamState, last_number
-from msbot_xrce.streams.waiting_messages import Outbox
+from msbot_xrce.streams.sequence_numbers import StreamState, last_number
+from msbot_xrce.streams.settings import Memory, SessionCounters
+from msbot_xrce.streams.waiting_messages import DATA, OBJECT_AT, PACKED_MAX, PADDING, REQUESTER, STATUS, Outbox
 
 GUARD_MIN_S = 0.001
 """A message is not resent twice within this time because of ACKNACKs for the same gap."""
@@ -265,26 +264,29 @@ class ReliableOutput:
 
     def _emit(self, body: bytes) -> None:
         items, newest = self._outbox.items, self._newest
-        is_stock = self._is_stock
-        if newest is not None and items and items[-1] is newest and not (is_stock and stands_alone(body)):
+        is_status = closes = False
+        if self._is_stock:
+            kind = body[0]
+            closes = is_status = kind == STATUS
+            if kind == DATA:
+                closes = body[OBJECT_AT] & KIND_MASK == REQUESTER
+        if newest is not None and items and items[-1] is newest and not is_status:
             nr = (self._next - 1) & 0xFFFF
             joined = newest + PADDING[len(newest) & 3] + body
             size = len(joined)
             # A false ACKNACK may have acknowledged it before it was sent.
             if size <= self._packed_max and nr in self._unacked:
-                items[-1] = self._newest = self._unacked[nr] = joined
-                if is_stock and takes_nothing_more(body):
-                    self._newest = None
+                items[-1] = self._unacked[nr] = joined
+                self._newest = None if closes else joined
                 size -= len(newest)
                 self._octets += size
                 self._pool.used += size
                 return
-        if is_stock and stands_alone(body):
+        if is_status:
             self._status_nr = self._next
         self._send_new(body)
         if self._packed_max:
-            is_closed = is_stock and takes_nothing_more(body)
-            self._newest = None if is_closed else items[-1]  # type: ignore[assignment]  # it was put there
+            self._newest = None if closes else items[-1]  # type: ignore[assignment]  # it was put there
 
     def _is_barred(self) -> bool:
         """Whether the next message has to wait until the client has a STATUS."""

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from msbot_xrce.messages.envelope import Envelope, append_submessage
-from msbot_xrce.sessions.counters import SessionCounters
-from msbot_xrce.streams.sequence_numbers import NOTHING_YET
-from msbot_xrce.streams.sharing_messages import PACKED_MAX, PADDING, stands_alone, takes_nothing_more
-from msbot_xrce.streams.stream_state import StreamState, last_number
-from msbot_xrce.streams.waiting_messages import Lane, Outbox
+from msbot_xrce.messages.ids import KIND_MASK
+from msbot_xrce.messages.submessage import Envelope, append_submessage
+from msbot_xrce.streams.sequence_numbers import NOTHING_YET, StreamState, last_number
+from msbot_xrce.streams.settings import SessionCounters
+from msbot_xrce.streams.waiting_messages import (
+    DATA,
+    OBJECT_AT,
+    PACKED_MAX,
+    PADDING,
+    REQUESTER,
+    STATUS,
+    Outbox,
+    StreamQueue,
+)
 
 QUEUE_FULL = "best-effort message: queue full, oldest dropped"
 TOO_LARGE = "unacknowledged message larger than the MTU"
@@ -48,7 +56,7 @@ class BestEffortOutput:
         self._envelope = envelope
         self._outbox = outbox
         self._counters = counters
-        self._lane = Lane(QUEUE_FULL)
+        self._lane = StreamQueue(QUEUE_FULL)
         self._sequence_nr = NOTHING_YET
         self._open = b""
 
@@ -69,8 +77,12 @@ class BestEffortOutput:
             return
         items = self._outbox.items
         if self._packed_max:
-            took_more, self._takes_more = self._takes_more, not (self._is_stock and takes_nothing_more(body))
-            if took_more and items and items[-1] is self._lane and not (self._is_stock and stands_alone(body)):
+            may_join = self._takes_more and items and items[-1] is self._lane
+            if self._is_stock:
+                kind = body[0]
+                may_join = may_join and kind != STATUS
+                self._takes_more = kind != STATUS and (kind != DATA or body[OBJECT_AT] & KIND_MASK != REQUESTER)
+            if may_join:
                 packets = self._lane.packets
                 before = packets[-1]
                 joined = before + PADDING[len(before) & 3] + body

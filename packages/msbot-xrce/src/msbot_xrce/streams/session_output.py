@@ -11,17 +11,16 @@ import sys
 from typing import TypeVar
 
 from msbot_xrce.errors import LocalProtocolError
-from msbot_xrce.messages.envelope import Envelope
 from msbot_xrce.messages.ids import STREAM_BEST_EFFORT, STREAM_NONE, STREAM_RELIABLE
 from msbot_xrce.messages.streams import write_acknack
-from msbot_xrce.sessions.counters import Memory, SessionCounters
-from msbot_xrce.sessions.settings import SessionSettings
+from msbot_xrce.messages.submessage import Envelope
 from msbot_xrce.streams.receiving_in_order import ReliableInput
 from msbot_xrce.streams.round_trip import RoundTrip
 from msbot_xrce.streams.sending_and_resending import ReliableOutput
 from msbot_xrce.streams.sending_best_effort import TOO_LARGE, BestEffortOutput
-from msbot_xrce.streams.stream_state import StreamState
-from msbot_xrce.streams.waiting_messages import Lane, Outbox
+from msbot_xrce.streams.sequence_numbers import StreamState
+from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
+from msbot_xrce.streams.waiting_messages import Outbox, StreamQueue
 
 Stream = TypeVar("Stream", BestEffortOutput, ReliableOutput)
 
@@ -48,7 +47,7 @@ class SessionOutput:
         self._counters = counters
         self._settings = settings
         self._pool = pool or Memory(sys.maxsize)
-        self._answers = Lane(ANSWERS_FULL)
+        self._answers = StreamQueue(ANSWERS_FULL)
         self.owed: dict[int, ReliableInput] = {}
         """The input streams whose ACKNACK is due: the next `pull` makes it, after everything booked until then."""
         self._guesses: set[int] = set()

@@ -12,8 +12,8 @@ from pathlib import Path
 import click
 
 from msbot.cli.robot_options import db_option, existing_database
-from msbot_agent.cli.numbers import WholeRange
-from msbot_xrce.common.amount import amount
+from msbot_agent.cli.options import WholeRange
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
 

@@ -13,13 +13,13 @@ import click
 from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
 from msbot_agent.cli.options import json_option, space_option
 from msbot_agent.link import open_link
-from msbot_agent.log.terminal_log import TerminalHandler
+from msbot_agent.log import TerminalHandler
 from msbot_agent.space import SpaceAddress
 from msbot_xrce import is_whole
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
-    from msbot.doctor import Examination, Patient
+    from msbot.doctor import Examination, Examined
 
 
 @click.command("doctor")
@@ -57,9 +57,9 @@ def command(
     sys.exit(0 if found.is_well else 1)
 
 
-def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress) -> Patient:
-    from msbot.doctor import Patient
-    from msbot.doctor.patient import PAGE_PORT
+def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress) -> Examined:
+    from msbot.doctor import Examined
+    from msbot.doctor.finding import PAGE_PORT
     from msbot_agent.agent import read_statuses
 
     masters = tuple(read_statuses())
@@ -71,7 +71,7 @@ def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, spac
         database, is_known = meant[0].details["database"], True
     if not links:
         links = tuple(link.name for one in meant for link in one.links)
-    return Patient(
+    return Examined(
         database=database if is_known or db else None,
         robot=robot,
         blueprint=DEFAULT_BLUEPRINT if DEFAULT_BLUEPRINT.exists() else None,

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.cli.bus.telling import library_of, listener_for
+from msbot.cli.bus.frame_words import library_of, listener_for
 from msbot.cli.robot_options import library_option
-from msbot.pnp import Overhearer
+from msbot.pnp import SessionListener
 from msbot_agent.cli.group import complain
-from msbot_agent.cli.numbers import WholeRange
-from msbot_agent.cli.options import json_option
+from msbot_agent.cli.options import WholeRange, json_option
 from msbot_agent.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
 from msbot_agent.text.given_file import open_given
 from msbot_xrce import FoundField, dissector, read_fields
@@ -109,13 +108,13 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
                    "words": list(words.protocol), **facts}  # fmt: skip
         reader.tell(str(path), complain)
         return
-    overhearer = Overhearer()
+    overhearer = SessionListener()
     for found in read_capture(path):
         yield _captured(found, listener, overhearer, agent_port, fields=fields)
 
 
 def _captured(
-    found: Datagram | CapturedFrame, listener: object, overhearer: Overhearer, agent_port: int, *, fields: bool
+    found: Datagram | CapturedFrame, listener: object, overhearer: SessionListener, agent_port: int, *, fields: bool
 ) -> dict[str, object]:
     from msbot.pnp import FrameListener
     from msbot_agent.explain.datagrams import Datagram
@@ -136,7 +135,7 @@ def _captured(
 
 
 def _message(octets: bytes) -> dict[str, object]:
-    heard = Overhearer().hear(octets, "here", up=True)
+    heard = SessionListener().hear(octets, "here", up=True)
     return {"octets": len(octets), "plain": list(heard.plain), "words": list(heard.protocol), **_message_facts(octets)}
 
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from msbot.registry.database_identity import database_identity
+from msbot.registry.records import database_identity
 from msbot.stop.names import GROUP_VARIABLE, group_in
-from msbot_agent.cli.numbers import WholeRange
+from msbot_agent.cli.options import WholeRange
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:

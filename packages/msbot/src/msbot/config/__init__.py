@@ -2,9 +2,7 @@
 
 from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
 from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML, for_groups, groups_by_slots
-from msbot.config.blueprint.compare import compare_text
-from msbot.config.blueprint.differences import Difference, differences
-from msbot.config.blueprint.mark import blueprint_mark
+from msbot.config.blueprint.differences import Difference, compare_text, differences
 from msbot.config.blueprint.model import (
     NOBODY,
     PRESETS,
@@ -19,8 +17,8 @@ from msbot.config.blueprint.model import (
     Timing,
 )
 from msbot.config.blueprint.reader import ADOPTED, library_folders, load_blueprint, open_blueprint, parse_blueprint
-from msbot.config.blueprint.sample_thesis import SAMPLE_ROBOT_TOML, SAMPLES, write_new, write_sample
-from msbot.config.blueprint.writer import blueprint_toml, preset_of, slot_toml
+from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML, SAMPLES, write_new, write_sample
+from msbot.config.blueprint.writer import blueprint_mark, blueprint_toml, preset_of, slot_toml
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
 from msbot.config.library.board_wiring import WiredPart, shown_by, wired_part, wired_parts
@@ -47,7 +45,7 @@ from msbot.config.library.library import (
 )
 from msbot.config.library.message_types import standard_message_types
 from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
-from msbot.config.library.text_templates import format_text
+from msbot.config.library.simulator_reader import format_text
 from msbot.config.library.versions import Versions, parse_versions, split_number
 from msbot_agent.toml.problems import FoundProblems, problems_json
 from msbot_agent.toml.table import Scalar

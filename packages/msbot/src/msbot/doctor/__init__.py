@@ -7,17 +7,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot.doctor.examination import CHECKS, Check, Examination, all_checks, examine
-    from msbot.doctor.finding import CannotSee, Finding, Mending, NotNeeded, NotSeen
-    from msbot.doctor.patient import Patient
+    from msbot.doctor.finding import CannotSee, Examined, Finding, Mending, NotNeeded, Unavailable
 
 _NAMES = {
-    "msbot.doctor.examination": ("CHECKS", "Check", "Examination", "all_checks", "examine"),
-    "msbot.doctor.finding": ("CannotSee", "Finding", "Mending", "NotNeeded", "NotSeen"),
-    "msbot.doctor.patient": ("Patient",),
+    "msbot.doctor.examination": (
+        "CHECKS",
+        "Check",
+        "Examination",
+        "all_checks",
+        "examine",
+    ),
+    "msbot.doctor.finding": (
+        "CannotSee",
+        "Finding",
+        "Mending",
+        "NotNeeded",
+        "Unavailable",
+        "Examined",
+    ),
 }
 
 __getattr__ = lazy_face(__name__, _NAMES)
@@ -27,11 +38,11 @@ __all__ = [
     "CannotSee",
     "Check",
     "Examination",
+    "Examined",
     "Finding",
     "Mending",
     "NotNeeded",
-    "NotSeen",
-    "Patient",
+    "Unavailable",
     "all_checks",
     "examine",
 ]

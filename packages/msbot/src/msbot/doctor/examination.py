@@ -13,12 +13,11 @@ from msbot.doctor.checks.network import check_dds, check_firewall, check_multica
 from msbot.doctor.checks.robot import check_robot
 from msbot.doctor.checks.stop import check_stop
 from msbot.doctor.checks.storage import check_database
-from msbot.doctor.finding import CannotSee, Finding, NotNeeded, NotSeen
+from msbot.doctor.finding import CannotSee, Examined, Finding, NotNeeded, Unavailable
 from msbot.doctor.gather import bus, installation, machine, network, robot, stop, storage
-from msbot.doctor.patient import Patient
 from msbot_agent.startup.extensions import extensions
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
 
 F = TypeVar("F")
 
@@ -28,12 +27,12 @@ class Check(Generic[F]):
     """One thing to look at."""
 
     name: str
-    gather: Callable[[Patient], F]
+    gather: Callable[[Examined], F]
     """Gets the facts; raises CannotSee when they cannot be had."""
-    judge: Callable[[F], Iterable[Finding | NotSeen]]
+    judge: Callable[[F], Iterable[Finding | Unavailable]]
     """Pure: what is wrong about the facts."""
 
-    def __call__(self, patient: Patient) -> list[Finding | NotSeen]:
+    def __call__(self, patient: Examined) -> list[Finding | Unavailable]:
         """Look and judge."""
         return list(self.judge(self.gather(patient)))
 
@@ -99,7 +98,7 @@ def all_checks() -> Iterator[Check[Any]]:
         yield Check(name, partial(_gathered, name, check.gather), partial(_judged, name, check.judge))
 
 
-def _gathered(name: str, gather: Callable[[Patient], Any], patient: Patient) -> object:
+def _gathered(name: str, gather: Callable[[Examined], Any], patient: Examined) -> object:
     """The facts of an extension's check; what it raises is one thing that could not be seen."""
     try:
         return gather(patient)
@@ -109,12 +108,14 @@ def _gathered(name: str, gather: Callable[[Patient], Any], patient: Patient) -> 
         raise CannotSee(_failed(name, error)) from error
 
 
-def _judged(name: str, judge: Callable[[Any], Iterable[Finding | NotSeen]], facts: object) -> list[Finding | NotSeen]:
+def _judged(
+    name: str, judge: Callable[[Any], Iterable[Finding | Unavailable]], facts: object
+) -> list[Finding | Unavailable]:
     """What it finds in them."""
     try:
         return list(judge(facts))
     except Exception as error:  # other people's code may raise anything
-        return [NotSeen(_failed(name, error))]
+        return [Unavailable(_failed(name, error))]
 
 
 def _failed(name: str, error: Exception) -> str:
@@ -123,7 +124,7 @@ def _failed(name: str, error: Exception) -> str:
     return f"the extension that brings this check failed: {words}"
 
 
-def examine(patient: Patient, only: Collection[str] = (), checks: Iterable[Check[Any]] | None = None) -> Examination:
+def examine(patient: Examined, only: Collection[str] = (), checks: Iterable[Check[Any]] | None = None) -> Examination:
     """Look at everything, or at some of it.
 
     Args:
@@ -157,7 +158,7 @@ def examine(patient: Patient, only: Collection[str] = (), checks: Iterable[Check
             not_seen.append((name, str(error)))
             continue
         findings += [(name, one) for one in found if isinstance(one, Finding)]
-        not_seen += [(name, one.why) for one in found if isinstance(one, NotSeen)]
+        not_seen += [(name, one.why) for one in found if isinstance(one, Unavailable)]
         if not found:
             well.append(name)
     findings.sort(key=lambda found: not found[1].must)  # notes last

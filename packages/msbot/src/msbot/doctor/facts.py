@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from msbot.config import Blueprint, Library
-from msbot.doctor.finding import NotSeen
+from msbot.doctor.finding import Unavailable
 from msbot_agent.link.can.adapters import CanInterface, Wanted
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +216,7 @@ class ClockFacts:
     """Seconds since 1970."""
     built_s: float
     """When this MsBOT was put here: it cannot be earlier than that."""
-    is_synchronised: bool | NotSeen
+    is_synchronised: bool | Unavailable
     """Whether a time server sets it."""
     newest_record_s: float | None
     """The newest line of the journal."""

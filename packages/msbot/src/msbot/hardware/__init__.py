@@ -5,9 +5,8 @@ from msbot.hardware.faults import HardwareFault
 from msbot.hardware.hardware_part import HardwarePart
 from msbot.hardware.host import PartsHost, Workbench
 from msbot.hardware.machine import Machine
-from msbot.hardware.parts_file import HostedPart, read_parts
 from msbot.hardware.scan import FoundThing, ScanResult, scan
-from msbot.hardware.wiring import PartWiring, make_wiring
+from msbot.hardware.wiring import HostedPart, PartWiring, make_wiring, read_parts
 
 __all__ = [
     "Driver",

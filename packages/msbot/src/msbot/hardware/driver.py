@@ -14,8 +14,8 @@ from typing import ClassVar
 from msbot.config import BusKind, PartType, Scalar
 from msbot.hardware.machine import Machine
 from msbot.hardware.wiring import PartWiring, require_driver
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 Values = Mapping[str, Scalar]
 """Sources of a model by name."""

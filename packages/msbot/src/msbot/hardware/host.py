@@ -16,16 +16,15 @@ from msbot.config import Library, PartType
 from msbot.hardware.bus_worker import BusWorkers
 from msbot.hardware.driver import Driver, Mount, Values, bus_of, driver_class
 from msbot.hardware.hardware_part import HardwarePart
-from msbot.hardware.keeper import Keeper
 from msbot.hardware.machine import Machine
-from msbot.hardware.parts_file import HostedPart, read_parts
-from msbot.hardware.wiring import PartWiring
+from msbot.hardware.output_guard import OutputGuard
+from msbot.hardware.wiring import HostedPart, PartWiring, read_parts
 from msbot.part import Part
 from msbot.sim import make_simulator
-from msbot.sim.arena.door import Door
+from msbot.sim.arena.connection import WorldConnection
 from msbot_agent.link import Link
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
 
 LOOK_S = 1.0
 """Time between two checks of the file."""
@@ -50,7 +49,7 @@ class Runnable(Protocol):
 class _Simulated:
     """A simulated part that is run like a real one."""
 
-    def __init__(self, hosted: HostedPart, door: Door | None) -> None:
+    def __init__(self, hosted: HostedPart, door: WorldConnection | None) -> None:
         self._simulated = make_simulator(hosted.part_type, local_name=hosted.name)
         self._slot = hosted.name
         self._door = door
@@ -77,7 +76,7 @@ class Workbench:
     def __init__(self, machine: Machine | None = None) -> None:
         self.machine = machine or Machine()
         self._threads = BusWorkers()
-        self._keeper = Keeper(self.machine.keeper)
+        self._keeper = OutputGuard(self.machine.keeper)
 
     def make(
         self, part_type: PartType, wiring: PartWiring, *, number: str | None = None, name: str | None = None
@@ -133,7 +132,7 @@ class PartsHost:
         *,
         prepare: Callable[[Part, HostedPart], None] = lambda _part, _hosted: None,
         bench: Workbench | None = None,
-        door: Door | None = None,
+        door: WorldConnection | None = None,
     ) -> None:
         self._path = path
         self._library = library
@@ -178,7 +177,7 @@ class PartsHost:
                 in_world.cancel()
             await asyncio.to_thread(self._bench.end)
 
-    async def _stay_in_world(self, door: Door) -> None:
+    async def _stay_in_world(self, door: WorldConnection) -> None:
         try:
             await door.run()
         except ConfigError as error:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.i2c import SmBus, open_smbus
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
-KEEPER = "from msbot.hardware.keeper import main; main()"
-"""Its program; `-m msbot.hardware.keeper` would do the same after a warning, since the package imports that file."""
+KEEPER = "from msbot.hardware.output_guard import main; main()"
+"""Its program; `-m msbot.hardware.output_guard` would warn first, since the package imports that file."""
 
 
 @dataclass(slots=True)

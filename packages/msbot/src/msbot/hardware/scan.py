@@ -12,8 +12,8 @@ from msbot.hardware.drivers.kernel import IIO, W1
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.i2c import SmBus
 from msbot.hardware.machine import Machine
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.counting import amount
+from msbot_xrce.lazy import dataclass
 
 FIRST, LAST = 0x08, 0x77
 READ_ONLY = (range(0x30, 0x38), range(0x50, 0x60))

@@ -3,19 +3,18 @@
 STOP, which outlives the master, is stored here and can be said from here.
 """
 
-from msbot.master.master import Master, SaysStop, profile_of, timing_of
-from msbot.master.robot_as_part import ExportedPort, RobotAsPart, exported_ports
-from msbot.master.stop_persistence import StopKeeper, stop_file
+from msbot.master.master import Master, StoppableLink, profile_of, timing_of
+from msbot.master.robot_as_part import ExportedPort, RobotAsPart, dds_topics_of, exported_ports, robot_space
+from msbot.master.stop_persistence import StopStore, stop_file
 from msbot.master.stop_socket import StopSocket, answer_of
-from msbot.master.topics_in_dds import dds_topics_of, robot_space
 
 __all__ = [
     "ExportedPort",
     "Master",
     "RobotAsPart",
-    "SaysStop",
-    "StopKeeper",
     "StopSocket",
+    "StopStore",
+    "StoppableLink",
     "answer_of",
     "dds_topics_of",
     "exported_ports",

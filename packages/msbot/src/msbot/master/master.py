@@ -19,19 +19,18 @@ from typing import Protocol, runtime_checkable
 
 from msbot.config import Blueprint, Library
 from msbot.master.board_configuration import with_documents
-from msbot.master.stop_persistence import StopKeeper
+from msbot.master.stop_persistence import StopStore
 from msbot.part import Client
 from msbot.pnp import Access, Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.fed_agents.service import AgentsService
-from msbot.pnp.in_any_case import in_any_case
 from msbot.pnp.master_service import MasterService
-from msbot.pnp.services import InventoryService
+from msbot.pnp.services import InventoryService, in_any_case
 from msbot.stop.names import own_group
 from msbot_agent.agent import Agent, AgentSettings
 from msbot_agent.link import InprocHub, Link, Peer, Signal
 from msbot_agent.link.relay import RelayGreeting
-from msbot_agent.process.task_errors import ungrouped
+from msbot_agent.process.end_signals import ungrouped
 from msbot_agent.space import MemorySpace, Space
 from msbot_agent.text.sentence import counted, said
 from msbot_xrce.errors import ConfigError, LinkDown, LinkFull, MsbotError
@@ -52,7 +51,7 @@ STORE_S = 1.0
 
 
 @runtime_checkable
-class SaysStop(Protocol):
+class StoppableLink(Protocol):
     """A link that can tell all its parts to stop at once."""
 
     def send_stop(self, reason: int = 0) -> None:
@@ -127,7 +126,7 @@ class Master:
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
         self._speech_listeners: list[Callable[[bool, str, str], object]] = []
         self._epoch_ns = epoch_ns
-        self._keeper = StopKeeper(store, stop_file, is_shared=is_shared)
+        self._keeper = StopStore(store, stop_file, is_shared=is_shared)
         self._stop = EmergencyStop(self._keeper.load())
         self._kept = self._stop.record
         """The latest record of STOP of which it is known whether it is stored."""
@@ -287,7 +286,7 @@ class Master:
         if tell:
             self._told_at = now
             for link in self.agent.links:
-                if isinstance(link, SaysStop):
+                if isinstance(link, StoppableLink):
                     in_any_case(_say_on, link)
         is_news = self._inventory.stop_all(by, reason, self._epoch_ns(), tell=tell)
         if not held or self._stop_trouble or now - self._stored_at >= STORE_S:
@@ -426,7 +425,7 @@ class Master:
             self.say_stop("somebody at the robot", f"{words}, at agent {agent}")
 
 
-def _say_on(link: SaysStop) -> None:
+def _say_on(link: StoppableLink) -> None:
     # A bus that is down now carries no orders to move either; a relay is told again with its next beat.
     with contextlib.suppress(LinkDown, LinkFull):
         link.send_stop()

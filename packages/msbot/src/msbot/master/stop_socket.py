@@ -16,6 +16,7 @@ import asyncio
 import errno
 import json
 import logging
+import os
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -24,16 +25,51 @@ from math import inf
 from time import monotonic
 from typing import Final
 
-from msbot.master.descriptor_reserve import DescriptorReserve
 from msbot.master.master import Master
 from msbot.pnp import StopStatus
-from msbot.stop.abstract import peer_of
-from msbot.stop.listening import StopListener, listen
+from msbot.stop.listening import StopListener, listen, peer_of
 from msbot.stop.names import new_name
 from msbot.stop.places import IS_LINUX, IS_THERE, own_user
-from msbot_agent.text.json_reading import read_told
-from msbot_agent.text.printable import whole
+from msbot_agent.text.given_file import read_told
+from msbot_agent.text.sentence import whole
 from msbot_xrce.errors import ConfigError
+
+# File descriptors held in reserve, for what must work when a process has no others left.
+
+
+_log = logging.getLogger(__name__)
+
+
+class DescriptorReserve:
+    """Holds some descriptors, and gives them back when they are needed.
+
+    Args:
+        most: how many.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._held: list[int] = []
+        self.fill()
+
+    def fill(self) -> None:
+        """Hold as many again, as far as there are any."""
+        try:
+            while len(self._held) < self._most:
+                self._held.append(os.open(os.devnull, os.O_RDONLY))
+        except OSError as error:
+            _log.debug("no descriptor can be held in reserve: %s", error)
+
+    def free_one(self) -> None:
+        """Release one for the moment, if any is held."""
+        if self._held:
+            os.close(self._held.pop())
+
+    def free(self) -> None:
+        """Release all of them."""
+        while self._held:
+            os.close(self._held.pop())
+
 
 MAX_REQUEST: Final = 1 << 16
 MAX_ANSWER: Final = 150_000
@@ -48,8 +84,6 @@ LINE_S: Final = 4.0
 LOOK_S: Final = 1.0
 """How often the socket's place is looked at."""
 REST_S: Final = 0.01
-
-_log = logging.getLogger(__name__)
 
 
 class StopSocket:

@@ -1,6 +1,6 @@
 """Figures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
 
-from msbot.metrics.collecting import Collecting, Noting
+from msbot.metrics.collecting import Collecting, MetricsSampler
 from msbot.metrics.figures import AgentFigures, Buckets, DatabaseFigures, MomentFigures, PageFigures, RobotFigures
 from msbot.metrics.serving import MetricsServer
 
@@ -9,9 +9,9 @@ __all__ = [
     "Buckets",
     "Collecting",
     "DatabaseFigures",
+    "MetricsSampler",
     "MetricsServer",
     "MomentFigures",
-    "Noting",
     "PageFigures",
     "RobotFigures",
 ]

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot.master import Master
-from msbot.metrics.bus_meter import FrameMeter
 from msbot.metrics.figures import (
     AgentFigures,
     Buckets,
     BusLoad,
     DatabaseFigures,
+    FrameMeter,
     LinkFigures,
     MomentFigures,
     PageFigures,
@@ -37,7 +37,7 @@ MOST_TOPICS: Final = 200
 """Topics that are told; those with the most samples."""
 
 
-class Noting:
+class MetricsSampler:
     """What only a continuous look shows.
 
     Args:
@@ -107,7 +107,7 @@ class Collecting:
 
     def __init__(
         self, agent: Agent, *, master: Master | None = None, database: Callable[[], DatabaseFigures] | None = None,
-        page: Callable[[], PageFigures | None] | None = None, noting: Noting | None = None,
+        page: Callable[[], PageFigures | None] | None = None, noting: MetricsSampler | None = None,
         bus: FrameMeter | None = None,
     ) -> None:  # fmt: skip
         self._agent = agent

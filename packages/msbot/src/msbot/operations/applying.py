@@ -9,10 +9,9 @@ from pathlib import Path
 
 from msbot.config import Blueprint, Library, Slot, blueprint_toml, open_blueprint, parse_blueprint
 from msbot.config.blueprint.model import NOBODY
-from msbot.operations.changeable_robot import slot_of
-from msbot.operations.outcome import Outcome
-from msbot.operations.running_robot import RunningRobot
-from msbot.process.worker import Workshop
+from msbot.operations.operation import Outcome
+from msbot.operations.running_robot import RunningRobot, slot_of
+from msbot.process.worker_pool import WorkerPool
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
 
@@ -22,7 +21,7 @@ class BlueprintChange:
 
     def __init__(self, running: RunningRobot) -> None:
         self._running = running
-        self._workshop = Workshop()
+        self._workshop = WorkerPool()
 
     async def apply(self, path: str, folders: Sequence[str], who: str) -> Outcome:
         """Apply a blueprint file, checked against MsBOT's own library and the folders."""

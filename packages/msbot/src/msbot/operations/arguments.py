@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from msbot.operations.operation import Argument, ArgumentKind, Operation
-from msbot_agent.text.printable import printable, whole
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import printable, said, whole
 from msbot_xrce.errors import ConfigError
 
 MOST_WHOLE = 2**63

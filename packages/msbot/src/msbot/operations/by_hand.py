@@ -12,18 +12,17 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from msbot.config import Direction, FieldKind, Port, Scalar
-from msbot.operations.changeable_robot import endpoint_of
-from msbot.operations.outcome import Outcome
-from msbot.operations.running_robot import RunningRobot
+from msbot.operations.operation import Outcome
+from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
 from msbot.part.messages.message import fields_of
 from msbot.pnp import HeldPort, StopStatus, message_words
 from msbot.registry import EditKind
-from msbot.sim.message_classes import message_class
+from msbot.sim.model_part import message_class
 from msbot_agent.space import Qos, Topic, Writer
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, RegistryError
+from msbot_xrce.lazy import dataclass
 
 REPEAT_S = 0.5
 """Period in which the value is repeated while the port is held, in case its reader came after the first time."""

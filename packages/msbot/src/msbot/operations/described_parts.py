@@ -5,24 +5,73 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from msbot.config import ADOPTED, Blueprint, Described, Slot, read_description
+from msbot.config import ADOPTED, Blueprint, Described, Direction, Library, Port, Slot, SlotPort, read_description
 from msbot.operations.applying import BlueprintChange
-from msbot.operations.fitting_wires import fitting_wires
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import PartInfo, SelfDescription
 from msbot.process.daemon_threads import DaemonThreads
-from msbot.registry.edits.part_types import forget_part_type
+from msbot.registry.edits.part_places import forget_part_type
 from msbot_agent.text.sentence import said
-from msbot_agent.toml.table import MOST_OCTETS
-from msbot_agent.toml.values import toml_value
+from msbot_agent.toml.table import MOST_OCTETS, toml_value
 from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
+
+# Which wires would fit a slot by the types of its ports: offered to a person, never made without one.
+
+
+MOST_OFFERED = 24
+
+
+@dataclass(frozen=True, slots=True)
+class FittingWire:
+    """One wire that could be made, in the words of the operation `bind`."""
+
+    topic: str
+    type_name: str
+    source: SlotPort
+    target: SlotPort
+
+    def as_json(self) -> dict[str, object]:
+        """The arguments of `bind`."""
+        return {"topic": self.topic, "type": self.type_name, "from": str(self.source), "to": [str(self.target)]}
+
+
+def fitting_wires(blueprint: Blueprint, library: Library, slot: str) -> list[FittingWire]:
+    """Wires between the unwired ports of a slot and ports of other slots that carry the same message type.
+
+    Where the other port has a topic already, the wire joins it.
+    """
+    topics = {end: binding.topic for binding in blueprint.bindings for end in binding.ends}
+    ports = list(_ports(blueprint, library))
+    own = [(end, port) for end, port in ports if end.slot == slot and end not in topics]
+    others = [(end, port) for end, port in ports if end.slot != slot]
+    return list(_fitting(own, others, topics))[:MOST_OFFERED]
+
+
+def _ports(blueprint: Blueprint, library: Library) -> Iterator[tuple[SlotPort, Port]]:
+    for slot in blueprint.slots:
+        part_type = library.get(slot.part_number)
+        for port in () if part_type is None else part_type.ports:
+            yield SlotPort(slot.name, port.name), port
+
+
+def _fitting(
+    own: list[tuple[SlotPort, Port]], others: list[tuple[SlotPort, Port]], topics: Mapping[SlotPort, str]
+) -> Iterator[FittingWire]:
+    for end, port in own:
+        for other, their in others:
+            if their.type_name == port.type_name and their.direction is not port.direction:
+                source, target = (end, other) if port.direction is Direction.PUBLISH else (other, end)
+                topic = topics.get(other) or f"{source.slot}_{source.port}"
+                yield FittingWire(topic, port.type_name, source, target)
+
 
 LONGEST_FAULT = 600
 """Characters of the reason why a description is refused."""

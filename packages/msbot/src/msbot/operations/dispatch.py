@@ -15,35 +15,26 @@ from msbot.config import Blueprint, Library, blueprint_mark
 from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
 from msbot.operations.arguments import read_arguments, usable_arguments
-from msbot.operations.blocking import Blocking, StoredBlocking
-from msbot.operations.bus_objects import BusObjects
+from msbot.operations.blocking import Blocking, BusObjects, StoredBlocking
 from msbot.operations.by_hand import ByHand
 from msbot.operations.described_parts import DescribedParts
-from msbot.operations.faults import Faults
-from msbot.operations.lessons import Lessons
-from msbot.operations.missions import Missions
-from msbot.operations.operation import Kept, Operation
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Kept, Operation, Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.pupils import ClassControl
-from msbot.operations.recording import Recording
+from msbot.operations.recording import Recording, Showing
 from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
-from msbot.operations.settings import SlotSettings
-from msbot.operations.showing import Showing
+from msbot.operations.settings import SlotSettings, Wires
 from msbot.operations.stand_ins import StandIns
 from msbot.operations.stop_and_go import Stopping
-from msbot.operations.stored_placement import StoredPlacement
-from msbot.operations.stored_robot import StoredRobot
+from msbot.operations.stored_robot import StoredPlacement, StoredRobot
 from msbot.operations.table import OPERATIONS
+from msbot.operations.teaching import Faults, Lessons, Missions, Worlds
 from msbot.operations.undoing import StoredUndoing, Undoing
-from msbot.operations.wires import Wires
-from msbot.operations.worlds import Worlds
 from msbot.registry import Registry, RobotRecord
-from msbot_agent.text.printable import whole
-from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import said, whole
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
+from msbot_xrce.lazy import dataclass
 
 TOLD_AS_SAID: Final = ("stop", "go")
 """Operations that are told when they are said, because people have other ways to say them, too."""
@@ -53,7 +44,7 @@ SOMEBODY: Final = "somebody"
 
 
 @dataclass(frozen=True, slots=True)
-class Deed:
+class PerformedOperation:
     """Something that was done to the robot."""
 
     who: str
@@ -85,13 +76,13 @@ class Operations:
         }
         self._checks: list[Callable[[Asker, Operation, Mapping[str, object]], None]] = []
         self._one_at_a_time = asyncio.Lock()
-        self._listeners: list[Callable[[Deed], object]] = []
+        self._listeners: list[Callable[[PerformedOperation], object]] = []
 
     def on_asked(self, check: Callable[[Asker, Operation, Mapping[str, object]], None]) -> None:
         """Call the check before anything is done; it raises when that person may not do it now."""
         self._checks.append(check)
 
-    def on_done(self, listener: Callable[[Deed], object]) -> None:
+    def on_done(self, listener: Callable[[PerformedOperation], object]) -> None:
         """Call the listener with everything that was done; not with questions, nor with what could not be done."""
         self._listeners.append(listener)
 
@@ -145,7 +136,7 @@ class Operations:
             async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
                 outcome = await _outcome(method(**given))
         if operation not in TOLD_AS_SAID:
-            self._tell(Deed(asker.name, operation, deed, outcome.words))
+            self._tell(PerformedOperation(asker.name, operation, deed, outcome.words))
         return outcome
 
     async def set_together(self, slot: str, values: Mapping[str, str | None], *, who: Asker) -> Outcome:
@@ -162,10 +153,10 @@ class Operations:
         async with self._one_at_a_time:
             outcome = await self.settings.set_together(slot, values, who.name)
         for name, value in values.items():
-            self._tell(Deed(who.name, "set", {"slot": slot, "name": name, "value": value}, outcome.words))
+            self._tell(PerformedOperation(who.name, "set", {"slot": slot, "name": name, "value": value}, outcome.words))
         return outcome
 
-    def _tell(self, deed: Deed) -> None:
+    def _tell(self, deed: PerformedOperation) -> None:
         for listener in self._listeners:
             listener(deed)
 
@@ -196,7 +187,8 @@ class RunningOperations(Operations):
         self.placement = Placement(running, described)
         self.stand_ins = StandIns(running, self.placement)
         self.stopping = Stopping(
-            running, on_said=lambda operation, by, given, words: self._tell(Deed(by, operation, given, words))
+            running,
+            on_said=lambda operation, by, given, words: self._tell(PerformedOperation(by, operation, given, words)),
         )
         self.showing = Showing(running)
         self.by_hand = ByHand(running)

@@ -10,12 +10,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 from msbot.operations.by_hand import ByHand
-from msbot.operations.changeable_robot import slot_of
-from msbot.operations.lessons import Lessons
-from msbot.operations.operation import Operation
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Operation, Outcome
 from msbot.operations.rights import Asker, Right
-from msbot.operations.running_robot import RunningRobot
+from msbot.operations.running_robot import RunningRobot, slot_of
+from msbot.operations.teaching import Lessons
 from msbot.pnp import Freeze, Group, TakeOverByTeacher
 from msbot.registry import EditKind, Registry, RobotRecord
 from msbot.registry.reserved_names import check_name

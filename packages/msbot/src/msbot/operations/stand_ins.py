@@ -12,16 +12,15 @@ import logging
 from dataclasses import field
 
 from msbot.config import Library
-from msbot.operations.changeable_robot import slot_of
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.placement import Placement
-from msbot.operations.running_robot import RunningRobot
+from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import PartInfo, PartState
 from msbot.sim import SimulatedPart, make_simulator
 from msbot_agent.link import InprocHub, LinkInfo
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
 
 JOIN_S = 5.0
 """Longest time until a stand-in has claimed."""

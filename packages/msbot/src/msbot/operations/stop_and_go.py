@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from msbot.master import answer_of
-from msbot.operations.outcome import Outcome
+from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import StopStatus
 from msbot.registry import EditKind

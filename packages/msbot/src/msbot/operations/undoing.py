@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from msbot.operations.changeable_robot import ChangeableRobot
-from msbot.operations.outcome import Outcome, outcome_of
+from msbot.operations.operation import Outcome, outcome_of
 from msbot.operations.placement import Placement
 from msbot.operations.rights import Asker, Right
-from msbot.operations.running_robot import RunningRobot
+from msbot.operations.running_robot import ChangeableRobot, RunningRobot
 from msbot.registry import EditRecord
 from msbot.registry.edits.undo import undo
 from msbot_agent.text.sentence import said

@@ -12,8 +12,8 @@ from msbot.part.client.discovery import FoundAgent, find_agents
 from msbot.part.client.entities import Entity
 from msbot.part.client.settings import ClientSettings, ConnectionState
 from msbot.part.join.joining import ExpectedRobot, JoinState
-from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.part import Part
 from msbot.part.run import run
 

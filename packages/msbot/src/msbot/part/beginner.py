@@ -16,16 +16,13 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import Protocol
 from weakref import WeakSet
 
 from msbot.part.join.joining import Joining, JoinState
-from msbot.part.join.thesis_master import DOES_NOT_JOIN
-from msbot_agent.process.own_code import own_folders
+from msbot.part.join.refusal import DOES_NOT_JOIN
+from msbot_agent.process.user_folders import own_folders
 from msbot_xrce.errors import MsbotError
-
-if TYPE_CHECKING:
-    from msbot.part.part import Part
 
 STUCK_S = 0.5
 """A function that has not returned for this long is reported."""
@@ -36,11 +33,18 @@ SILENCE_S = (2.0, 10.0, 60.0)
 _log = logging.getLogger("msbot.part")
 
 
+class _NamedPart(Protocol):
+    """A `Part`, as far as this file needs one."""
+
+    @property
+    def local_name(self) -> str: ...
+
+
 class _Waiting:
     """Parts of this program that nobody has run yet."""
 
     def __init__(self) -> None:
-        self.parts: WeakSet[Part] = WeakSet()
+        self.parts: WeakSet[_NamedPart] = WeakSet()
         self.places: dict[int, str] = {}
         self.is_installed = False
 
@@ -48,7 +52,7 @@ class _Waiting:
 _waiting = _Waiting()
 
 
-def part_was_made(part: Part) -> None:
+def part_was_made(part: _NamedPart) -> None:
     """Note a part made by a program (not a library, test or prompt); its mistakes are shown as sentences from now
     on."""
     place = _place_in_main()
@@ -63,7 +67,7 @@ def part_was_made(part: Part) -> None:
         threading.excepthook = _thread_as_sentence(threading.excepthook)
 
 
-def part_is_run(part: Part) -> None:
+def part_is_run(part: _NamedPart) -> None:
     """The part is being run, so no warning is needed."""
     _waiting.parts.discard(part)
     _waiting.places.pop(id(part), None)

@@ -23,7 +23,6 @@ from typing import TypeVar
 from msbot.part.beginner import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
 from msbot.part.client.settings import ClientSettings
-from msbot.part.counters import PartCounters
 from msbot.part.description import describe
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.keys import check_key, parse_key
@@ -31,7 +30,7 @@ from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
 from msbot.part.program import Action, DeclaredSetting, Listener, PortAction, Program, When
 from msbot.part.program_runner import Identity, ProgramRunner
-from msbot.part.settings import V
+from msbot.part.settings import PartCounters, V
 from msbot_agent.link import Link
 from msbot_xrce.errors import ConfigError
 

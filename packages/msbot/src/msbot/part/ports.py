@@ -12,8 +12,8 @@ from msbot.part.client.client import Client
 from msbot.part.client.entities import Entity
 from msbot.part.join.plug import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, LinkFull, LocalProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot_xrce.objects import EndpointQos
 

@@ -17,7 +17,6 @@ from random import Random
 from msbot.part.beginner import SILENCE_S, silence_words
 from msbot.part.client.client import Client
 from msbot.part.client.settings import ClientSettings
-from msbot.part.counters import PartCounters
 from msbot.part.handler_guard import Guard
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.keys import prove, prove_sealed
@@ -28,10 +27,10 @@ from msbot.part.messages.message import Message
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
 from msbot.part.safe_state import Safety
-from msbot.part.settings import Settings
+from msbot.part.settings import PartCounters, Settings
 from msbot_agent.link import Link, Peer, Signal
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 _log = logging.getLogger("msbot.part")
 

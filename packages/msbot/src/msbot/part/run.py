@@ -19,10 +19,8 @@ from msbot.part.join.keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.can import CanSettings, Codec
-from msbot_agent.log.terminal_log import TerminalHandler
-from msbot_agent.process.end_signals import on_end_signal
-from msbot_agent.process.event_loop import run_to_end
-from msbot_agent.process.task_errors import ungrouped
+from msbot_agent.log import TerminalHandler
+from msbot_agent.process.end_signals import on_end_signal, run_to_end, ungrouped
 from msbot_xrce import compress, decompress, is_whole
 from msbot_xrce.errors import ConfigError, MsbotError
 

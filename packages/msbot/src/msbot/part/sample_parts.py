@@ -11,10 +11,10 @@ from collections.abc import Callable
 from random import Random
 
 from msbot.part.boards.gpio import PINS, PinDirection, SimGpio, UsbGpio
-from msbot.part.messages.hello import HelloWorld
+from msbot.part.messages.standard import HelloWorld
 from msbot.part.part import Part
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 ROBOT = "MSBOT_MASTER"
 """The robot they are made for (thesis 3.12.1)."""

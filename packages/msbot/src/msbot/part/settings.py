@@ -12,8 +12,8 @@ from typing import TypeVar
 
 from msbot.part.handler_guard import Guard
 from msbot.part.join.plug import SAFE_MARK, Setting
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 Value = bool | int | float | str
 """What a setting can be."""
@@ -126,3 +126,28 @@ def read_value(name: str, text: str, kind: type[V]) -> V:
         return kind(_TRUTHS[text] if kind is bool else text)
     except (ValueError, KeyError):
         raise ConfigError(f"setting {name!r} is {text!r}, which is not {_WORDS[kind]}") from None
+
+
+# What is counted of a part while it runs.
+
+
+@dataclass(slots=True)
+class PartCounters:
+    """Counts of what happened to a part since it began to run."""
+
+    messages_in: int = 0
+    """Samples handed to a handler."""
+    messages_out: int = 0
+    """Samples published."""
+    not_sent: int = 0
+    """Samples not sent because the stream or the link had no room."""
+    dropped: int = 0
+    """Samples that arrived and could not be used."""
+    refused: int = 0
+    """Samples without a good seal, in a robot with `authentication = "key+data"`."""
+    held: int = 0
+    """Samples that arrived after STOP and were not used."""
+    beats: int = 0
+    """Beats that the inventory answered."""
+    missed_beats: int = 0
+    handler_errors: int = 0

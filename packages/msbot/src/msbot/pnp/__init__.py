@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot.part.join.plug import Refusal
     from msbot.pnp.access import RESERVED_TOPICS, Access
     from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
-    from msbot.pnp.explain_samples import KNOWN_TYPES, KnownObject, Overhearer, message_words
-    from msbot.pnp.frame_words import FrameListener, FrameWords
-    from msbot.pnp.hand_control import HandControl, HeldPort
+    from msbot.pnp.explain_samples import (
+        KNOWN_TYPES,
+        FrameListener,
+        FrameWords,
+        KnownObject,
+        SessionListener,
+        message_words,
+    )
     from msbot.pnp.inventory import Inventory
     from msbot.pnp.key_proof import Keys
     from msbot.pnp.life_status import TRANSITIONS
@@ -38,12 +43,13 @@ if TYPE_CHECKING:
     from msbot.pnp.services import InventoryService
     from msbot.pnp.slot_assignment import TakeOver
     from msbot.pnp.slot_matching import Match, Matcher
+    from msbot.pnp.state_changes import HandControl, HeldPort
 
 _NAMES = {
     "msbot.part.join.plug": ("Refusal",),
     "msbot.pnp.access": (
-        "RESERVED_TOPICS",
         "Access",
+        "RESERVED_TOPICS",
     ),
     "msbot.pnp.emergency_stop": (
         "StopConfirmation",
@@ -51,16 +57,14 @@ _NAMES = {
         "StopStatus",
     ),
     "msbot.pnp.explain_samples": (
-        "KNOWN_TYPES",
-        "KnownObject",
-        "Overhearer",
-        "message_words",
-    ),
-    "msbot.pnp.frame_words": (
         "FrameListener",
         "FrameWords",
+        "KNOWN_TYPES",
+        "KnownObject",
+        "SessionListener",
+        "message_words",
     ),
-    "msbot.pnp.hand_control": (
+    "msbot.pnp.state_changes": (
         "HandControl",
         "HeldPort",
     ),
@@ -73,10 +77,9 @@ _NAMES = {
         "forecast",
     ),
     "msbot.pnp.model": (
-        "FAST_TIMING",
-        "THESIS_TIMING",
         "Claim",
         "Configuration",
+        "FAST_TIMING",
         "LifeTiming",
         "MemoryStore",
         "PartInfo",
@@ -84,17 +87,27 @@ _NAMES = {
         "SelfDescription",
         "SlotBinding",
         "Standing",
+        "THESIS_TIMING",
         "Verdict",
     ),
-    "msbot.pnp.part_events": ("Evidence", "PartEvent", "PartState"),
+    "msbot.pnp.part_events": (
+        "Evidence",
+        "PartEvent",
+        "PartState",
+    ),
+    "msbot.pnp.master_service": ("MasterService",),
     "msbot.pnp.profile": (
         "PROFILE_PERIOD_S",
         "PROFILE_TOPIC",
         "PROFILE_TYPE",
         "Profile",
     ),
-    "msbot.pnp.master_service": ("MasterService",),
-    "msbot.pnp.pupils": ("Freeze", "Group", "Pupils", "TakeOverByTeacher"),
+    "msbot.pnp.pupils": (
+        "Freeze",
+        "Group",
+        "Pupils",
+        "TakeOverByTeacher",
+    ),
     "msbot.pnp.services": ("InventoryService",),
     "msbot.pnp.slot_assignment": ("TakeOver",),
     "msbot.pnp.slot_matching": (
@@ -135,7 +148,6 @@ __all__ = [
     "Match",
     "Matcher",
     "MemoryStore",
-    "Overhearer",
     "PartEvent",
     "PartInfo",
     "PartState",
@@ -144,6 +156,7 @@ __all__ = [
     "Pupils",
     "Refusal",
     "SelfDescription",
+    "SessionListener",
     "SlotBinding",
     "Standing",
     "StopConfirmation",

@@ -26,7 +26,7 @@ from msbot.pnp.inventory import Inventory
 from msbot.pnp.profile import PROFILE_TOPIC
 from msbot_agent.link import pupil_behind
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 
 INVENTORY_SERVICE = "msbot_inventory"
 INVENTORY_REQUEST_TOPIC = "msbot_inventory_Request"

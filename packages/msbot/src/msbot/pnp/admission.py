@@ -24,8 +24,7 @@ from msbot.pnp.model import MAX_TEXT, Claim, Configuration, PartStore, Verdict, 
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match, Matcher
 from msbot.pnp.state_changes import StateChanges
-from msbot_agent.text.printable import printable
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import printable, said
 from msbot_xrce.errors import RegistryError
 
 PENDING = Verdict()

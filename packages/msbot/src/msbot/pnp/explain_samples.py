@@ -13,20 +13,16 @@ from struct import pack, unpack
 from typing import Final
 
 from msbot.part import HelloWorld, Message
-from msbot.part.join.plug import (
-    INVENTORY_SERVICE,
-    BindingDirection,
-    ConfigurationMessage,
-    ProfileMessage,
-)
+from msbot.part.join.plug import INVENTORY_SERVICE, BindingDirection, ConfigurationMessage, ProfileMessage
 from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
-from msbot.pnp.overheard_seals import OverheardSeals, Read
-from msbot.pnp.packet_words import inventory_sentence, submessage_sentence
+from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
+from msbot.pnp.session_seals import ObservedSeals, Read
+from msbot_agent.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
 from msbot_agent.text.sentence import Sentence, said
-from msbot_xrce import explain
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce import decompress, explain, is_whole
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import (
     SESSION_NONE,
     Create,
@@ -85,7 +81,7 @@ Units = Callable[[str], Mapping[str, str]]
 """`(type name)`: units of the fields of a message type, by field."""
 
 
-class Overhearer:
+class SessionListener:
     """Listens to any number of sessions, one for each peer."""
 
     def __init__(
@@ -145,7 +141,7 @@ class _Session:
         self._configuration: ConfigurationMessage | None = None
         """What the part was told that it does in this robot, if that was heard."""
         self._pieces: dict[bool, _Pieces] = {True: _Pieces(), False: _Pieces()}
-        self._seals = OverheardSeals()
+        self._seals = ObservedSeals()
 
     def notes(self, header: Header, submessage: Submessage, *, up: bool) -> list[str]:
         """What can be said about a submessage beyond its own contents."""
@@ -345,3 +341,71 @@ def _seal_words(seal: int | None) -> str:
 def _by_type_name(said: object) -> str:
     """A message under its name on the wire, which is not always the name of its class."""
     return said.type_name + str(said).removeprefix(type(said).__name__) if isinstance(said, Message) else str(said)
+
+
+# Says what each frame of a CAN bus means, in sentences for everybody and in the words of the protocol.
+#
+# For the page and for `msbot bus`, which listen to the same bus. Pure; never raises, whatever is on the bus.
+
+
+@dataclass(frozen=True, slots=True)
+class FrameWords:
+    """What a frame says."""
+
+    plain: tuple[str, ...]
+    """The values in it, as sentences (`knob says level 49.9 %`): of a frame that completes a sample of a known part."""
+    about: tuple[str, ...]
+    """What a frame without such values is for, in a sentence: `knob says that it is alive`."""
+    protocol: tuple[str, ...]
+    """In the words of the protocol: the first line about the frame, the others about the packet it completes."""
+
+
+_NOTHING = PacketWords((), (), ())
+
+
+class FrameListener:
+    """Understands the frames of one bus, one after the other."""
+
+    def __init__(
+        self, overhearer: SessionListener | None = None, *, ids: CanIds | None = None, legacy: bool = False
+    ) -> None:
+        """Begin to listen.
+
+        Args:
+            overhearer: what is known of the robot; None: nothing but what every robot says.
+            ids: identifier bases, when the bus is shared with other equipment.
+            legacy: the bus is one of the thesis' firmware.
+        """
+        self._overhearer = overhearer or SessionListener()
+        self._ids, self._is_legacy = ids or CanIds(), legacy
+        self._heard = _NOTHING
+        self._decoder = (
+            LegacyDecoder(self._explain, is_whole)
+            if legacy
+            else CanDecoder(self._explain, decompress=decompress, ids=ids)
+        )
+
+    @property
+    def unknown(self) -> int:
+        """Samples whose topic was agreed upon before anybody listened."""
+        return self._overhearer.unknown
+
+    def hear(self, frame: Frame, at: float) -> FrameWords:
+        """What the next frame of the bus says; `at` is its time in seconds."""
+        self._heard = _NOTHING
+        protocol = tuple(self._decoder.decode(frame, at))
+        heard = self._heard
+        return FrameWords(heard.plain, heard.about or (() if heard.plain else (self._about(frame),)), protocol)
+
+    def _explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
+        self._heard = self._overhearer.hear(packet, peer, up=up)
+        return list(self._heard.protocol)
+
+    def _about(self, frame: Frame) -> Sentence:
+        """What a frame is for that completes no packet."""
+        if self._is_legacy and not frame.extended and frame.can_id in (UP, DOWN):
+            return piece_sentence(self._overhearer.part_at(0), up=frame.can_id == UP)
+        node = None if self._is_legacy else node_of(frame, self._ids)
+        if node is None:
+            return frame_sentence(frame, self._ids)
+        return piece_sentence(self._overhearer.part_at(node[0]), up=node[1])

@@ -18,7 +18,6 @@ from functools import partial
 from random import Random
 
 from msbot.pnp.admission import PENDING, Admission, Adopter
-from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
@@ -29,9 +28,9 @@ from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
-from msbot.pnp.state_changes import StateChanges
+from msbot.pnp.state_changes import HandControl, StateChanges
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
 
 

@@ -29,8 +29,8 @@ from msbot.pnp.model import Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import dataclass
 
 GOOD_FOR_S = 10.0
 """A question older than this can no longer be answered."""

@@ -19,7 +19,7 @@ from msbot.part.join.seal import Seal
 from msbot.part.sample_parts import SAMPLE_PARTS
 from msbot.pnp.profile import Profile
 from msbot_agent.link.can.protocol import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import (
     FIRST_REQUEST,
     SESSION_DEFAULT,

@@ -14,8 +14,8 @@ from msbot.part.join.plug import Nature, Refusal
 from msbot.pnp.emergency_stop import StopRecord
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MAX_TEXT = 254
 """Longest part number or local name in characters: the thesis' `char[255]` with its NUL."""

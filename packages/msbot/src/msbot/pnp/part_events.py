@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 Evidence = tuple[tuple[str, str], ...]
 """Why something was decided: pairs of (rule or message, outcome), in the order in which they were tried."""

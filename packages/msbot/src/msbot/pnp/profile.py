@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import zlib
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 PROFILE_TOPIC = "msbot_masterTopic"
 """Name of the profile's topic, as in the thesis' programs."""

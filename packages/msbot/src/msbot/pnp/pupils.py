@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)

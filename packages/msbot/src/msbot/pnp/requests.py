@@ -10,14 +10,14 @@ import logging
 from collections.abc import Callable
 
 from msbot.part.join import plug
+from msbot.part.join.refusal import TroublePiece
 from msbot.part.join.seal import SEAL_OCTETS
-from msbot.part.join.trouble import TroublePiece
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.model import Claim, Configuration, Verdict
 from msbot.pnp.part_events import PartState
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 
 _log = logging.getLogger(__name__)

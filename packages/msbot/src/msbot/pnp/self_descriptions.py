@@ -16,7 +16,7 @@ from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import SelfDescription
 from msbot.pnp.state_changes import StateChanges
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 
 ASK_TIMES = 3
 """How often a part is asked, in case a question or its answer is lost; most parts know no answer."""

@@ -10,13 +10,12 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable
-from typing import Protocol
+from typing import ParamSpec, Protocol
 
 from msbot.part import ClientMaker, Entity, ServiceNames
 from msbot.part.join import plug
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.emergency_stop import EmergencyStop
-from msbot.pnp.in_any_case import in_any_case
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.master_service import STATUS_TIMEOUT_S
@@ -27,6 +26,21 @@ from msbot_agent.agent import client_key_of
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import LinkFull, LocalProtocolError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
+
+# For what must be gone through to its end: a step that fails is logged, and the next one is taken.
+
+
+_P = ParamSpec("_P")
+_log = logging.getLogger(__name__)
+
+
+def in_any_case(step: Callable[_P, object], *arguments: _P.args, **named: _P.kwargs) -> None:
+    """Take a step of which no failure may keep the caller from its next one; the log has the failure."""
+    try:
+        step(*arguments, **named)
+    except Exception:
+        _log.exception("this failed, and what comes after it is done all the same")
+
 
 LONGEST_BEST_EFFORT = 512
 """Answers up to this many octets go best effort: they need no window, and a part repeats an unanswered request. Longer
@@ -43,8 +57,6 @@ GO_TIMES = 3
 
 _COMPACT = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
 _COMPAT = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
-
-_log = logging.getLogger(__name__)
 
 
 class PartsElsewhere(Protocol):

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final, TypeVar
 
-from msbot.part.join.seal import Seal
+from msbot.part.join import plug
+from msbot.part.join.seal import COUNTER_OCTETS, SEAL_OCTETS, Seal
+from msbot_xrce.errors import RemoteProtocolError
 
 
 class SessionSeals:
@@ -30,3 +33,83 @@ class SessionSeals:
     def drop(self, client_key: int) -> None:
         """A session has ended, or started over."""
         self._seals.pop(client_key, None)
+
+
+# Where the sample ends and its seal begins, for somebody who only listens to a session. Pure.
+#
+# In a robot with `authentication = "key+data"` a seal of 10 octets follows most samples (`msbot.part.join.seal`). Who
+# listens has no key and cannot check it, but can tell that it is there: the session has shown a challenge for sealed
+# samples, or a message of a length that only a sealed one has, or the sample makes sense without its last octets alone.
+
+
+T = TypeVar("T")
+Read = tuple[T, int | None]
+"""A message, and the number in the seal behind it; None: it has no seal."""
+
+AMBIGUOUS: Final = "a Proof or a sealed StoppedBeat: which one only the beginning of the session tells"
+
+
+class ObservedSeals:
+    """What one session has shown of its seals."""
+
+    def __init__(self) -> None:
+        self._is_sealed = False
+        self._heard_from_the_beginning = False
+
+    def begin(self) -> None:
+        """A session begins: whatever holds will be agreed again."""
+        self._is_sealed = False
+        self._heard_from_the_beginning = True
+
+    def sample(self, payload: bytes, decode: Callable[[bytes], T]) -> Read[T]:
+        """Read a sample of a topic.
+
+        Raises:
+            RemoteProtocolError: it makes no sense, with or without a seal.
+        """
+        return self._read(payload, decode, sealed_first=self._is_sealed)
+
+    def request(self, payload: bytes) -> Read[plug.Request]:
+        """Read what a part asks of the inventory.
+
+        Raises:
+            RemoteProtocolError: it makes no sense, or could be either of two messages.
+        """
+        size = len(payload)
+        if size == plug.PROOF_OCTETS and not (self._is_sealed or self._heard_from_the_beginning):
+            raise RemoteProtocolError(AMBIGUOUS)
+        found = self._read(payload, plug.decode_request, sealed_first=self._is_sealed and plug.is_sealed_request(size))
+        self._is_sealed |= found[1] is not None
+        return found
+
+    def reply(self, payload: bytes) -> Read[plug.Reply]:
+        """Read what the inventory says.
+
+        Raises:
+            RemoteProtocolError: it makes no sense.
+        """
+        has_seal = plug.is_sealed_reply(len(payload)) and not plug.is_refusal(payload)
+        found = self._read(payload, plug.decode_reply, sealed_first=self._is_sealed and has_seal)
+        self._is_sealed |= found[1] is not None or isinstance(found[0], plug.SealedChallenge)
+        return found
+
+    def _read(self, payload: bytes, decode: Callable[[bytes], T], *, sealed_first: bool) -> Read[T]:
+        first, second = (_without_seal, _as_it_is) if sealed_first else (_as_it_is, _without_seal)
+        try:
+            return first(payload, decode)
+        except RemoteProtocolError as error:
+            try:
+                return second(payload, decode)
+            except RemoteProtocolError:
+                raise error from None
+
+
+def _as_it_is(payload: bytes, decode: Callable[[bytes], T]) -> Read[T]:
+    return decode(payload), None
+
+
+def _without_seal(payload: bytes, decode: Callable[[bytes], T]) -> Read[T]:
+    size = len(payload) - SEAL_OCTETS
+    if size < 0:
+        raise RemoteProtocolError("too short for a seal")
+    return decode(payload[:size]), int.from_bytes(payload[size : size + COUNTER_OCTETS], "little")

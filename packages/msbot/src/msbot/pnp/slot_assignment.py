@@ -16,8 +16,8 @@ from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import Matcher
 from msbot.pnp.state_changes import StateChanges
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import dataclass
 
 FRESH_S = 3.0
 """A standby part that has claimed within this time is surely there."""

@@ -21,8 +21,8 @@ from msbot.pnp.model import MAX_TEXT, Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.pupils import Pupils
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import dataclass
 
 UID_BYTES = 8
 NO_UID = bytes(UID_BYTES)

@@ -4,17 +4,154 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from msbot.part.join.plug import Refusal
-from msbot.pnp.hand_control import HandControl
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import Configuration, PartStore
+from msbot.pnp.model import Configuration, PartStore, SlotBinding
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
-from msbot.pnp.partners import Partners
 from msbot.pnp.slot_matching import Matcher
 from msbot_agent.text.sentence import said
+from msbot_xrce.lazy import dataclass
+
+# Who hears whom: which parts to tell when nobody publishes any more what they read, or somebody does again. Pure.
+#
+# A topic has a partner as long as one registered part publishes it. Everything within one turn of the inventory
+# counts as a single change: when a spare takes over a slot in the moment it becomes free, nobody is left without a
+# partner.
+
+
+PartnerChange = tuple[int, str, bool]
+"""Client key of the part that reads, topic, and whether somebody publishes it now."""
+
+
+class Partners:
+    """An index of the registered parts by the topics that they publish and read."""
+
+    def __init__(self) -> None:
+        self._touched: deque[InventoryRecord] = deque()
+        self._bound: dict[InventoryRecord, tuple[frozenset[str], frozenset[str]]] = {}
+        """What each part publishes and reads, as in the two indexes."""
+        self._publishers: dict[str, set[InventoryRecord]] = {}
+        self._readers: dict[str, dict[InventoryRecord, None]] = {}
+
+    def touch(self, record: InventoryRecord) -> None:
+        """Note that a part was registered, delisted, or configured again."""
+        self._touched.append(record)
+
+    def has_publisher(self, topic: str) -> bool:
+        """Whether a registered part publishes a topic, as of the last `settle`."""
+        return bool(self._publishers.get(topic))
+
+    def settle(self) -> list[PartnerChange]:
+        """Bring the indexes up to date; returns what changed for parts that were there before and still are."""
+        there: dict[str, bool] = {}
+        """Topics whose publishers changed -> whether they had one before."""
+        newcomers: set[InventoryRecord] = set()
+        while self._touched:
+            record = self._touched.popleft()
+            publishes, reads = _topics_of(record)
+            published, read = self._bound.pop(record, (frozenset(), frozenset()))
+            for topic in publishes | published:
+                there.setdefault(topic, bool(self._publishers.get(topic)))
+            for topic in published:
+                self._publishers[topic].discard(record)
+            for topic in publishes:
+                self._publishers.setdefault(topic, set()).add(record)
+            for topic in read:
+                self._readers[topic].pop(record, None)
+            for topic in reads:
+                self._readers.setdefault(topic, {})[record] = None
+            if not published and not read:
+                newcomers.add(record)
+            if publishes or reads:
+                self._bound[record] = (publishes, reads)
+        return [
+            (reader.client_key, topic, now_there)
+            for topic, was_there in there.items()
+            if (now_there := bool(self._publishers.get(topic))) is not was_there
+            for reader in self._readers.get(topic, ())
+            if reader not in newcomers
+        ]
+
+
+def _topics_of(record: InventoryRecord) -> tuple[frozenset[str], frozenset[str]]:
+    if not record.is_registered or record.configuration is None:
+        return frozenset(), frozenset()
+    bindings = record.configuration.bindings
+    return (
+        frozenset(binding.topic for binding in bindings if binding.publishes and not record.is_held),
+        frozenset(binding.topic for binding in bindings if not binding.publishes),
+    )
+
+
+# Ports that people drive by hand: while somebody holds one, its wire is cut and it listens to the master. Pure.
+#
+# A held port is bound to a topic of its own, which only the master publishes. The part gets this like any other
+# change of its configuration; when nobody holds the port any more it is bound to its wire again.
+
+
+TOPIC_PREFIX = "msbot_hand_"
+"""Prefix of the topics of held ports; a blueprint cannot use such a name."""
+GENERATION_BIT = 16
+"""The bits of a configuration's version from this one up count how often ports of the slot were taken or released."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldPort:
+    """A port that somebody drives by hand."""
+
+    slot: str
+    port: str
+    type_name: str
+
+    @property
+    def topic(self) -> str:
+        """The topic that the port reads while it is held."""
+        return f"{TOPIC_PREFIX}{self.slot}_{self.port}"
+
+
+class HandControl:
+    """Which ports are held, and the configurations of their slots while they are."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, dict[str, HeldPort]] = {}
+        self._generation: dict[str, int] = {}
+
+    def take(self, slot: str, port: str, type_name: str) -> HeldPort:
+        """Hold a port; its slot's configuration has changed unless it was held before."""
+        held = HeldPort(slot, port, type_name)
+        before = self._held.setdefault(slot, {}).get(port)
+        if before != held:
+            self._held[slot][port] = held
+            self._turn(slot)
+        return held
+
+    def let_go(self, slot: str, port: str) -> None:
+        """Let go of a port; its slot's configuration has changed if it was held."""
+        if self._held.get(slot, {}).pop(port, None) is not None:
+            self._turn(slot)
+
+    def over(self, configuration: Configuration) -> Configuration:
+        """A slot's configuration with its held ports bound to their own topics."""
+        generation = self._generation.get(configuration.slot, 0)
+        if generation == 0:
+            return configuration
+        held = self._held.get(configuration.slot, {})
+        bindings = [binding for binding in configuration.bindings if binding.publishes or binding.port not in held]
+        bindings += [
+            SlotBinding(port=one.port, topic=one.topic, type_name=one.type_name, publishes=False)
+            for one in held.values()
+        ]
+        low = (1 << GENERATION_BIT) - 1
+        version = (generation << GENERATION_BIT | configuration.version & low) & 0xFFFFFFFF
+        return replace(configuration, version=version, bindings=tuple(bindings))
+
+    def _turn(self, slot: str) -> None:
+        # Never back to 0: a version that was used before must not be reused while the part remembers it.
+        self._generation[slot] = self._generation.get(slot, 0) % 0xFFFF + 1
 
 
 class StateChanges:

@@ -10,12 +10,12 @@ DEVIATION: the thesis' replier answers everybody; here a stranger gets no answer
 
 from __future__ import annotations
 
-from msbot.part.join.thesis_master import BUFFER_BYTES as BUFFER_BYTES  # noqa: PLC0414 - others look for it here
-from msbot.part.join.thesis_master import REPLY_TYPE as REPLY_TYPE  # noqa: PLC0414
-from msbot.part.join.thesis_master import REQUEST_TYPE as REQUEST_TYPE  # noqa: PLC0414
-from msbot.part.join.thesis_master import SERVICE as SERVICE  # noqa: PLC0414
-from msbot.part.join.thesis_master import is_question as is_question  # noqa: PLC0414
-from msbot.part.join.thesis_master import read_string, reply, request
+from msbot.part.join.refusal import BUFFER_BYTES as BUFFER_BYTES  # noqa: PLC0414 - others look for it here
+from msbot.part.join.refusal import REPLY_TYPE as REPLY_TYPE  # noqa: PLC0414
+from msbot.part.join.refusal import REQUEST_TYPE as REQUEST_TYPE  # noqa: PLC0414
+from msbot.part.join.refusal import SERVICE as SERVICE  # noqa: PLC0414
+from msbot.part.join.refusal import is_question as is_question  # noqa: PLC0414
+from msbot.part.join.refusal import read_string, reply, request
 from msbot.pnp.model import Claim
 from msbot_xrce.errors import RemoteProtocolError
 

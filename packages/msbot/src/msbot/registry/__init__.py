@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot.process.late_modules import load_late
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot.process.daemon_threads import load_late
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot.registry.database.engine import without_password
     from msbot.registry.database.storage import StorageHealth
-    from msbot.registry.edits.user_statements import ROLES
+    from msbot.registry.edits.users import ROLES
     from msbot.registry.records import (
         EditKind,
         EditRecord,
@@ -27,15 +27,14 @@ if TYPE_CHECKING:
     )
     from msbot.registry.registry import Registry, open_registry
     from msbot.registry.running.master_lease import LeaseLost, MasterLease, check_shareable
-    from msbot.registry.running.node_ids import StoredNodeIds
-    from msbot.registry.running.robot_store import RobotStore
+    from msbot.registry.running.robot_store import RobotStore, StoredNodeIds
 
 load_late("sqlalchemy.dialects.sqlite.aiosqlite")  # comes with the dialect of SQLite, and nobody here uses it
 
 _NAMES = {
     "msbot.registry.database.engine": ("without_password",),
     "msbot.registry.database.storage": ("StorageHealth",),
-    "msbot.registry.edits.user_statements": ("ROLES",),
+    "msbot.registry.edits.users": ("ROLES",),
     "msbot.registry.records": (
         "EditKind",
         "EditRecord",
@@ -58,8 +57,10 @@ _NAMES = {
         "MasterLease",
         "check_shareable",
     ),
-    "msbot.registry.running.node_ids": ("StoredNodeIds",),
-    "msbot.registry.running.robot_store": ("RobotStore",),
+    "msbot.registry.running.robot_store": (
+        "RobotStore",
+        "StoredNodeIds",
+    ),
 }
 
 _find = lazy_face(__name__, _NAMES)

@@ -10,8 +10,8 @@ from sqlalchemy import Connection, delete, func, insert, select
 from msbot.registry.database.storage import Storage
 from msbot.registry.database.tables import lesson_ticks
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 BEGUN = ""
 """In place of a check: the person has begun the lesson."""

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os.path
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.config import ParameterKind, Scalar
     from msbot.pnp import PartEvent
+
 
 NO_UID = bytes(8)
 
@@ -228,7 +230,7 @@ class ProgramSource:
 
     text: str
     blocks: str = ""
-    """As JSON (`msbot_web.programs.program_shelf`); empty: it was never made of blocks."""
+    """As JSON (`msbot_web.programs.programs`); empty: it was never made of blocks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,3 +246,16 @@ class ProgramVersion:
 def uid_text(uid: bytes) -> str:
     """A UID as the tables hold it: 16 hexadecimal digits; empty for a part without one."""
     return "" if not uid or uid == NO_UID else uid.hex()
+
+
+# One spelling for each database, so that programs can tell whether they mean the same one.
+
+
+def database_identity(db: str) -> str:
+    """A unique spelling for each database: the full path of a file; a server's address without user and password."""
+    scheme, separator, rest = db.partition("://")
+    if not separator:
+        return os.path.abspath(db)
+    if scheme == "sqlite":
+        return os.path.abspath(rest.removeprefix("/"))
+    return f"{scheme.partition('+')[0]}://{rest.rpartition('@')[2]}"

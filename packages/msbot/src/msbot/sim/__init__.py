@@ -1,8 +1,7 @@
 """Simulated parts of any library type, for robots without hardware: `msbot part`, the web page, classes, tests."""
 
 from msbot.config import Control, ControlKind
-from msbot.sim.message_classes import message_class
-from msbot.sim.model_part import Distortion, ModelPart
+from msbot.sim.model_part import Distortion, ModelPart, message_class
 from msbot.sim.simulated_part import SimulatedPart, make_simulator
 from msbot.sim.simulated_world import fit
 

@@ -52,7 +52,7 @@ class World:
         """Something has changed of which the readings do not know yet."""
         self._came_at: dict[str, float] = {}
         self._now: float | None = None
-        self._mouths = [_Mouth(output, self._ports[output.port]) for output in simulator.outputs]
+        self._mouths = [_OutputState(output, self._ports[output.port]) for output in simulator.outputs]
         self._evaluate(0.0, 0.0, final=True)
 
     def advance(self, now: float) -> None:
@@ -152,7 +152,7 @@ class World:
         self._is_changed = False
 
 
-class _Mouth:
+class _OutputState:
     """One output: what it published last and when it publishes again."""
 
     def __init__(self, output: Output, port: Port) -> None:

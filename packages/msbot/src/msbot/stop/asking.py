@@ -26,12 +26,12 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Final
 
-from msbot.stop.abstract import abstract_address, abstract_names, held_by, peer_of
+from msbot.stop.listening import abstract_address, abstract_names, held_by, peer_of
 from msbot.stop.names import SocketName, name_in, own_group
 from msbot.stop.places import IS_LINUX, IS_THERE, Search, own_user, searches, users_meant
-from msbot_agent.text.json_reading import read_told
-from msbot_agent.text.printable import printable
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import read_told
+from msbot_agent.text.sentence import printable
+from msbot_xrce.lazy import dataclass
 
 _NO_ROOM: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _GRACE_S: Final = 0.1

@@ -10,10 +10,9 @@ import secrets
 import zlib
 from typing import Final
 
-from msbot_agent.text.printable import whole
-from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import said, whole
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 GROUP_VARIABLE: Final = "MSBOT_STOP_GROUP"
 """The STOP group of the programs that have this variable, unless an option says another one."""

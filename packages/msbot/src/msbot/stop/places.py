@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Final
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 IS_LINUX: Final = sys.platform == "linux"
 IS_THERE: Final = hasattr(socket, "AF_UNIX")

@@ -14,7 +14,7 @@ from itertools import repeat
 
 from msbot_agent.link.can.protocol.bits import WireBit
 from msbot_agent.link.can.sim.model.arbitration import Rates
-from msbot_agent.link.can.sim.model.error_counters import is_tail
+from msbot_agent.link.can.sim.model.events import is_tail
 
 
 class Mode(Enum):

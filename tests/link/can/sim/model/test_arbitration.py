@@ -20,7 +20,7 @@ from msbot_agent.link.can.sim.model.arbitration import (
     plan_attempt,
     plan_shorted,
 )
-from msbot_agent.link.can.sim.model.error_counters import ErrorCounters
+from msbot_agent.link.can.sim.model.events import ErrorCounters
 from tests.effort import tries
 from tests.link.can.sim.model.plain_bus import PlainNode, plain_bus
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import WireBit, wire_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.model.error_counters import DOMINANT, RECESSIVE, ErrorCounters, is_tail, noticed_at
+from msbot_agent.link.can.sim.model.events import DOMINANT, RECESSIVE, ErrorCounters, is_tail, noticed_at
 
 FRAME = wire_bits(Frame(0x555, b"\x55" * 8))
 FD_FRAME = wire_bits(Frame(0x555, b"\x55" * 8, fd=True))

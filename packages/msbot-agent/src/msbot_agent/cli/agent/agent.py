@@ -13,10 +13,9 @@ import click
 
 from msbot_agent.agent import MOST_OBJECTS, AgentSettings
 from msbot_agent.cli.agent.agent_service import AgentCommand
-from msbot_agent.cli.agent.serving import Wishes, discovery_for, given_text, serve
-from msbot_agent.cli.logs import LogWishes, log_options
-from msbot_agent.cli.numbers import FiniteRange, WholeRange
-from msbot_agent.cli.options import space_option
+from msbot_agent.cli.agent.serving import ServingOptions, discovery_for, given_text, serve
+from msbot_agent.cli.logs import LogOptions, log_options
+from msbot_agent.cli.options import FiniteRange, WholeRange, space_option
 from msbot_agent.cli.services import wanted_services
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.can import CanSettings, Codec
@@ -67,11 +66,11 @@ def common_options(function: Command) -> Command:
                   help="Objects that one client may have: participants, topics, publishers, writers ...")  # fmt: skip
     @wraps(function)
     def wrapped(
-        *, middleware: str | None, space: SpaceAddress, log_wishes: LogWishes, refs: Path | None, verbose: int,
+        *, middleware: str | None, space: SpaceAddress, log_wishes: LogOptions, refs: Path | None, verbose: int,
         dead_after: float | None, max_objects: int, **others: object,
     ) -> None:  # fmt: skip
         function(
-            wishes=Wishes(
+            wishes=ServingOptions(
                 verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, log_wishes,
                 max_objects, wanted_services(),
             ),
@@ -93,7 +92,7 @@ def network_command(name: str, kind: type[UdpServerLink] | type[TcpServerLink], 
                   flag_value=DISCOVERY_PORT, help="Answer clients that look for an agent by multicast; on 7400 "
                   "unless told otherwise.")  # fmt: skip
     @common_options
-    def run(*, port: int, host: str, discovery: int | None, wishes: Wishes) -> None:
+    def run(*, port: int, host: str, discovery: int | None, wishes: ServingOptions) -> None:
         check_host(host, ip=ip, name=name)
         where = discovery_for(host, discovery)
         hint = LOCAL_ONLY.format(everywhere=everywhere) if host == here else ""
@@ -178,7 +177,7 @@ def port_names(ports: tuple[str, ...], list_file: Path | None) -> list[str]:
 @command.command("serial", cls=AgentCommand)
 @port_options
 @common_options
-def serial(*, ports: list[str], link: Link, wishes: Wishes) -> None:
+def serial(*, ports: list[str], link: Link, wishes: ServingOptions) -> None:
     """Serve the clients on one serial port, whenever it is plugged in (or on all, with --dev auto)."""
     if len(ports) > 1:
         raise ConfigError(f"{len(ports)} serial ports are named: use `msbot agent multiserial`")
@@ -188,7 +187,7 @@ def serial(*, ports: list[str], link: Link, wishes: Wishes) -> None:
 @command.command("multiserial", cls=AgentCommand)
 @port_options
 @common_options
-def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noqa: ARG001 - any number of ports is right
+def multiserial(*, ports: list[str], link: Link, wishes: ServingOptions) -> None:  # noqa: ARG001 - any number of ports is right
     """Serve the clients on several serial ports, whenever they are plugged in."""
     serve(link, wishes)
 
@@ -197,7 +196,7 @@ def multiserial(*, ports: list[str], link: Link, wishes: Wishes) -> None:  # noq
 @click.option("-D", "--dev", "path", metavar="NAME", help="A name for the terminal, besides the one the system gives.")
 @baudrate_option
 @common_options
-def pseudoterminal(*, path: str | None, baudrate: int, wishes: Wishes) -> None:  # noqa: ARG001 - nothing slows it down
+def pseudoterminal(*, path: str | None, baudrate: int, wishes: ServingOptions) -> None:  # noqa: ARG001 - nothing slows it down
     """Serve clients on this computer that want a serial port: makes a pseudo terminal and prints its path."""
     if path is not None and not path.strip():
         raise ConfigError("--dev is empty: leave it out, or give the terminal a name, such as /tmp/robot.tty")
@@ -225,7 +224,7 @@ def can_command(name: str, *, doc: str, extra: Callable[[Command], Command] = la
                   help="An interface of Linux (can0), or an interface of python-can and its channel "
                   "(slcan:/dev/ttyACM0?bitrate=500000); can takes a simulated bus, too (sim:classroom).")  # fmt: skip
     @common_options
-    def run(*, device: str, wishes: Wishes) -> None:
+    def run(*, device: str, wishes: ServingOptions) -> None:
         settings = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 
         def open_bus(profile_hash: int) -> Link:

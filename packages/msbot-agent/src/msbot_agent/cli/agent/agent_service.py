@@ -10,7 +10,7 @@ from msbot_agent.cli.services import Beside, CommandService, ServedCommand, W
 from msbot_agent.link import Link
 from msbot_agent.space import Space
 from msbot_xrce import References
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)

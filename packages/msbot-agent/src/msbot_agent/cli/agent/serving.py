@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from dataclasses import field
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 
@@ -17,22 +18,47 @@ import click
 
 from msbot_agent.agent import Agent, AgentSettings, DiscoveryResponder, StatusServer, host_ipv6_addresses
 from msbot_agent.cli.agent.agent_service import AgentContext, AgentPlan, AgentService
-from msbot_agent.cli.agent.packets import packet_tap
-from msbot_agent.cli.logs import LogWishes
+from msbot_agent.cli.logs import LogOptions
 from msbot_agent.cli.services import WantedService
 from msbot_agent.cli.until_ended import run_until_signal
-from msbot_agent.link import Link, Peer, Signal, bound_name
+from msbot_agent.link import Link, Peer, Signal, Tap, bound_name
 from msbot_agent.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
-from msbot_agent.log.log_limiter import BURST
-from msbot_agent.process.event_loop import run_to_end
-from msbot_agent.process.own_code import PACKAGES
+from msbot_agent.log import BURST
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.user_folders import PACKAGES
 from msbot_agent.ros.graph import RosGraph
 from msbot_agent.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
 from msbot_agent.text.given_file import open_given_text
-from msbot_xrce import References
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce import References, explain
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
+
+# Packets on the terminal: octets and their meaning (`msbot agent -v 6`).
+
+
+OCTETS_A_LINE = 32
+
+
+def packet_tap(link: Link, say: Callable[[str], None]) -> Tap:
+    """A tap that prints every packet of a link."""
+
+    def tap(now: float, way: str, peer: Peer, packet: bytes) -> None:  # noqa: ARG001 - prints the time of day
+        say(packet_text(datetime.now(), way, link.describe(peer), packet))
+
+    return tap
+
+
+def packet_text(at: datetime, way: str, address: str, packet: bytes) -> str:
+    """One packet: when, from or to whom, its octets, its meaning."""
+    arrow = "from" if way == "in" else "to"
+    lines = [f"{at:%H:%M:%S.%f} {arrow} {address}: {amount(len(packet), 'octet')}"]
+    for start in range(0, len(packet), OCTETS_A_LINE):
+        lines.append(f"    {packet[start : start + OCTETS_A_LINE].hex(' ')}")
+    lines += [f"    {line}" for line in explain(packet)]
+    return "\n".join(lines)
+
 
 LEVELS = (
     logging.CRITICAL + 1, logging.CRITICAL, logging.ERROR, logging.WARNING, logging.INFO, logging.DEBUG, logging.DEBUG
@@ -58,7 +84,7 @@ FILES_BESIDES = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class ServingOptions:
     """The user's options that do not depend on the link."""
 
     verbose: int
@@ -67,7 +93,7 @@ class Wishes:
     dead_after_s: float
     """Infinite: silent clients are kept."""
     space: SpaceAddress = field(default_factory=SpaceAddress)
-    log: LogWishes = field(default_factory=LogWishes)
+    log: LogOptions = field(default_factory=LogOptions)
     max_objects: int = AgentSettings().max_objects
     """Objects that one client may have."""
     services: Sequence[WantedService] = ()
@@ -88,7 +114,7 @@ class Discovery:
 
 
 def serve(
-    link: Link, wishes: Wishes, discovery: Discovery | None = None, *, hint: str = "",
+    link: Link, wishes: ServingOptions, discovery: Discovery | None = None, *, hint: str = "",
     open_for: Callable[[int], Link] | None = None,
 ) -> None:  # fmt: skip
     """Run an agent on that link until Ctrl-C or SIGTERM.
@@ -194,7 +220,7 @@ def _allow_connections() -> None:
 
 
 async def _main(  # noqa: PLR0917 - what `serve` was given
-    link: Link, wishes: Wishes, references: References | None, discovery: Discovery | None, hint: str,
+    link: Link, wishes: ServingOptions, references: References | None, discovery: Discovery | None, hint: str,
     open_for: Callable[[int], Link],
 ) -> None:  # fmt: skip
     with open_space(wishes.space) as inner:
@@ -210,7 +236,7 @@ async def _main(  # noqa: PLR0917 - what `serve` was given
 
 
 async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
-    space: Space, link: Link, wishes: Wishes, references: References | None, greet: Callable[[Link, str], None],
+    space: Space, link: Link, wishes: ServingOptions, references: References | None, greet: Callable[[Link, str], None],
     discovery: Discovery | None, open_for: Callable[[int], Link],
 ) -> None:  # fmt: skip
     up = asyncio.Event()
@@ -270,7 +296,7 @@ async def _answer_questions(link: Link, up: asyncio.Event, discovery: Discovery)
     await DiscoveryResponder(link.port, port=discovery.port, interface=discovery.interface, told=told).run()
 
 
-def _greet(link: Link, reason: str, *, wishes: Wishes, hint: str) -> None:
+def _greet(link: Link, reason: str, *, wishes: ServingOptions, hint: str) -> None:
     if isinstance(link, UdpServerLink | TcpServerLink):
         reason = ""
     words = ", ".join(filter(None, (f"agent on {bound_name(link)}", reason, hint)))

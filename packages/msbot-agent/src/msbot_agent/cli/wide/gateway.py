@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 
 from msbot_agent.cli.until_ended import run_until_signal
-from msbot_agent.log.terminal_log import TerminalHandler
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.log import TerminalHandler
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.patient_output import patient_output
 from msbot_agent.space import open_space
 from msbot_agent.wide import Gateway, GatewayRules, read_gateway_file
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 
 
 @click.command("gateway")

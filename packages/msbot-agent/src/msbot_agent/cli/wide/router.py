@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from msbot_agent.cli.until_ended import run_until_signal
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.patient_output import patient_output
 
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_agent.link.can.can_address import CanSettings, CanTarget, open_can_bus, parse_target
     from msbot_agent.link.can.can_link_base import CanEnd
     from msbot_agent.link.can.controller import BusState, CanBus, CanBusInfo, FrameTap
     from msbot_agent.link.can.eprosima_fd import CanFdEprosimaLink
-    from msbot_agent.link.can.legacy_link import CanLegacyLink
+    from msbot_agent.link.can.legacy_link import CanLegacyLink, Codec
     from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink
-    from msbot_agent.link.can.peer_framing import Codec
     from msbot_agent.link.can.self_test import CheckResult, selftest
 
 _NAMES = {
@@ -31,12 +30,14 @@ _NAMES = {
         "FrameTap",
     ),
     "msbot_agent.link.can.eprosima_fd": ("CanFdEprosimaLink",),
-    "msbot_agent.link.can.legacy_link": ("CanLegacyLink",),
+    "msbot_agent.link.can.legacy_link": (
+        "CanLegacyLink",
+        "Codec",
+    ),
     "msbot_agent.link.can.native_link": (
         "CanMasterLink",
         "CanPartLink",
     ),
-    "msbot_agent.link.can.peer_framing": ("Codec",),
     "msbot_agent.link.can.self_test": (
         "CheckResult",
         "selftest",

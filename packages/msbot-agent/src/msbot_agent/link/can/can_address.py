@@ -21,15 +21,13 @@ from msbot_agent.link.can.adapters.socketcan import SocketCanAdapter
 from msbot_agent.link.can.controller import CanBusInfo
 from msbot_agent.link.can.eprosima_fd import IDENTIFIERS, CanFdEprosimaLink
 from msbot_agent.link.can.filters import IdFilter, eprosima_filters, legacy_filters, master_filters, part_filters
-from msbot_agent.link.can.legacy_link import CanLegacyLink
+from msbot_agent.link.can.legacy_link import CanLegacyLink, Codec
 from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink
-from msbot_agent.link.can.peer_framing import Codec
-from msbot_agent.link.can.protocol.ids import UID_SIZE, CanIds
+from msbot_agent.link.can.protocol.ids import UID_SIZE, CanIds, NodeIds
 from msbot_agent.link.can.protocol.legacy_frames import DOWN, UP
-from msbot_agent.link.can.protocol.node_ids import NodeIds
 from msbot_agent.link.contract import Link
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 CAN_EXAMPLE: Final = "can:can0?bitrate=500000"
 CANFD_EXAMPLE: Final = "canfd:can0"

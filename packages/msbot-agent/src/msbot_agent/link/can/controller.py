@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Protocol
 
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 class BusState(Enum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from msbot_agent.link.can.protocol.ids import NODES, CanIds
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 STANDARD_BITS: Final = 0x7FF
 EXTENDED_BITS: Final = 0x1FFFFFFF

@@ -11,13 +11,14 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot_agent.link.can.can_link_base import CanEnd
-from msbot_agent.link.can.controller import CanBus
-from msbot_agent.link.can.protocol.frames import REPEAT_S, Frame
-from msbot_agent.link.can.protocol.ids import CanIds
+from msbot_agent.link.can.controller import CanBus, CanBusInfo
+from msbot_agent.link.can.protocol.frames import COUNTER, REPEAT_S, Frame, FrameJoiner, split
+from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION, CanIds
 from msbot_agent.link.can.protocol.legacy_frames import DOWN, MTU, UP, LegacyJoiner, split_legacy
 from msbot_agent.link.can.protocol.queue import QUEUE_FRAMES
-from msbot_agent.link.contract import Peer
-from msbot_xrce.errors import ConfigError, LinkDown
+from msbot_agent.link.contract import LinkCounters, Peer
+from msbot_xrce.errors import ConfigError, LinkDown, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 MASTER: Final = 0
 """The peer that a component sees."""
@@ -104,3 +105,65 @@ class CanLegacyLink(CanEnd):
 def _repeat_s(bits_per_second: int | None) -> float:
     # The longest frame has 135 bits; its repetition follows at once, behind an error frame at most.
     return REPEAT_S if bits_per_second is None else 400 / bits_per_second
+
+
+# The framing for one peer on a CAN bus: cuts its packets into frames, and joins its frames into packets.
+
+
+@dataclass(frozen=True, slots=True)
+class Codec:
+    """Shortens packets and restores them exactly; used with peers that support it (`COMPRESSION`)."""
+
+    compress: Callable[[bytes], bytes]
+    decompress: Callable[[bytes], bytes]
+    """Raises RemoteProtocolError for bytes that are not the short form of a packet."""
+
+
+class CanWire:
+    """One peer: cuts its packets into frames, and joins its frames into packets."""
+
+    __slots__ = ("_codec", "_counters", "_fast", "_fd", "_next", "_send_id", "joiner")
+
+    def __init__(
+        self, send_id: int, *, use: int, info: CanBusInfo, mtu: int, counters: LinkCounters, codec: Codec | None
+    ) -> None:
+        """Start over with a peer.
+
+        Args:
+            send_id: identifier of the frames to it.
+            use: the capabilities both sides agreed on.
+            info: the bus.
+            mtu: largest packet in bytes.
+            counters: where drops are counted.
+            codec: used when `use` says so.
+        """
+        self._send_id = send_id
+        self._fd = bool(use & CAN_FD)
+        self._fast = self._fd and info.data_bits_per_second is not None
+        self._codec = codec if use & COMPRESSION else None
+        self._counters = counters
+        self._next = 0
+        # The counter cannot wrap within 64 full frames, each longer than 100 bits (except with FD).
+        rate = None if self._fd else info.bits_per_second
+        repeat_s = 6400 / rate if rate else REPEAT_S
+        longest = mtu if self._codec is None else mtu + 1  # a packet that has no short form gets one octet longer
+        self.joiner = FrameJoiner(longest, dropped=counters.dropped, repeat_s=repeat_s)
+
+    def cut(self, packet: bytes) -> list[Frame]:
+        """The frames of a packet."""
+        if self._codec is not None:
+            packet = self._codec.compress(packet)
+        parts = split(packet, self._next, self._fd)
+        self._next = self._next + len(parts) & COUNTER
+        send_id, fd, fast = self._send_id, self._fd, self._fast
+        return [Frame(send_id, part, False, fd, fast) for part in parts]
+
+    def unpack(self, message: bytes) -> bytes | None:
+        """The packet in a whole message; None (and counted) when it holds none."""
+        if self._codec is None:
+            return message
+        try:
+            return self._codec.decompress(message)
+        except RemoteProtocolError as error:
+            self._counters.dropped.count(str(error))
+            return None

@@ -10,8 +10,8 @@ from typing import Final
 
 from msbot_agent.link.can.controller import CanBus
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.counting import amount
+from msbot_xrce.lazy import dataclass
 
 CAN_ID: Final = 0x321
 A: Final = b"\xa5"

@@ -17,8 +17,7 @@ from msbot_agent.link.contract import KnownPeers, LinkInfo, Peer, Signal
 from msbot_agent.link.net.connection_budget import MAX_CONNECTIONS, ConnectionBudget
 from msbot_agent.link.net.host_address import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot_agent.link.stream_link import Stream, StreamLink
-from msbot_agent.pace.accept_connections import Acceptor
-from msbot_agent.pace.connection_pace import ConnectionPace
+from msbot_agent.pace import Acceptor, ConnectionPace
 from msbot_xrce.errors import LinkDown
 
 logger = logging.getLogger(__name__)
@@ -128,7 +127,7 @@ class TcpServerLink(StreamLink):
         self._pace: ConnectionPace | None = None
 
     def put_first(self, known: KnownPeers) -> None:
-        """See `ChoosyLink`; to be said before it is opened."""
+        """See `PriorityLink`; to be said before it is opened."""
         self._pace = ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, known.has_a_part)
 
     @property

@@ -17,7 +17,7 @@ from functools import partial
 
 from msbot_agent.link.base import BaseLink
 from msbot_agent.link.contract import KnownPeers, LinkInfo, Peer, Signal
-from msbot_agent.link.net.batched_receive import BATCH, BatchedReceiver, batched_receiver
+from msbot_agent.link.net.batched_receive import BATCH, LINGER_S, AdaptivePolling, BatchedReceiver, batched_receiver
 from msbot_agent.link.net.host_address import (
     Address,
     addresses_of,
@@ -26,7 +26,6 @@ from msbot_agent.link.net.host_address import (
     joined,
     serve_both_kinds,
 )
-from msbot_agent.link.net.lingering import LINGER_S, Lingering
 from msbot_agent.link.net.stranger_filter import StrangerFilter
 from msbot_xrce.errors import LinkDown, LinkFull
 
@@ -84,7 +83,7 @@ class _UdpLink(BaseLink, ABC):
         self._transmit: Callable[[bytes, Peer], object]
         self._queue: deque[tuple[bytes, Peer]] = deque()
         self._was_full = False
-        self._lingering = Lingering(linger_s)
+        self._lingering = AdaptivePolling(linger_s)
         self._look: Callable[[], object]  # whether the socket has something
         self._batches: BatchedReceiver | None = None
         self._has_come_together = False  # whether the latest burst had more than one datagram
@@ -324,7 +323,7 @@ class UdpServerLink(_UdpLink):
     Args:
         host: address or name to listen at; `0.0.0.0` for every IPv4 interface, `::` for IPv6 too.
         port: 1 to 65535, or 0 for any free one (see `port`).
-        linger_s: how long at most to wait awake for a packet that is likely to follow at once (see `Lingering`).
+        linger_s: how long at most to wait awake for a packet that is likely to follow at once (see `AdaptivePolling`).
     """
 
     def __init__(self, host: str, port: int, *, linger_s: float = LINGER_S) -> None:
@@ -332,7 +331,7 @@ class UdpServerLink(_UdpLink):
         self._known: KnownPeers | None = None
 
     def put_first(self, known: KnownPeers) -> None:
-        """See `ChoosyLink`; to be said before it is opened."""
+        """See `PriorityLink`; to be said before it is opened."""
         self._known = known
 
     def _stranger_filter(self, opened: socket.socket) -> StrangerFilter | None:

@@ -14,9 +14,8 @@ from collections.abc import Hashable
 
 from msbot_agent.link.base import BaseLink
 from msbot_agent.link.byte_frames import MAX_PACKET
-from msbot_agent.link.contract import LinkInfo, Peer, Signal
-from msbot_agent.link.net.rate_budget import RateBudget
-from msbot_agent.link.visitor import Visitor
+from msbot_agent.link.contract import LinkInfo, Peer, Signal, Visitor
+from msbot_agent.link.net.connection_budget import RateBudget
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import LinkDown, LinkFull
 

@@ -34,9 +34,9 @@ from msbot_agent.link.relay.messages import (
     decode,
     encode,
 )
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 BEAT_S: Final = 0.5
 """Period of beats, and of HELLO until there is a welcome."""

@@ -10,9 +10,9 @@ import struct
 from enum import IntEnum
 from typing import Final
 
-from msbot_agent.text.printable import printable
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.sentence import printable
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 MARK: Final = b"\x00\xffR"
 """How every message between a relay and a master begins."""

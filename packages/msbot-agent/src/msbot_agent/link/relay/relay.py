@@ -18,7 +18,7 @@ from msbot_agent.link.relay.forwarder import (
     Welcomed,
 )
 from msbot_agent.link.relay.messages import BOOT_SIZE, Happened, Refused
-from msbot_agent.process.task_errors import ungrouped
+from msbot_agent.process.end_signals import ungrouped
 from msbot_xrce.errors import ConfigError, LinkDown, LinkError, LinkFull
 
 SMALLEST_WAY: Final = 256
@@ -36,7 +36,7 @@ _HAPPENED: Final = {
 
 
 @runtime_checkable
-class _SaysStop(Protocol):
+class _StoppableLink(Protocol):
     def send_stop(self, reason: int = 0) -> None:
         """Say STOP to all parts at once."""
 
@@ -180,7 +180,7 @@ class PartsRelay:
                     self._profile_hash = profile_hash
                     self._reopen.set()
             case StopSaid(reason):
-                if isinstance(self._parts, _SaysStop):
+                if isinstance(self._parts, _StoppableLink):
                     # A bus that is down carries no orders to move either.
                     with contextlib.suppress(LinkDown):
                         self._parts.send_stop(reason)

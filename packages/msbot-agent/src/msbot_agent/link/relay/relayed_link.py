@@ -12,7 +12,7 @@ from collections.abc import Hashable
 from typing import Final, NamedTuple
 
 from msbot_agent.link.base import BaseLink
-from msbot_agent.link.contract import Link, LinkInfo, Peer, Signal
+from msbot_agent.link.contract import Link, LinkInfo, Peer, Signal, Visitor, pupil_behind, visitor_behind
 from msbot_agent.link.relay.forwarder import BEAT_S, COUNTS, MOST_PARTS, SILENT_S, STOP_TIMES
 from msbot_agent.link.relay.messages import (
     ENVELOPE,
@@ -28,10 +28,9 @@ from msbot_agent.link.relay.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.visitor import Visitor, pupil_behind, visitor_behind
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LinkDown, LinkFull
+from msbot_xrce.lazy import dataclass
 
 WINDOW: Final = 8
 """Packets that may be on their way to one part."""

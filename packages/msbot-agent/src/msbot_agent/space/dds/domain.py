@@ -9,8 +9,8 @@ from ctypes import byref
 from msbot_agent.space.dds.library import PRECONDITION_NOT_MET, DdsLibrary
 from msbot_agent.space.dds.network import Network, check_domain
 from msbot_agent.space.dds.raw_type import Serialiser, descriptor, type_by_sample, type_of
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 _SELF_TEST = "msbot_self_test"
 _ENCLAVE = b"enclave=/;"

@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from ctypes import POINTER, c_bool, c_char_p, c_int, c_int32, c_int64, c_size_t, c_ssize_t, c_uint32, c_uint64, c_void_p
 from pathlib import Path
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 REMEDY = (
     "pip install 'msbot-agent[dds]', or apt install libddsc0debian, or let CYCLONEDDS_HOME name where Cyclone DDS is"

@@ -15,9 +15,9 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from msbot_agent.space.space_address import MAX_DOMAIN
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.space.network_options import MAX_DOMAIN
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MAX_PARTICIPANTS = 60
 """How many participants on one computer can find each other without multicast."""

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from ctypes import byref, c_int32
 
 from msbot_agent.space.contract import Guid, Qos, Sample, Topic
-from msbot_agent.space.dds.crossing import Crossing
+from msbot_agent.space.dds.endpoint import LibraryEndpoint
 from msbot_agent.space.dds.library import DdsLibrary, Matched, Missed
-from msbot_agent.space.dds.neighbours import Neighbours
 from msbot_agent.space.dds.raw_type import BATCH, Serialiser
+from msbot_agent.space.dds.remote_endpoints import RemoteEndpoints
 from msbot_agent.space.dds.waiter import Waiter
 from msbot_agent.space.dds_topics import Convert
 from msbot_agent.space.readers import MemoryReader, SelectiveReader
@@ -34,7 +34,7 @@ class Peer:
         self.number = 0
 
 
-class Inlet(Crossing):
+class LibraryReader(LibraryEndpoint):
     """One reader in the library, under one of the topic's names."""
 
     __slots__ = ("_accept", "_convert", "_peers", "condition", "reader", "tokens")
@@ -46,7 +46,7 @@ class Inlet(Crossing):
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
         self, library: DdsLibrary, serialiser: Serialiser, entity: int, condition: int, name: str, type_name: str,
-        qos: Qos, neighbours: Neighbours, reader: MemoryReader, convert: Convert | None, domain: int,
+        qos: Qos, neighbours: RemoteEndpoints, reader: MemoryReader, convert: Convert | None, domain: int,
     ) -> None:  # fmt: skip
         super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.condition = condition
@@ -128,7 +128,7 @@ class DdsReader:
     __slots__ = ("_close", "_inlets", "_limit", "_memory", "_notes", "_paused", "_waiter", "topic")
 
     def __init__(
-        self, memory: MemoryReader, inlets: tuple[Inlet, ...], notes: tuple[str, ...], waiter: Waiter,
+        self, memory: MemoryReader, inlets: tuple[LibraryReader, ...], notes: tuple[str, ...], waiter: Waiter,
         close: Callable[[DdsReader], None],
     ) -> None:  # fmt: skip
         """`notes` say which of its names DDS did not accept, and why."""
@@ -152,7 +152,7 @@ class DdsReader:
         return self._memory.lost
 
     @property
-    def inlets(self) -> tuple[Inlet, ...]:
+    def inlets(self) -> tuple[LibraryReader, ...]:
         """Its readers in the library."""
         return self._inlets
 
@@ -165,7 +165,7 @@ class DdsReader:
                 self._waiter.resume(inlet.condition, inlet.tokens[0])
         return sample
 
-    def arrived(self, inlet: Inlet) -> None:
+    def arrived(self, inlet: LibraryReader) -> None:
         """There is something for an inlet; called by the waiter."""
         if self._limit is None:
             inlet.take()

@@ -16,15 +16,14 @@ from hashlib import blake2b
 from struct import Struct
 
 from msbot_agent.space.contract import Guid, OwnEndpoint, Owner, Qos, Sample, Topic
-from msbot_agent.space.dds.neighbours import Neighbours, obstacle
+from msbot_agent.space.dds.remote_endpoints import RemoteEndpoints, obstacle
 from msbot_agent.space.memory import MAX_TROUBLES, MemoryWriter
 from msbot_agent.space.readers import MemoryReader
 from msbot_agent.space.rtps import wire
 from msbot_agent.space.rtps.driver import RtpsDriver
-from msbot_agent.space.rtps.endpoint import RtpsEndpoint
 from msbot_agent.space.rtps.participant import CYCLONE, INTRODUCTION_S
 from msbot_agent.space.rtps.wire import Inline, RtpsData
-from msbot_agent.space.rtps.writer import RtpsSample
+from msbot_agent.space.rtps.writer import RtpsEndpoint, RtpsSample
 
 HEADER_SIZE = 16
 _HEADER = Struct("<8sq")
@@ -100,7 +99,7 @@ class ServiceEnd:
     REFUSED = "samples of DDS peers made no sense"
 
     def __init__(
-        self, driver: RtpsDriver, neighbours: Neighbours, requesters: Requesters, owner: Owner, domain: int
+        self, driver: RtpsDriver, neighbours: RemoteEndpoints, requesters: Requesters, owner: Owner, domain: int
     ) -> None:
         self.endpoint: RtpsEndpoint
         self.domain = domain

@@ -27,12 +27,12 @@ from msbot_agent.space.dds import services
 from msbot_agent.space.dds.domain import Domain
 from msbot_agent.space.dds.library import ANY_STATE
 from msbot_agent.space.dds.native_qos import reader_qos, writer_qos
-from msbot_agent.space.dds.neighbours import Neighbour, Neighbours, obstacle
 from msbot_agent.space.dds.raw_type import Serialiser
-from msbot_agent.space.dds.reader import REQUESTED_STATUSES, DdsReader, Inlet
-from msbot_agent.space.dds.user_data import user_data_of
+from msbot_agent.space.dds.reader import REQUESTED_STATUSES, DdsReader, LibraryReader
+from msbot_agent.space.dds.remote_endpoints import RemoteEndpoint, RemoteEndpoints, obstacle
+from msbot_agent.space.dds.ros_type_hashes import user_data_of
 from msbot_agent.space.dds.waiter import Waiter
-from msbot_agent.space.dds.writer import OFFERED_STATUSES, DdsWriter, Outlet
+from msbot_agent.space.dds.writer import OFFERED_STATUSES, DdsWriter, LibraryWriter
 from msbot_agent.space.dds_topics import DdsTopic, DdsTopicsOf, as_it_is
 from msbot_agent.space.memory import MemorySpace, MemoryWriter
 from msbot_agent.space.readers import MemoryReader
@@ -80,14 +80,14 @@ class DdsSpace:
         self._serialiser = Serialiser(self._library)
         self._domains: dict[int, Domain] = {domain: Domain(self._library, self._network, domain)}
         self._waiter = Waiter(self._library)
-        self._neighbours: dict[int, Neighbours] = {}
-        self._outlets: dict[Outlet, DdsWriter] = {}
-        self._inlets: dict[Inlet, DdsReader] = {}
-        self._by_name: dict[tuple[int, str], dict[Outlet | Inlet, None]] = {}
+        self._neighbours: dict[int, RemoteEndpoints] = {}
+        self._outlets: dict[LibraryWriter, DdsWriter] = {}
+        self._inlets: dict[LibraryReader, DdsReader] = {}
+        self._by_name: dict[tuple[int, str], dict[LibraryWriter | LibraryReader, None]] = {}
         self._rtps: dict[int, RtpsDriver] = {}
         self._requesters: dict[int, services.Requesters] = {}
         self._service_ends: dict[services.ServiceEnd, None] = {}
-        self._late: dict[Outlet, None] = {}
+        self._late: dict[LibraryWriter, None] = {}
         self._retry: asyncio.TimerHandle | None = None
         self._told: set[str] = set()
         self._endpoint_listeners: list[Callable[[], object]] = []
@@ -201,7 +201,7 @@ class DdsSpace:
             partitions=qos.partitions or (self._partitions if dds_topic.partitions is None else dds_topic.partitions),
         )
 
-    def _open_outlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos) -> Outlet:
+    def _open_outlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos) -> LibraryWriter:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
         native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
@@ -211,12 +211,12 @@ class DdsSpace:
             domain.release(dds_topic.name, dds_topic.type_name)
             raise ConfigError(f"topic {dds_topic.name}: DDS makes no writer for it ({self._library.words(entity)})")
         calls.dds_set_status_mask(entity, OFFERED_STATUSES)
-        return Outlet(
+        return LibraryWriter(
             self._library, self._serialiser, entity, native.sample_type, dds_topic.name, dds_topic.type_name, qos,
             self._neighbours[domain.number], self._try_again, domain.number,
         )  # fmt: skip
 
-    def _open_inlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos, memory: MemoryReader) -> Inlet:
+    def _open_inlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos, memory: MemoryReader) -> LibraryReader:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
         native = domain.topic(dds_topic.name, dds_topic.type_name)
         calls = self._library.calls
@@ -227,7 +227,7 @@ class DdsSpace:
             raise ConfigError(f"topic {dds_topic.name}: DDS makes no reader for it ({self._library.words(entity)})")
         calls.dds_set_status_mask(entity, REQUESTED_STATUSES)
         condition = calls.dds_create_readcondition(entity, ANY_STATE)
-        return Inlet(
+        return LibraryReader(
             self._library, self._serialiser, entity, condition, dds_topic.name, dds_topic.type_name, qos,
             self._neighbours[domain.number], memory, dds_topic.inward, domain.number,
         )  # fmt: skip
@@ -257,7 +257,7 @@ class DdsSpace:
         for listener in self._endpoint_listeners:
             listener()
 
-    def _forget_name(self, endpoint: Outlet | Inlet) -> None:
+    def _forget_name(self, endpoint: LibraryWriter | LibraryReader) -> None:
         namesakes = self._by_name[endpoint.domain, endpoint.name]
         del namesakes[endpoint]
         if not namesakes:
@@ -290,7 +290,9 @@ class DdsSpace:
         self._service_opened(ends)
         return services.ServiceReader(memory, tuple(ends), self._close_service)
 
-    def _service_in(self, domain: int, owner: Owner) -> tuple[RtpsDriver, Neighbours, services.Requesters, Owner, int]:
+    def _service_in(
+        self, domain: int, owner: Owner
+    ) -> tuple[RtpsDriver, RemoteEndpoints, services.Requesters, Owner, int]:
         """What every end of a service needs; the domain's participant for them is made when the first one is."""
         joined = self._domains.get(domain) or self._join(domain)
         driver = self._rtps.get(domain)
@@ -336,7 +338,7 @@ class DdsSpace:
 
     # Slow peers.
 
-    def _try_again(self, outlet: Outlet) -> None:
+    def _try_again(self, outlet: LibraryWriter) -> None:
         self._late[outlet] = None
         if self._retry is None:
             self._retry = self._loop.call_later(RETRY_S, self._flush)
@@ -352,14 +354,14 @@ class DdsSpace:
     # Others.
 
     def _neighbours_in(self, domain: Domain) -> None:
-        self._neighbours[domain.number] = Neighbours(
+        self._neighbours[domain.number] = RemoteEndpoints(
             self._library, domain, self._waiter, partial(self._appeared, domain.number)
         )
 
-    def _appeared(self, domain: int, other: Neighbour) -> None:
+    def _appeared(self, domain: int, other: RemoteEndpoint) -> None:
         """Report once why a newcomer and an endpoint of ours do not match."""
         for mine in tuple(self._by_name.get((domain, other.topic), ())):
-            if isinstance(mine, Inlet) is other.is_writer:
+            if isinstance(mine, LibraryReader) is other.is_writer:
                 reason = obstacle(mine.type_name, mine.qos, other, writes=not other.is_writer)
                 if reason is not None:
                     self._tell(f"{mine.name}: {reason}")

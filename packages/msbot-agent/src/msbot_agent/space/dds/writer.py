@@ -7,10 +7,10 @@ from collections.abc import Callable
 from ctypes import byref
 
 from msbot_agent.space.contract import Guid, Qos, Topic
-from msbot_agent.space.dds.crossing import Crossing
+from msbot_agent.space.dds.endpoint import LibraryEndpoint
 from msbot_agent.space.dds.library import TIMEOUT, DdsLibrary, Matched
-from msbot_agent.space.dds.neighbours import Neighbours
 from msbot_agent.space.dds.raw_type import Serialiser
+from msbot_agent.space.dds.remote_endpoints import RemoteEndpoints
 from msbot_agent.space.dds_topics import Convert
 from msbot_agent.space.memory import MemoryWriter
 from msbot_xrce.errors import RemoteProtocolError
@@ -20,7 +20,7 @@ OFFERED_INCOMPATIBLE = 1 << 3
 OFFERED_STATUSES = PUBLICATION_MATCHED | OFFERED_INCOMPATIBLE
 
 
-class Outlet(Crossing):
+class LibraryWriter(LibraryEndpoint):
     """One writer in the library, under one of the topic's names."""
 
     __slots__ = ("_backlog", "_has_ended", "_retry", "has_readers", "is_kept", "sample_type", "token")
@@ -32,7 +32,7 @@ class Outlet(Crossing):
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
         self, library: DdsLibrary, serialiser: Serialiser, entity: int, sample_type: int, name: str, type_name: str,
-        qos: Qos, neighbours: Neighbours, retry: Callable[[Outlet], None], domain: int,
+        qos: Qos, neighbours: RemoteEndpoints, retry: Callable[[LibraryWriter], None], domain: int,
     ) -> None:  # fmt: skip
         super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.sample_type = sample_type
@@ -114,7 +114,7 @@ class DdsWriter:
     __slots__ = ("_close", "_memory", "_notes", "_outlets", "guid", "topic")
 
     def __init__(
-        self, memory: MemoryWriter, outlets: tuple[tuple[Outlet, Convert | None], ...], notes: tuple[str, ...],
+        self, memory: MemoryWriter, outlets: tuple[tuple[LibraryWriter, Convert | None], ...], notes: tuple[str, ...],
         close: Callable[[DdsWriter], None],
     ) -> None:  # fmt: skip
         """`notes` say which of its names DDS did not accept, and why."""
@@ -131,7 +131,7 @@ class DdsWriter:
         return self._memory.published
 
     @property
-    def outlets(self) -> tuple[Outlet, ...]:
+    def outlets(self) -> tuple[LibraryWriter, ...]:
         """Its writers in the library."""
         return tuple(outlet for outlet, _ in self._outlets)
 
@@ -157,7 +157,7 @@ class DdsWriter:
             self._close = None
             self._memory.close()
 
-    def _write_out(self, outlet: Outlet, convert: Convert | None, payload: bytes) -> None:
+    def _write_out(self, outlet: LibraryWriter, convert: Convert | None, payload: bytes) -> None:
         if convert is None:
             outlet.write(payload)
             return

@@ -8,8 +8,8 @@ from struct import error as StructError
 from msbot_agent.space.contract import Guid, Qos
 from msbot_agent.space.rtps.wire import END_OF_PARAMETERS, PROTOCOL, SENTINEL, VENDOR, Prefix, parameter
 from msbot_agent.space.rtps.wire_reader import parameters
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 Address = tuple[str, int]
 

@@ -16,14 +16,11 @@ from msbot_agent.space.contract import Guid, Qos
 from msbot_agent.space.qos_matching import mismatch
 from msbot_agent.space.rtps import descriptions, wire, wire_reader
 from msbot_agent.space.rtps.descriptions import Address, EndpointDescription, ParticipantDescription
-from msbot_agent.space.rtps.endpoint import RtpsEndpoint
-from msbot_agent.space.rtps.others import MAX_ENDPOINTS, Others
-from msbot_agent.space.rtps.outbox import RtpsOutbox
-from msbot_agent.space.rtps.peers import ANNOUNCER, GONE, LEASE_S, Peers
+from msbot_agent.space.rtps.peers import ANNOUNCER, GONE, LEASE_S, MAX_ENDPOINTS, Others, Peers, RtpsOutbox
 from msbot_agent.space.rtps.reader import ReliableReader, Take
 from msbot_agent.space.rtps.wire import Inline, Prefix, RtpsData
-from msbot_agent.space.rtps.writer import ReliableWriter, RtpsSample
-from msbot_xrce.common.tally import Tally
+from msbot_agent.space.rtps.writer import ReliableWriter, RtpsEndpoint, RtpsSample
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import RemoteProtocolError
 
 INTRODUCTION_S = 1.0

@@ -6,12 +6,113 @@ gone.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterator
+
+from msbot_agent.space.contract import Guid
 from msbot_agent.space.rtps import descriptions, wire
-from msbot_agent.space.rtps.descriptions import Address, ParticipantDescription
-from msbot_agent.space.rtps.outbox import RtpsOutbox
+from msbot_agent.space.rtps.descriptions import Address, EndpointDescription, ParticipantDescription
+from msbot_agent.space.rtps.reader import WriterProxy
 from msbot_agent.space.rtps.wire import Inline, Prefix, RtpsData
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_agent.space.rtps.writer import ReaderProxy
+from msbot_xrce.counting import Tally
+from msbot_xrce.lazy import dataclass
+
+# The endpoints of services in other programs, as their participants tell of them.
+
+
+MAX_ENDPOINTS = 8192
+"""Endpoints that are remembered."""
+
+
+class Others:
+    """What is known of them, by GUID and by topic."""
+
+    def __init__(self) -> None:
+        self._known: dict[Guid, EndpointDescription] = {}
+        self._by_topic: dict[str, dict[Guid, EndpointDescription]] = {}
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def get(self, guid: Guid) -> EndpointDescription | None:
+        """What was told of it."""
+        return self._known.get(guid)
+
+    def on_topic(self, topic: str) -> Iterator[EndpointDescription]:
+        """All on a topic."""
+        return iter(self._by_topic.get(topic, {}).values())
+
+    def of(self, prefix: Prefix) -> list[Guid]:
+        """All of a participant."""
+        return [guid for guid in self._known if guid[:12] == prefix]
+
+    def add(self, told: EndpointDescription) -> bool:
+        """Remember one; False when there is no room."""
+        if len(self._known) >= MAX_ENDPOINTS:
+            return False
+        self._known[told.guid] = told
+        self._by_topic.setdefault(told.topic, {})[told.guid] = told
+        return True
+
+    def remove(self, guid: Guid) -> EndpointDescription | None:
+        """Forget one; what was known of it."""
+        told = self._known.pop(guid, None)
+        if told is not None:
+            namesakes = self._by_topic[told.topic]
+            del namesakes[guid]
+            if not namesakes:
+                del self._by_topic[told.topic]
+        return told
+
+
+# What a participant has to send: submessages, packed into as few datagrams as fit.
+
+
+LARGEST_DATAGRAM = 1400
+"""Several submessages go into one datagram up to this size."""
+MAX_OUTBOX = 4096
+"""Datagrams that wait; more are dropped, as the network might, and are asked for again."""
+
+
+class RtpsOutbox:
+    """Datagrams on their way out."""
+
+    def __init__(self, prefix: Prefix, dropped: Tally, epoch_ns: Callable[[], int]) -> None:
+        self.datagrams: list[tuple[bytes, Address]] = []
+        self._dropped = dropped
+        self._header = wire.header(prefix)
+        self._epoch_ns = epoch_ns
+
+    def to_reader(self, proxy: ReaderProxy, said: list[bytes]) -> None:
+        """For a reader elsewhere: samples, and what is to be said of them."""
+        self._send(proxy.guid, proxy.locators, said, wire.info_ts(self._epoch_ns()))
+
+    def to_writer(self, proxy: WriterProxy, said: list[bytes]) -> None:
+        """For a writer elsewhere: what is there and what is missing."""
+        self._send(proxy.guid, proxy.locators, said, b"")
+
+    def post(self, said: list[bytes], address: Address, front: Collection[bytes] = ()) -> None:
+        """Pack submessages into datagrams, each with the same front."""
+        begin = self._header + b"".join(front)
+        datagram = begin
+        for submessage in said:
+            if len(datagram) + len(submessage) > LARGEST_DATAGRAM and len(datagram) > len(begin):
+                self._leave(datagram, address)
+                datagram = begin
+            datagram += submessage
+        if len(datagram) > len(begin):
+            self._leave(datagram, address)
+
+    def _send(self, guid: Guid, locators: tuple[Address, ...], said: list[bytes], stamp: bytes) -> None:
+        for address in locators:
+            self.post(said, address, (wire.info_dst(guid[:12]), stamp))
+
+    def _leave(self, datagram: bytes, address: Address) -> None:
+        if len(self.datagrams) >= MAX_OUTBOX:
+            self._dropped.count(f"more than {MAX_OUTBOX} datagrams wait")
+        else:
+            self.datagrams.append((datagram, address))
+
 
 LEASE_S = 20.0
 ANNOUNCE_S = 4.0

@@ -14,7 +14,7 @@ from dataclasses import field
 from msbot_agent.space.contract import Guid
 from msbot_agent.space.rtps import wire
 from msbot_agent.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 WINDOW = wire.MOST_BITS
 """How far ahead of the next sample others may be."""

@@ -13,8 +13,10 @@ from itertools import islice
 
 from msbot_agent.space.contract import Guid
 from msbot_agent.space.rtps import wire
+from msbot_agent.space.rtps.descriptions import EndpointDescription
+from msbot_agent.space.rtps.reader import ReliableReader
 from msbot_agent.space.rtps.wire import AckNack, Inline, NackFrag, RtpsHeartbeat
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 FIRST_BEAT_S = 0.02
 """How long a HEARTBEAT waits for its answer at first; twice as long each time after that, up to `SLOWEST_BEAT_S`."""
@@ -284,3 +286,31 @@ class ReliableWriter:
             ):
                 continue
             del self._changes[number]
+
+
+# A writer or reader of ours, and what is told of it.
+
+
+@dataclass(slots=True, eq=False)
+class RtpsEndpoint:
+    """A writer or reader of ours."""
+
+    description: EndpointDescription
+    writer: ReliableWriter | None = None
+    reader: ReliableReader | None = None
+    replies: str = ""
+    """Of a writer of requests: the topic of their replies."""
+    number: int = 0
+    """In which sample of discovery it is told."""
+
+    @property
+    def guid(self) -> Guid:
+        """By which others know it."""
+        return self.description.guid
+
+    @property
+    def state(self) -> ReliableWriter | ReliableReader:
+        """Its state machine."""
+        found = self.writer or self.reader
+        assert found is not None
+        return found

@@ -1,7 +1,7 @@
 """Zenoh through Eclipse's library (extra `msbot-agent[zenoh]`): the data space for wide networks, and its router."""
 
+from msbot_agent.space.zenoh.connection import check_files, unreachable
 from msbot_agent.space.zenoh.library import load
-from msbot_agent.space.zenoh.reachability import check_files, unreachable
 from msbot_agent.space.zenoh.router import Allowed, Router
 from msbot_agent.space.zenoh.space import ZenohSpace
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from urllib.parse import quote, unquote
 
 from msbot_agent.space.contract import Guid, Qos
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 ROOT = "msbot"
 NO_PARTITION = "-"

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msbot_agent.space.space_address import TlsFiles
+from msbot_agent.space.network_options import TlsFiles
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ from msbot_agent.space.contract import Guid, Sample, Topic
 from msbot_agent.space.dds_topics import Convert
 from msbot_agent.space.qos_matching import mismatch, partitions_meet
 from msbot_agent.space.readers import Clock, MemoryReader, SelectiveReader
-from msbot_agent.space.zenoh.crossing import Crossing
-from msbot_agent.space.zenoh.envelope import SampleEnvelope, read_envelope
-from msbot_agent.space.zenoh.hand_over import HandOver
+from msbot_agent.space.zenoh.endpoint import LibraryEndpoint
+from msbot_agent.space.zenoh.envelope import LoopQueue, SampleEnvelope, read_envelope
 from msbot_agent.space.zenoh.keys import PeerEndpoint, has_wildcards, partition_of
 from msbot_xrce.errors import RemoteProtocolError
 
@@ -39,7 +38,7 @@ class Peer:
         self.newest = 0
 
 
-class Inlet(Crossing):
+class LibraryReader(LibraryEndpoint):
     """One reader in Zenoh, under one of the topic's names."""
 
     __slots__ = ("_clock", "_credit", "_given_way", "_inward", "_own_of", "_peers", "_reader", "_samples")
@@ -59,7 +58,7 @@ class Inlet(Crossing):
         self._peers = peers
         self._own_of = own_of
         self._clock = clock
-        self._samples: HandOver[zenoh.Sample] = HandOver(
+        self._samples: LoopQueue[zenoh.Sample] = LoopQueue(
             self._loop, self._take, max(self.qos.depth, LEAST_WAITING), lambda sample: len(sample.payload)
         )
         self._given_way = 0
@@ -163,7 +162,7 @@ class ZenohReader:
     __slots__ = ("_close", "_memory", "_notes", "inlets", "topic")
 
     def __init__(
-        self, memory: MemoryReader, inlets: tuple[Inlet, ...], notes: tuple[str, ...],
+        self, memory: MemoryReader, inlets: tuple[LibraryReader, ...], notes: tuple[str, ...],
         close: Callable[[ZenohReader], None],
     ) -> None:  # fmt: skip
         """`notes` say what cannot cross."""

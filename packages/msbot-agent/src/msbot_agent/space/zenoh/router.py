@@ -7,12 +7,12 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from msbot_agent.space.space_address import TlsFiles
+from msbot_agent.space.network_options import TlsFiles
+from msbot_agent.space.zenoh.connection import check_files
 from msbot_agent.space.zenoh.keys import GRAPH, ROOT
 from msbot_agent.space.zenoh.library import load, session_config
-from msbot_agent.space.zenoh.reachability import check_files
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 _DATA = ["put", "delete", "reply", "liveliness_token", "declare_queryable"]
 """What a sender says: samples, those that it repeats, and that it is there."""

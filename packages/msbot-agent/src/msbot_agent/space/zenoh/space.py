@@ -23,14 +23,13 @@ from msbot_agent.space import service_names
 from msbot_agent.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Reader, Topic, Writer
 from msbot_agent.space.dds_topics import DdsTopic, DdsTopicsOf, as_it_is
 from msbot_agent.space.memory import MemorySpace
-from msbot_agent.space.space_address import TlsFiles
-from msbot_agent.space.zenoh.connection import RouterConnection
-from msbot_agent.space.zenoh.crossing import Crossing
+from msbot_agent.space.network_options import TlsFiles
+from msbot_agent.space.zenoh.connection import RouterConnection, check_files
+from msbot_agent.space.zenoh.endpoint import LibraryEndpoint
 from msbot_agent.space.zenoh.keys import has_wildcards
 from msbot_agent.space.zenoh.library import load
-from msbot_agent.space.zenoh.reachability import check_files
-from msbot_agent.space.zenoh.reader import Inlet, Peer, ZenohReader
-from msbot_agent.space.zenoh.writer import Outlet, ZenohWriter
+from msbot_agent.space.zenoh.reader import LibraryReader, Peer, ZenohReader
+from msbot_agent.space.zenoh.writer import LibraryWriter, ZenohWriter
 
 logger = logging.getLogger(__name__)
 
@@ -100,9 +99,18 @@ class ZenohSpace:
                     notes.append(f"{topic.name}: PARTITION: a writer in {partition!r} is not heard over Zenoh")
                     continue
                 outlets.append(
-                    Outlet(self._loop, partition, topic.domain, dds_topic.name, dds_topic.type_name, qos, known_as,
-                           outward=dds_topic.outward, is_request=is_request)
-                )  # fmt: skip
+                    LibraryWriter(
+                        self._loop,
+                        partition,
+                        topic.domain,
+                        dds_topic.name,
+                        dds_topic.type_name,
+                        qos,
+                        known_as,
+                        outward=dds_topic.outward,
+                        is_request=is_request,
+                    )
+                )
         if is_request:
             self._own[guid], self._own_of[known_as] = known_as, guid
         writer = ZenohWriter(memory, tuple(outlets), tuple(notes), self._own, self._close_writer)
@@ -117,7 +125,7 @@ class ZenohSpace:
         known_as = self._known_as(os.urandom(16))
         peers: dict[Guid, Peer] = {}
         inlets = [
-            Inlet(self._loop, partition, topic.domain, dds_topic.name, dds_topic.type_name, qos, known_as,
+            LibraryReader(self._loop, partition, topic.domain, dds_topic.name, dds_topic.type_name, qos, known_as,
                   inward=dds_topic.inward, reader=memory, peers=peers, own_of=self._own_of, clock=self._clock)
             for dds_topic in self._dds_topics_of(topic)
             for partition in self._partitions_of(qos, dds_topic)
@@ -139,7 +147,7 @@ class ZenohSpace:
         """By which others know an endpoint: two agents, or one at two times, may have given the same identity."""
         return blake2b(guid, digest_size=16, key=os.urandom(16)).digest()
 
-    def _declare(self, crossings: Sequence[Crossing]) -> None:
+    def _declare(self, crossings: Sequence[LibraryEndpoint]) -> None:
         for crossing in crossings:
             self._connection.do(partial(crossing.declare, self._library))
 

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 from msbot_agent.space.contract import Guid, Topic
 from msbot_agent.space.dds_topics import Convert
 from msbot_agent.space.memory import MemoryWriter
-from msbot_agent.space.zenoh.crossing import MAX_NEIGHBOURS, Crossing
-from msbot_agent.space.zenoh.envelope import Sealer
-from msbot_agent.space.zenoh.hand_over import tell
+from msbot_agent.space.zenoh.endpoint import MAX_NEIGHBOURS, LibraryEndpoint
+from msbot_agent.space.zenoh.envelope import Sealer, tell
 from msbot_agent.space.zenoh.keys import PeerEndpoint
 from msbot_xrce.errors import RemoteProtocolError
 
@@ -35,7 +34,7 @@ REPEAT_S = 0.2
 """How long after a reader is back the last sample is repeated; its subscription may come after its token."""
 
 
-class Outlet(Crossing):
+class LibraryWriter(LibraryEndpoint):
     """One writer in Zenoh, under one of the topic's names."""
 
     __slots__ = (
@@ -79,10 +78,10 @@ class Outlet(Crossing):
         self._put: Callable[..., None] | None = None
         self._zenoh_error: type[Exception] = RemoteProtocolError
         """The library's error, once the library is there."""
-        self._told_open: Callable[[Outlet], None] = lambda _: None
+        self._told_open: Callable[[LibraryWriter], None] = lambda _: None
         self._sealer = Sealer(self._guid, self.qos)
 
-    def on_open(self, listener: Callable[[Outlet], None]) -> None:
+    def on_open(self, listener: Callable[[LibraryWriter], None]) -> None:
         """Call the listener on the loop when samples can be written."""
         self._told_open = listener
 
@@ -196,7 +195,7 @@ class ZenohWriter:
     __slots__ = ("_close", "_memory", "_notes", "_own", "guid", "outlets", "topic")
 
     def __init__(
-        self, memory: MemoryWriter, outlets: tuple[Outlet, ...], notes: tuple[str, ...],
+        self, memory: MemoryWriter, outlets: tuple[LibraryWriter, ...], notes: tuple[str, ...],
         own: Mapping[Guid, Guid], close: Callable[[ZenohWriter], None],
     ) -> None:  # fmt: skip
         """`notes` say what cannot cross; `own` are this program's requesters, which are answered in memory."""
@@ -237,7 +236,7 @@ class ZenohWriter:
             self._close = None
             self._memory.close()
 
-    def _catch_up(self, outlet: Outlet) -> None:
+    def _catch_up(self, outlet: LibraryWriter) -> None:
         """What was kept for late readers before there was a connection."""
         for sample in tuple(self._memory.kept):
             outlet.write(sample.payload, sample.sequence_nr, sample.related, is_kept=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import socket
 import ssl
@@ -12,8 +13,9 @@ from urllib.parse import urlsplit
 
 import click
 
-from msbot_school.classroom.access import AccessBook, FarAccess, page_address
-from msbot_school.classroom.far_masters import Answer, FarLine, ask_one
+from msbot_agent.cli.options import FiniteRange, json_option
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile, page_address
+from msbot_school.classroom.remote_masters import Answer, RemoteMasterConnection, ask_one
 from msbot_xrce.errors import ConfigError
 
 TOKEN = "MSBOT_TOKEN"
@@ -30,15 +32,15 @@ def join(address: str, fingerprint: str | None) -> None:
     The token is asked for, or read from $MSBOT_TOKEN. What its person may do there, the class may do.
     """
     where = page_address(address)
-    book = AccessBook()
+    book = RemoteAccessFile()
     book.all()  # a file that cannot be used is said before anybody types
     certificate = _agreed_certificate(where, fingerprint)
-    ask_one(FarAccess(where, "none", "", "", certificate), _health, PATIENCE_S)
+    ask_one(RemoteAccess(where, "none", "", "", certificate), _health, PATIENCE_S)
     token = _token()
     if not token.isascii() or not token.isprintable() or " " in token:
         raise ConfigError("this is no API token: it is one word like msbot_..., from the page Admin of that robot")
-    status, me = ask_one(FarAccess(where, token, "", "", certificate), _look, PATIENCE_S)
-    access = FarAccess(where, token, str(status.get("robot")), str(status.get("serial_number")), certificate)
+    status, me = ask_one(RemoteAccess(where, token, "", "", certificate), _look, PATIENCE_S)
+    access = RemoteAccess(where, token, str(status.get("robot")), str(status.get("serial_number")), certificate)
     book.keep(access)
     click.echo(f"{access.robot} {access.serial_number} at {where} is in the class as {me.get('name')} "
                f"({me.get('role')})")  # fmt: skip
@@ -55,7 +57,7 @@ def join(address: str, fingerprint: str | None) -> None:
 @click.argument("robot")
 def leave(robot: str) -> None:
     """Take ROBOT (its name, serial number or address) out of the class: forget the access to it."""
-    book = AccessBook()
+    book = RemoteAccessFile()
     fitting = [one for one in book.all() if robot in (one.robot, one.serial_number, one.address)]
     if not fitting:
         raise ConfigError(f"there is no access to {robot}: `msbot class list` shows who is in the class")
@@ -74,12 +76,12 @@ def _token() -> str:
     return token or str(click.prompt("API token", hide_input=True)).strip()
 
 
-def _health(line: FarLine) -> Answer:
+def _health(line: RemoteMasterConnection) -> Answer:
     """Whether a page of MsBOT answers at all; nothing secret goes there."""
     return line.mapping("GET", "/api/health")
 
 
-def _look(line: FarLine) -> tuple[Answer, Answer]:
+def _look(line: RemoteMasterConnection) -> tuple[Answer, Answer]:
     return line.mapping("GET", "/api/status"), line.mapping("GET", "/api/me")
 
 
@@ -130,3 +132,39 @@ def _connect(where: str, context: ssl.SSLContext) -> bytes | None:
         return None
     except OSError as error:
         raise ConfigError(f"{where}: {error.strerror or 'no answer in time'}") from None
+
+
+# `msbot class find`: the robots that announce themselves in the network.
+
+
+SECONDS = 3.0
+
+
+@click.command("find")
+@click.argument("class_name", metavar="[CLASS]", required=False, default="")
+@click.option("--seconds", type=FiniteRange(0.5, 60.0), default=SECONDS, show_default=True,
+              help="How long to listen.")  # fmt: skip
+@json_option
+def find(class_name: str, seconds: float, *, as_json: bool) -> None:
+    """Find the robots in the network whose masters run with --announce; only those for CLASS, if it is named.
+
+    To be found gives no right: a robot is stopped and changed by an access, `msbot class join`.
+    """
+    from msbot_school.classroom import mdns  # the other commands of the class do not need it
+
+    accesses = {one.address for one in RemoteAccessFile().all()}
+    found = mdns.find(seconds, class_name)
+    if as_json:
+        told = [
+            {"name": one.robot, "serial_number": one.serial_number, "version": one.version, "class": one.class_name,
+             "page": one.address, "has_access": one.address in accesses}
+            for one in found
+        ]  # fmt: skip
+        click.echo(json.dumps(told))
+        return
+    if not found:
+        who = f"for class {class_name} " if class_name else ""
+        click.echo(f"Nobody announces a robot {who}in these networks; `msbot master --announce CLASS` does.")
+    for one in found:
+        access = "in the class" if one.address in accesses else f"no access: msbot class join {one.address}"
+        click.echo(f"{one.robot} {one.serial_number}  {one.version}  class {one.class_name}  {one.address}  {access}")

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.change.stop import LOOK_S, PATIENCE_S
-from msbot.cli.change.stop_route import silent_words
+from msbot.cli.change.stop import LOOK_S, PATIENCE_S, silent_words
 from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     database_beside,
@@ -24,13 +23,12 @@ from msbot.stop.asking import SilentMaster, ask_masters
 from msbot.stop.names import group_to_stop
 from msbot.stop.places import IS_THERE
 from msbot_agent.cli.options import json_option
-from msbot_agent.startup.own_version import own_version
-from msbot_school.classroom.access import AccessBook, FarAccess
+from msbot_agent.startup.extensions import own_version
+from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.class_robots import ClassRobot, class_robots
-from msbot_school.classroom.far_masters import STOP_S, Answer, Asking, FarTrouble, say_stop
-from msbot_school.cli.classroom.finding import find
-from msbot_school.cli.classroom.joining import join, leave
-from msbot_xrce.common.amount import amount
+from msbot_school.classroom.remote_masters import STOP_S, Answer, Asking, RemoteMasterError, say_stop
+from msbot_school.cli.classroom.joining import find, join, leave
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
 MOST_CHANGES = 6
@@ -55,7 +53,7 @@ def robots_of_class(db: str | None, words: tuple[str, ...] = ()) -> list[ClassRo
     """All robots of the class that fit the words."""
     path = db or database_beside(DEFAULT_BLUEPRINT)
     stored = existing_database(db) if db is not None or Path(path).exists() else None
-    return class_robots(stored, AccessBook().all(), words, path=path)
+    return class_robots(stored, RemoteAccessFile().all(), words, path=path)
 
 
 @command.command("list")
@@ -135,7 +133,7 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
         click.echo(f"{odd}: STOP goes to every robot of yours on this computer", err=True)
     trouble = ""
     try:
-        accesses = AccessBook().all()
+        accesses = RemoteAccessFile().all()
     except ConfigError as error:  # the robots here are stopped all the same
         accesses, trouble = [], str(error)
     far = Asking(accesses, say_stop(reason, stop_group or ""), STOP_S)  # they are told while those here are
@@ -206,13 +204,13 @@ def _in_order(answer: Answer) -> tuple[str, str]:
     return str(answer.get("robot")), str(answer.get("serial_number"))
 
 
-def _stop_lines(accesses: list[FarAccess], far: Asking[Answer]) -> list[Answer]:
+def _stop_lines(accesses: list[RemoteAccess], far: Asking[Answer]) -> list[Answer]:
     """How STOP stands at the robots elsewhere."""
     found = far.answers()
     lines: list[Answer] = []
     for access in accesses:
         answer, known = found[access.address], {"robot": access.robot, "serial_number": access.serial_number}
-        if isinstance(answer, FarTrouble):
+        if isinstance(answer, RemoteMasterError):
             lines.append(known | {"page": access.address, "stopped": False, "error": f"NOT told: {answer}"})
         elif "stopped" in answer:  # else it is of another STOP group
             lines.append(known | {"page": access.address} | answer)
@@ -257,7 +255,7 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
     What would change is shown first. A robot that cannot be changed holds up no other one; `msbot class undo` takes
     back what was done.
     """
-    from msbot.cli.blueprint.apply import agreed
+    from msbot.cli.blueprint.changes import agreed
     from msbot.config import open_blueprint
     from msbot_school.classroom.rollout import RollOut, plan_for
     from msbot_school.classroom.rollout_run import RollOutRun, StepState
@@ -300,10 +298,9 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
 def undo(db: str | None) -> None:
     """Take back the latest roll-out, robot by robot; what was changed again since stays, and is named."""
     from msbot_school.classroom.rollout import undo_job
-    from msbot_school.classroom.rollout_book import RollOutBook
-    from msbot_school.classroom.rollout_run import RollOutRun, StepState
+    from msbot_school.classroom.rollout_run import RollOutLog, RollOutRun, StepState
 
-    book = RollOutBook()
+    book = RollOutLog()
     last = book.last()
     if last is None:
         raise ConfigError("there is no roll-out that could be taken back")

@@ -20,48 +20,39 @@ import click
 from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import details_of
 from msbot.cli.robot_options import metrics_option
-from msbot.cli.run.event_log import log_event
-from msbot.cli.run.metrics import metrics_beside
-from msbot.cli.run.recording import RobotRecording, rec_option
-from msbot.cli.run.world import WorldWishes, world_options
+from msbot.cli.run.master_services import RobotRecording, log_event, metrics_beside, rec_option
+from msbot.cli.run.world import WorldOptions, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
 from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
-from msbot.recording.recorder.wish import RecordingWish
+from msbot.recording.recorder.batch import RecordingRequest
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
 from msbot_agent.agent import MASTER, StatusServer
-from msbot_agent.cli.logs import LogWishes, log_options
-from msbot_agent.cli.numbers import FiniteRange, WholeRange
-from msbot_agent.cli.options import space_option
+from msbot_agent.cli.logs import LogOptions, log_options
+from msbot_agent.cli.options import FiniteRange, WholeRange, space_option
 from msbot_agent.link.can.sim import SimBusServer, check_free
-from msbot_agent.process.end_signals import on_end_signal
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import on_end_signal, run_to_end, ungrouped
 from msbot_agent.process.patient_output import patient_output
-from msbot_agent.process.task_errors import ungrouped
 from msbot_agent.space import SharedSpace, SpaceAddress
-from msbot_agent.startup.made_to_stay import made_to_stay
+from msbot_agent.startup.kept_beside import made_to_stay
 from msbot_school.cli.teaching import lessons_option
 from msbot_school.demo import DemoRobot, Wire
 from msbot_school.faults.fault_lab import FaultLab
 from msbot_school.lessons.lesson import Lesson
-from msbot_school.lessons.lesson_desk import LessonDesk
+from msbot_school.lessons.lesson_controller import LessonController
 from msbot_school.missions.mission_lab import MissionLab
-from msbot_web.cli.demo.for_lesson import blueprint_for, chosen_lesson, lesson_desk, start_lesson
-from msbot_web.cli.demo.json import as_json
-from msbot_web.cli.demo.key_presses import KeyPresses
-from msbot_web.cli.demo.notes import Notes
-from msbot_web.cli.demo.plain_lines import event_words, status_words
-from msbot_web.cli.demo.script import ScriptRun, ScriptStep, ScriptType
-from msbot_web.cli.demo.world import PILOT, DemoWorld
-from msbot_web.cli.page import PageWishes, page_options, page_wishes, serve_page
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_web.cli.demo.output import Notes, as_json, event_words, status_words
+from msbot_web.cli.demo.script import KeyPresses, ScriptRun, ScriptStep, ScriptType
+from msbot_web.cli.demo.world import PILOT, DemoWorld, blueprint_for, chosen_lesson, lesson_desk, start_lesson
+from msbot_web.cli.page import PageOptions, page_options, page_wishes, serve_page
 from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from msbot.sim.arena.living_arena import LivingArena
-    from msbot_web.assembly import WebRoom
+    from msbot.sim.arena.running_arena import RunningArena
+    from msbot_web.assembly import RobotPages
 
 REFRESH_S = 0.2
 STATUS_S = 1.0
@@ -83,12 +74,12 @@ class _Options:
     spare: bool
     lesson: Lesson | None
     lessons: tuple[Path, ...]
-    page: PageWishes
+    page: PageOptions
     space: SpaceAddress
-    rec: RecordingWish
+    rec: RecordingRequest
     metrics_port: int | None
-    log_wishes: LogWishes
-    world: WorldWishes
+    log_wishes: LogOptions
+    world: WorldOptions
 
 
 @click.command("demo")
@@ -128,7 +119,7 @@ def command(
     script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
     db: Path | None, sample: str | None, world: str | None, place: str | None, share: str | None,
     world_password: str | None, spare: bool, lesson: str | None, lessons: tuple[Path, ...], space: SpaceAddress,
-    rec: RecordingWish, metrics_port: int | None, log_wishes: LogWishes,
+    rec: RecordingRequest, metrics_port: int | None, log_wishes: LogOptions,
     port: int | None, host: str, no_page: bool, certificate: Path | None,
     certificate_key: Path | None,
     page_names: tuple[str, ...],
@@ -154,7 +145,7 @@ def command(
         rec,
         metrics_port,
         log_wishes,
-        WorldWishes(world or (chosen.world or None if chosen else None), place, share, world_password),
+        WorldOptions(world or (chosen.world or None if chosen else None), place, share, world_password),
     )  # fmt: skip
     options.world.check()
     log_wishes.set_up(logging.WARNING)
@@ -215,7 +206,7 @@ async def _main(
         with _logging(robot, options.log):
             beside: list[Coroutine[object, object, None]] = world.beside(operations)
             desk = lesson_desk(operations, options.lessons, robot, options.world.world or "")
-            room: WebRoom | None = None
+            room: RobotPages | None = None
 
             def page_address() -> str:
                 return "" if room is None else room.server.own_address
@@ -276,13 +267,13 @@ def _answering(
 
 def _make_page(
     robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
-    options: _Options, *, arena: LivingArena | None, desk: LessonDesk,
-) -> WebRoom:  # fmt: skip
-    from msbot_web.assembly import Database, WebRoom
-    from msbot_web.simulated.demo_bench import seen_of
+    options: _Options, *, arena: RunningArena | None, desk: LessonController,
+) -> RobotPages:  # fmt: skip
+    from msbot_web.assembly import Database, RobotPages
+    from msbot_web.simulated.demo_controls import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
-    return WebRoom(
+    return RobotPages(
         robot.master, operations, library, database=Database(*database), seen=seen,
         settings=options.page.settings(), entry_link=True, lessons=desk, space=options.space,
     )  # fmt: skip
@@ -358,7 +349,7 @@ async def _run(robot: DemoRobot, options: _Options, notes: Notes, script: Script
 async def _run_live(robot: DemoRobot, notes: Notes) -> None:
     from rich.live import Live
 
-    from msbot_web.cli.demo.view import keys_of, live_view
+    from msbot_web.cli.demo.output import keys_of, live_view
 
     keys = keys_of(robot.names)
 

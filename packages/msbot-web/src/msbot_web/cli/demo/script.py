@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import re
+import sys
 from collections.abc import Awaitable, Callable, Iterable
+from types import TracebackType
 from typing import TYPE_CHECKING
 
 import click
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import MsbotError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot_school.demo import DemoRobot
@@ -124,3 +127,40 @@ class ScriptRun:
 
 def _words(step: ScriptStep) -> str:
     return f"{step.at_s:g}:{step.verb} {step.part}".rstrip()
+
+
+# Single key presses from the terminal, without waiting for Enter.
+
+
+if sys.platform != "win32":
+    import termios
+    import tty
+
+
+class KeyPresses:
+    """While open, calls `pressed` in the event loop with every key; does nothing if stdin is not a terminal."""
+
+    def __init__(self, pressed: Callable[[str], None]) -> None:
+        self._pressed = pressed
+        self._saved: list[int | list[bytes | int]] | None = None
+
+    def __enter__(self) -> KeyPresses:
+        if sys.platform == "win32" or not sys.stdin.isatty():
+            return self
+        descriptor = sys.stdin.fileno()
+        self._saved = termios.tcgetattr(descriptor)
+        tty.setcbreak(descriptor)
+        asyncio.get_running_loop().add_reader(descriptor, self._read)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._saved is not None and sys.platform != "win32":
+            descriptor = sys.stdin.fileno()
+            asyncio.get_running_loop().remove_reader(descriptor)
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, self._saved)
+
+    def _read(self) -> None:
+        for key in os.read(sys.stdin.fileno(), 64).decode(errors="replace"):
+            self._pressed(key)

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, field
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 import click
 
-from msbot.cli.board.ports import NEEDED, choose, ports
+from msbot.carried.carried_files import FOLDER, OF_GENERIC_BOARDS, package_files
+from msbot.cli.board.connection import NEEDED, Board, BoardFile, Facts, choose, ports
 from msbot_agent.cli.options import json_option
-from msbot_agent.text.given_file import read_given
-from msbot_xrce.common.amount import amount
+from msbot_agent.text.given_file import read_given, read_json
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
-
-if TYPE_CHECKING:
-    from msbot.cli.board.connection import Board, Facts
-    from msbot.cli.board.installing import Plan
+from msbot_xrce.lazy import dataclass
 
 WIFI_PASSWORD = "MSBOT_WIFI_PASSWORD"
 TOKEN = "MSBOT_TOKEN"
@@ -78,8 +78,6 @@ def install_command(
     program = None if file is None else _Program(file)
     with _prepared(program, port, link, wifi, source=source, is_quiet=as_json) as ready:
         if program is not None:
-            from msbot.cli.board.installing import MAIN
-
             ready.put({program.name: program.octets, MAIN: program.starter})
             ready.board.restart()
     if as_json:
@@ -101,7 +99,6 @@ def run_command(file: Path, port: str | None, link: str | None, wifi: str | None
 
     What the program needs is put on the board first. What the board runs when it starts stays as it is.
     """
-    from msbot.cli.board.program_errors import error_sentence
 
     program = _Program(file)
     out = _terminal()
@@ -183,20 +180,17 @@ class _Ready:
 
     def install(self, program: _Program | None, *, source: bool) -> None:
         """Put the package on it as far as the program needs it, where it is not there yet; all of it without one."""
-        from msbot.cli.board.installing import plan_package
 
         generic = program is None or program.is_generic_board
         self._carry_out(plan_package(self.board, self.facts, source=source, generic=generic))
 
     def put(self, files: dict[str, bytes]) -> None:
         """Put files beside each other into the folder of programs."""
-        from msbot.cli.board.installing import plan_files
 
         self._carry_out(plan_files(self.board, self.facts, files))
 
     def check_way(self) -> None:
         """Raise ConfigError if the board has not been told its way to the master."""
-        from msbot.cli.board.installing import SETTINGS
 
         if SETTINGS not in self.board.files(self.facts.home or "/"):
             raise ConfigError(
@@ -205,7 +199,6 @@ class _Ready:
             )
 
     def _carry_out(self, plan: Plan) -> None:
-        from msbot.cli.board.installing import carry_out
 
         with _bar(plan.octets, is_quiet=self._is_quiet) as progress:
             carry_out(self.board, self.facts, plan, progress)
@@ -238,7 +231,6 @@ def _prepared(
     program: _Program | None, port: str | None, link: str | None, wifi: str | None, *, source: bool, is_quiet: bool
 ) -> Iterator[_Ready]:
     from msbot.cli.board.connection import open_board
-    from msbot.cli.board.installing import SETTINGS, check_link, settings_file
 
     if link is not None:
         check_link(link)
@@ -306,3 +298,164 @@ def _interruptible() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+# What went wrong in a program, in one sentence, from the traceback that MicroPython prints.
+
+
+_FRAME = re.compile(r'^ *File "(?P<file>[^"]+)", line (?P<line>\d+)', re.MULTILINE)
+
+
+def error_sentence(traceback: str, program: str) -> str:
+    """`my_part.py, line 7: NameError: name 'x' isn't defined`; "" for a program that was interrupted.
+
+    Args:
+        traceback: as the board prints it.
+        program: the file whose line a person wants to see; if no frame is in it, the innermost one is named.
+    """
+    lines = [line for line in traceback.replace("\r", "").split("\n") if line.strip()]
+    what = lines[-1].strip() if lines else ""
+    if what.partition(":")[0] == "KeyboardInterrupt":
+        return ""
+    frames = list(_FRAME.finditer(traceback))
+    mine = [frame for frame in frames if frame["file"] == program] or frames
+    return f"{mine[-1]['file']}, line {mine[-1]['line']}: {what}" if mine else f"{program}: {what or 'no reason given'}"
+
+
+# Putting files on a board: only what is not there yet, and only if there is room for all of it.
+
+
+SETTINGS = "msbot.json"
+LINKS = ("can", "serial", "udp", "ws")
+"""Kinds of links that a board has."""
+MAIN = "main.py"
+
+
+@dataclass(slots=True)
+class Plan:
+    """What there is to do."""
+
+    write: dict[str, bytes] = field(default_factory=dict)
+    remove: list[str] = field(default_factory=list)
+    there: dict[str, int] = field(default_factory=dict)
+    """Sizes of the files that are there and will be replaced or removed."""
+
+    @property
+    def octets(self) -> int:
+        """How much is written."""
+        return sum(map(len, self.write.values()))
+
+
+def plan_package(board: Board, facts: Facts, *, source: bool, generic: bool) -> Plan:
+    """What the package needs: files that are missing or different, without those that are not part of it any more.
+
+    Args:
+        board: where to.
+        facts: what it is.
+        source: not compiled.
+        generic: whether to put there what only generic boards need; what is there is kept up to date in any case.
+    """
+    folder = f"{facts.lib}/{FOLDER}"
+    wanted = package_files(None if source else facts.mpy_version)
+    there = board.files(folder)
+    plan = Plan()
+    for name, octets in wanted.items():
+        if not generic and name not in there and name.partition(".")[0] in OF_GENERIC_BOARDS:
+            continue
+        _add(plan, folder, name, octets, there)
+    for name in there:
+        if name not in wanted:
+            plan.remove.append(f"{folder}/{name}")
+            plan.there[f"{folder}/{name}"] = there[name].size
+    return plan
+
+
+def plan_files(board: Board, facts: Facts, files: dict[str, bytes]) -> Plan:
+    """What files in the folder of programs need."""
+    plan = Plan()
+    there = board.files(facts.home or "/")
+    for name, octets in files.items():
+        _add(plan, facts.home, name, octets, there)
+    return plan
+
+
+def _add(plan: Plan, folder: str, name: str, octets: bytes, there: dict[str, BoardFile]) -> None:
+    path, known = f"{folder}/{name}", there.get(name)
+    if known is not None:
+        if known.sha256 == hashlib.sha256(octets).digest():
+            return
+        plan.there[path] = known.size
+    plan.write[path] = octets
+
+
+def carry_out(board: Board, facts: Facts, plan: Plan, progress: Callable[[int], object]) -> None:
+    """Remove and write.
+
+    Raises:
+        ConfigError: there is no room for all of it; nothing was changed.
+    """
+    _check_room(board, facts, plan)
+    for path in plan.remove:
+        board.remove(path)
+    for folder in sorted({path.rpartition("/")[0] for path in plan.write} - {"", facts.home}):
+        board.make_folder(folder)
+    for path, octets in plan.write.items():
+        board.write(path, octets, progress)
+
+
+def _check_room(board: Board, facts: Facts, plan: Plan) -> None:
+    room = board.free(facts.home)
+    if room is None:
+        return
+    free, block = room
+    need = sum(_blocks(len(octets), block) for octets in plan.write.values())
+    need -= sum(_blocks(size, block) for size in plan.there.values())
+    if need * block > free:
+        files = amount(len(plan.write), "file")
+        raise ConfigError(
+            f"the board at {board.port} has no space for this: {plan.octets} octets in {files} need "
+            f"{-(-need * block // 1024)} kB more than what they replace, and {free // 1024} kB are free: remove files "
+            "from it (msbot board shell; import os; os.listdir())"
+        )
+
+
+def _blocks(size: int, block: int) -> int:
+    return -(-size // block)
+
+
+def settings_file(
+    board: Board, facts: Facts, *, link: str | None, wifi: tuple[str, str] | None, token: str | None
+) -> bytes | None:
+    """The board's `msbot.json` with what is given, everything else in it kept; None if it is as it should be.
+
+    Raises:
+        ConfigError: the link is none that a board has.
+    """
+    if link is None and wifi is None:
+        return None
+    known: dict[str, object] = {}
+    path = f"{facts.home}/{SETTINGS}"
+    if SETTINGS in board.files(facts.home or "/"):
+        try:
+            found = read_json(board.read(path))
+            json.dumps(found, allow_nan=False)
+        except (ValueError, RecursionError):  # what no board could read
+            found = None
+        known = found if isinstance(found, dict) else {}
+    if link is not None:
+        known["link"] = link
+    if wifi is not None:
+        known["wifi"] = list(wifi)
+    if token is not None:
+        known["token"] = token
+    return (json.dumps(known) + "\n").encode()
+
+
+def check_link(link: str) -> None:
+    """Raise ConfigError if an address is none of a board."""
+    kind, colon, rest = link.partition(":")
+    if kind not in LINKS or not colon or not rest:
+        raise ConfigError(
+            f"link {link!r}: a board has can:1?bitrate=500000, serial:1?baudrate=115200&tx=4&rx=5, "
+            "udp:192.168.1.20:8888 or ws://192.168.1.20:8080 (docs/howto/micropython.md)"
+        )

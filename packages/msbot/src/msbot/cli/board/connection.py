@@ -15,13 +15,104 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from msbot.cli.board.answers import are_facts, are_files, is_room
-from msbot.cli.board.ports import NEEDED
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from mpremote.transport_serial import SerialTransport
+    from serial.tools.list_ports_common import ListPortInfo
+
+
+# What a board answers to the questions of `connection.py`: whether it is an answer at all.
+#
+# A board prints Python values; one that runs something else, or is out of its mind, prints values of other kinds.
+
+
+SHORTEST: Final = 2
+"""Numbers of a version."""
+
+
+def are_facts(found: object) -> bool:
+    """Name, version, machine, version of compiled files, folders for packages, home."""
+    match found:
+        case (str(), [*version], str(), int(), [*lib], str()) if len(version) >= SHORTEST:
+            return all(isinstance(one, int) for one in version) and all(isinstance(one, str) for one in lib)
+    return False
+
+
+def is_room(found: object) -> bool:
+    """Octets of a block and of a fragment, blocks in all, free ones; or None."""
+    match found:
+        case None | (int(), int(), int(), int()):
+            return found is None or (found[0] > 0 and min(found) >= 0)
+    return False
+
+
+def are_files(found: list[object]) -> bool:
+    """Name, octets and SHA-256 of each file."""
+    for one in found:
+        match one:
+            case (str(), int(), bytes() | None):
+                pass
+            case _:
+                return False
+    return True
+
+
+# The serial ports of this computer, and which of them a board is meant to be at.
+
+
+NEEDED = "boards need the library mpremote: pip install 'msbot[board]'"
+
+
+@dataclass(frozen=True, slots=True)
+class SerialPort:
+    """One serial port."""
+
+    port: str
+    name: str
+    """What it calls itself, "" if it does not."""
+    usb: str
+    """Vendor and product, as in `2e8a:0005`; "" for a port that is not USB."""
+    serial_number: str
+
+
+def ports() -> list[SerialPort]:
+    """Every serial port, those of USB first.
+
+    Raises:
+        ConfigError: the library for boards is not installed.
+    """
+    try:
+        from serial.tools.list_ports import comports
+    except ImportError:
+        raise ConfigError(NEEDED) from None
+    return sorted((_port(info) for info in comports()), key=lambda port: (not port.usb, port.port))
+
+
+def _port(info: ListPortInfo) -> SerialPort:
+    words = [word for word in (info.manufacturer, info.product) if word]
+    usb = "" if info.vid is None else f"{info.vid:04x}:{info.pid or 0:04x}"
+    return SerialPort(info.device, " ".join(words), usb, info.serial_number or "")
+
+
+def choose(port: str | None, there: list[SerialPort]) -> str:
+    """The port that is meant: the one that was named, else the only USB serial port.
+
+    Raises:
+        ConfigError: none is there, or several are.
+    """
+    if port is not None:
+        return port
+    found = [one.port for one in there if one.usb]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ConfigError(f"several boards may be meant ({', '.join(found)}): name one with --port")
+    raise ConfigError(
+        "there is no board at a USB port: plug it in with a cable that carries data, or name another port with --port"
+    )
+
 
 BAUDRATE = 115_200
 OLDEST = (1, 22)

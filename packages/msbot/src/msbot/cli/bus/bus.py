@@ -8,11 +8,13 @@ from typing import TypeVar
 
 import click
 
-from msbot.cli.bus.frame_filter import FilterType, FrameFilter
+from msbot.cli.bus.dump import FilterType, FrameFilter
+from msbot.cli.bus.frame_log import FrameReader
+from msbot.cli.bus.frame_words import Manner, tell_unknown, told_lines
 from msbot.cli.robot_options import DEFAULT_BLUEPRINT, library_option
+from msbot.pnp import FrameListener
 from msbot_agent.cli.group import complain
-from msbot_agent.cli.numbers import FiniteRange, WholeRange
-from msbot_agent.cli.options import json_option
+from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_agent.link.can.sim import DEFAULT_NAME
 
 _C = TypeVar("_C", bound=Callable[..., object])
@@ -59,7 +61,7 @@ def cost(frames: tuple[str, ...], bitrate: int, data_bitrate: int, *, as_json: b
     A FRAME is written as in can-utils: 123#DEADBEEF, 1ABCDEF0#11.22 (extended), 123#R4 (remote), 123##1DEADBEEF
     (CAN FD; 1 = bit-rate switch, 2 = ESI). Data that fits no length of CAN FD is padded with CC.
     """
-    from msbot.cli.bus.cost import cost_json, cost_table
+    from msbot.cli.bus.load import cost_json, cost_table
 
     click.echo(cost_json(frames) if as_json else cost_table(frames, bitrate, data_bitrate))
 
@@ -77,8 +79,7 @@ def decode(
     LOG is a file of `candump -l` or `msbot demo --log`; without it, what candump shows is read from standard input:
     candump can0 | msbot bus decode. Files ending in .asc, .blf or .trc are read by python-can.
     """
-    from msbot.cli.bus.decode import decode_log
-    from msbot.cli.bus.telling import library_of, listener_for, manner_of
+    from msbot.cli.bus.frame_words import library_of, listener_for, manner_of
 
     library = library_of(blueprint, folders, complain)
     manner = manner_of(is_known=library is not None, protocol=protocol, as_json=as_json)
@@ -123,15 +124,15 @@ def dump(
     BUS is can0, an address (can:slcan:/dev/ttyACM0?bitrate=500000, sim:classroom), a log (.log of candump, .asc, .blf,
     .trc, .csv, .db, .mf4), or - for what candump shows. A live bus is shown until Ctrl-C.
     """
-    from msbot.cli.bus.dump import DumpWishes, Understanding, dump
+    from msbot.cli.bus.dump import DumpOptions, Understanding, dump
+    from msbot.cli.bus.frame_words import library_of, listener_for, manner_of
     from msbot.cli.bus.source import is_log
-    from msbot.cli.bus.telling import library_of, listener_for, manner_of
 
     library = library_of(blueprint, folders, complain)
     asks = decode and not legacy and not is_log(bus)  # whose robot a log is, no master can say
 
     def understand() -> Understanding:
-        from msbot.cli.bus.robot_on_bus import robot_on_bus
+        from msbot.cli.bus.source import robot_on_bus
 
         robot = robot_on_bus(bus, complain) if asks else None
         is_known = library is not None or robot is not None
@@ -140,7 +141,7 @@ def dump(
             manner_of(is_known=is_known, protocol=protocol, as_json=as_json),
         )
 
-    wishes = DumpWishes(decode, log, tuple(wish for option in filters for wish in option), count)
+    wishes = DumpOptions(decode, log, tuple(wish for option in filters for wish in option), count)
     dump(bus, wishes, understand, click.echo, complain)
 
 
@@ -173,7 +174,7 @@ def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
 
     MsBOT's own programs join it as sim:NAME, those of python-can as interface msbot, channel NAME.
     """
-    from msbot.cli.bus.serve import serve
+    from msbot.cli.bus.send import serve
 
     serve(name, bitrate, data_bitrate if fd else None)
 
@@ -204,14 +205,14 @@ def load(
     from msbot.cli.bus.source import is_bus
 
     if is_bus(what):
-        from msbot.cli.bus.load_measured import show_load
+        from msbot.cli.bus.load import show_load
 
         show_load(
             what, bitrate=bitrate, data_bitrate=data_bitrate, seconds=seconds, as_json=as_json,
             say=click.echo, complain=complain,
         )  # fmt: skip
         return
-    from msbot.cli.bus.load_forecast import Bus, load_report
+    from msbot.cli.bus.load import Bus, load_report
 
     bus = Bus(bitrate, data_bitrate, fd, not no_compression)
     click.echo(load_report(Path(what), folders, bus, dict(sizes), as_json=as_json))
@@ -231,3 +232,29 @@ def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:
 
     if not run_selftest(bitrate, frames, click.echo, as_json=as_json):
         raise SystemExit(1)
+
+
+# What the frames of a log say: `msbot bus decode`.
+
+
+def decode_log(
+    name: str, listener: FrameListener, manner: Manner, say: Callable[[str], None], complain: Callable[[str], None]
+) -> None:
+    """Print every frame of a log with its meaning; what could not be read is reported at the end.
+
+    Args:
+        name: the file, or `-` for standard input.
+        listener: understands the frames.
+        manner: what is said of them.
+        say: takes a line of the answer.
+        complain: takes what is wrong with the log.
+
+    Raises:
+        ConfigError: the log cannot be read.
+    """
+    reader = FrameReader()
+    for line in reader.read(name):
+        for text in told_lines(line, listener.hear(line.frame, line.at or 0.0), manner):
+            say(text)
+    tell_unknown(listener, manner, complain)
+    reader.tell(name, complain)

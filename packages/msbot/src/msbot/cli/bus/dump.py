@@ -3,30 +3,85 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 import click
 
-from msbot.cli.bus.frame_filter import FrameFilter, wanted
 from msbot.cli.bus.frame_log import FrameReader, FrameWriter
+from msbot.cli.bus.frame_words import Manner, tell_unknown, told_lines
 from msbot.cli.bus.source import Listening, is_log, open_bus
-from msbot.cli.bus.telling import Manner, tell_unknown, told_lines
 from msbot.pnp import FrameListener, FrameWords
 from msbot_agent.link.can.protocol import NODES, CanIds, Frame, LogLine
-from msbot_agent.process.event_loop import run_to_end
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.process.end_signals import run_to_end
+from msbot_xrce.lazy import dataclass
+
+# Which frames of a bus somebody wants to see: `--filter 100:780`, `--filter 7FF~7FF`, `--filter node=3`.
+
+
+_IDS = CanIds()
+_WORDS = re.compile(r"([0-9A-Fa-f]{1,8})(?:([:~])([0-9A-Fa-f]{1,8}))?")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFilter:
+    """One filter; a frame is shown when it matches at least one."""
+
+    can_id: int
+    mask: int
+    extended: bool
+    inverse: bool = False
+
+    def matches(self, frame: Frame) -> bool:
+        """Whether the frame is wanted."""
+        hit = frame.extended == self.extended and not (frame.can_id ^ self.can_id) & self.mask
+        return hit is not self.inverse
+
+
+class FilterType(click.ParamType[tuple[FrameFilter, ...]]):
+    """`ID`, `ID:MASK`, `ID~MASK` (all but those), each hexadecimal, or `node=N`."""
+
+    name = "FILTER"
+
+    def convert(
+        self,
+        value: str | tuple[FrameFilter, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[FrameFilter, ...]:
+        """The filters that one option stands for."""
+        if isinstance(value, tuple):
+            return value
+        if value.startswith("node="):
+            digits = value.removeprefix("node=")
+            if not (digits.isascii() and digits.isdigit() and 1 <= int(digits) <= NODES):
+                self.fail(f"{value!r}: the nodes of a bus are 1 to {NODES}", param, ctx)
+            return tuple(FrameFilter(base + int(digits), 0x7FF, extended=False) for base in (_IDS.up, _IDS.down))
+        match = _WORDS.fullmatch(value)
+        if match is None:
+            self.fail(
+                f"{value!r}: write ID, ID:MASK, ID~MASK (all but those) or node=N, for example 100:780", param, ctx
+            )
+        extended = len(match[1]) > 3
+        mask = int(match[3], 16) if match[3] else 0x1FFFFFFF if extended else 0x7FF
+        return (FrameFilter(int(match[1], 16), mask, extended, match[2] == "~"),)
+
+
+def wanted(frame: Frame, filters: tuple[FrameFilter, ...]) -> bool:
+    """Whether a frame matches a filter, or there are no filters."""
+    return not filters or any(wish.matches(frame) for wish in filters)
+
 
 COLOURS: Final = ("cyan", "green", "yellow", "magenta", "blue", "bright_cyan", "bright_green", "bright_yellow")
 """Colours of the frames to and from a node, by its number, on a terminal."""
 
-_IDS = CanIds()
 _NO_WORDS: Final = FrameWords((), (), ())
 
 
 @dataclass(frozen=True, slots=True)
-class DumpWishes:
+class DumpOptions:
     """The user's options."""
 
     decode: bool = True
@@ -46,7 +101,7 @@ class Understanding:
 class Dump:
     """Shows frames one after the other; `finished` once enough were shown."""
 
-    def __init__(self, wishes: DumpWishes, say: Callable[[str], None]) -> None:
+    def __init__(self, wishes: DumpOptions, say: Callable[[str], None]) -> None:
         """Prepare; what is heard before `begin` is shown then.
 
         Raises:
@@ -106,7 +161,7 @@ def colour_of(frame: Frame) -> str | None:
 
 
 def dump(
-    name: str, wishes: DumpWishes, understand: Callable[[], Understanding], say: Callable[[str], None],
+    name: str, wishes: DumpOptions, understand: Callable[[], Understanding], say: Callable[[str], None],
     complain: Callable[[str], None],
 ) -> None:  # fmt: skip
     """Show the frames of a bus, until Ctrl-C, or those of a log.
@@ -146,7 +201,7 @@ def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None
 
 
 async def _dump_bus(
-    address: str, wishes: DumpWishes, understand: Callable[[], Understanding], say: Callable[[str], None],
+    address: str, wishes: DumpOptions, understand: Callable[[], Understanding], say: Callable[[str], None],
     complain: Callable[[str], None],
 ) -> None:  # fmt: skip
     listening = Listening(open_bus(address, node="dump", listen_only=True), complain)

@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, TextIO
 from msbot_agent.link.can.adapters import frame_of, message_of
 from msbot_agent.link.can.protocol import Frame, LogLine, format_log_line, parse_log_line
 from msbot_agent.text.given_file import open_given
-from msbot_agent.text.printable import printable
+from msbot_agent.text.sentence import printable
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import logging
 from collections.abc import Callable, Sequence
 from typing import Final
 
+import click
+
 from msbot.cli.bus.source import Listening, open_bus
+from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.link.can import BusState
 from msbot_agent.link.can.protocol import Frame, check_frame, format_frame, parse_frame
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
+from msbot_agent.log import TerminalHandler
+from msbot_agent.process.end_signals import run_to_end
+from msbot_agent.process.patient_output import patient_output
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, LinkDown, LocalProtocolError
 
 PATIENCE_S: Final = 2.0
@@ -32,10 +41,10 @@ def send(address: str, texts: Sequence[str], repeat: int, period_s: float, compl
         LinkDown: the bus cannot be opened, or nobody acknowledges.
     """
     frames = [parse_frame(text) for text in texts]
-    run_to_end(_main(address, frames, repeat, period_s, complain))
+    run_to_end(_open_and_send(address, frames, repeat, period_s, complain))
 
 
-async def _main(
+async def _open_and_send(
     address: str, frames: Sequence[Frame], repeat: int, period_s: float, complain: Callable[[str], None]
 ) -> None:
     bus = open_bus(address, node="send")
@@ -75,3 +84,33 @@ async def _wait(listening: Listening, done: Callable[[], bool], frame: Frame) ->
                 "acknowledges. Is another node on the bus, with the same bit rate?"
             )
         await asyncio.sleep(LOOK_S)
+
+
+# Serves a simulated bus that other programs join by its name: `msbot bus serve`.
+
+
+def serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
+    """Serve a bus until Ctrl-C; with a data bit rate it is CAN FD.
+
+    Raises:
+        ConfigError: it is not a name.
+        LinkDown: another process serves a bus of that name.
+    """
+    logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
+    with contextlib.suppress(KeyboardInterrupt), patient_output():
+        run_to_end(_serve(name, bitrate, data_bitrate))
+
+
+async def _serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
+    fd = data_bitrate is not None
+    server = SimBusServer(SimBusDriver(SimBus(bitrate, data_bitrate, fd=fd)), name)
+
+    def greet() -> None:
+        click.echo(
+            f"simulated bus {name} ({rates_words(bitrate, data_bitrate, fd=fd)}) is up: --link sim:{name}, "
+            f"msbot bus dump sim:{name}, python -m can.logger -i msbot -c {name}; Ctrl-C ends it"
+        )
+
+    await run_until_signal(server.run(), ready=server.ready, say=greet)
+    counters = server.driver.counters
+    click.echo(f"{amount(counters.frames, 'frame')}, {amount(counters.errors, 'attempt')} failed")

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Hashable, Mapping
+from dataclasses import field
 from pathlib import Path
+from typing import Any
 
 from msbot.cli.bus.frame_log import FOREIGN_FORMATS, OWN_FORMAT
+from msbot.cli.robot_options import user_name
+from msbot.config import FieldKind, MessageType
+from msbot.pnp import KnownObject
+from msbot_agent.agent import MASTER, RunningProcess, running_processes
 from msbot_agent.link.can import BusState, open_can_bus
 from msbot_agent.link.can.adapters import CanDriver
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.sim import open_sim_bus
 from msbot_agent.process.end_signals import on_end_signal
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 SCHEMES = ("can", "sim")
 
@@ -138,3 +145,71 @@ class Listening:
             self.opened.set()
         elif self.opened.is_set():
             self._complain(f"{self.bus.info.name} is {state.value}: {words}")
+
+
+# What the masters of this computer know of a bus: the dump did not hear what parts set up before it began.
+
+
+@dataclass(slots=True)
+class RobotOnBus:
+    """The objects and message types of the robot, or the robots, on a bus."""
+
+    objects: dict[tuple[Hashable, int], KnownObject] = field(default_factory=dict)
+    """By node and object id."""
+    types: dict[str, MessageType] = field(default_factory=dict)
+    """By name."""
+
+    def know(self, node: Hashable, object_id: int) -> KnownObject | None:
+        """An object of the client at a node."""
+        return self.objects.get((node, object_id))
+
+
+def robot_on_bus(address: str, complain: Callable[[str], None]) -> RobotOnBus | None:
+    """Ask the masters that run on this computer; None: none of them serves that bus, which is said.
+
+    Args:
+        address: the bus.
+        complain: takes what is wrong.
+
+    Raises:
+        ConfigError: the folder in which masters leave word is not the user's own.
+    """
+    bus = open_bus(address, node="dump", listen_only=True).info.name
+    found = RobotOnBus()
+    served = False
+    for process in running_processes():
+        try:
+            served |= process.what == MASTER and _add(found, process, bus)
+        except ConfigError as error:
+            complain(str(error))
+    if served:
+        return found
+    complain(f"no master on this computer serves {bus}: what joined before has no sentences until it joins again")
+    return None
+
+
+def _add(found: RobotOnBus, process: RunningProcess, bus: str) -> bool:
+    """Add what a master knows of a bus; whether it serves that bus."""
+    answer = process.ask({"do": "objects", "args": {}, "who": user_name()})
+    try:
+        rows = _mapping(answer.get("buses", {})).get(bus)
+        if rows is None:
+            return False
+        for node, object_id, *words in rows:
+            found.objects.setdefault((int(node), int(object_id)), KnownObject(*map(str, words)))
+        types: Any = answer.get("types", ())
+        for one in types:
+            fields = {str(name): FieldKind(kind) for name, kind in _mapping(one["fields"]).items()}
+            units = {str(name): str(unit) for name, unit in _mapping(one["units"]).items()}
+            found.types.setdefault(str(one["name"]), MessageType(str(one["name"]), fields, units))
+    except (ValueError, TypeError, KeyError) as error:
+        raise ConfigError(
+            f"{process.what} {process.name}: its answer about {bus} makes no sense ({error!r})"
+        ) from error
+    return True
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise TypeError("no JSON object")
+    return value

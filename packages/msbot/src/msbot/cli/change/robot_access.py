@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,14 +18,15 @@ from msbot.cli.robot_options import (
     user_name,
     wants_json,
 )
-from msbot.registry.database_identity import database_identity
+from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
-from msbot_agent.log.terminal_log import TerminalHandler
-from msbot_agent.startup.own_version import own_version
+from msbot_agent.log import TerminalHandler
+from msbot_agent.startup.extensions import own_version
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from msbot.master import Master
+    from msbot.registry import RobotRecord
 
 
 def details_of(
@@ -159,7 +160,6 @@ def _find(database: str | None, robot: str | None) -> RunningProcess | None:
 def _on_database(path: str, robot: str | None, request: Mapping[str, object]) -> dict[str, object]:
     if not is_there(path):
         raise ConfigError(f"no master runs here, and {no_database(path)}")
-    from msbot.cli.look.one_robot import one_robot
     from msbot.operations.dispatch import perform, stored_operations  # a running robot needs no SQLAlchemy here
     from msbot.registry import open_registry
 
@@ -169,6 +169,26 @@ def _on_database(path: str, robot: str | None, request: Mapping[str, object]) ->
         async def act() -> dict[str, object]:
             return await perform(stored_operations(registry, meant), request)
 
-        from msbot_agent.process.event_loop import run_to_end
+        from msbot_agent.process.end_signals import run_to_end
 
         return run_to_end(act())
+
+
+def one_robot(database: str, robots: Sequence[RobotRecord], name: str | None) -> RobotRecord:
+    """The robot that is meant, of those of a database: by name or serial number, or the only one.
+
+    Raises:
+        ConfigError: there is none, or it is not clear which.
+    """
+    if not robots:
+        raise ConfigError(
+            f"there is no robot in the database {database} yet: `msbot apply robot.toml` or `msbot master robot.toml` "
+            "puts one there"
+        )
+    found = [robot for robot in robots if name is None or name in (robot.name, robot.serial_number)]
+    known = ", ".join(f"{robot.name} ({robot.serial_number})" for robot in robots)
+    if not found:
+        raise ConfigError(f"the database {database} has no robot {name!r}; there are {known}")
+    if len(found) > 1:
+        raise ConfigError(f"the database {database} has several robots: say which with --robot; {known}")
+    return found[0]

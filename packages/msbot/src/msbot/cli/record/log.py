@@ -13,16 +13,39 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from msbot.cli.record.recording_name import recording_name
-from msbot_agent.cli.numbers import FiniteRange
-from msbot_agent.text.printable import printable
-from msbot_agent.text.table_cell import as_cell
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.cli.options import FiniteRange
+from msbot_agent.text.sentence import as_cell, printable
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
+
+
+# Names of recordings that a command writes.
+
+
+SUFFIX = ".mcap"
+
+
+def recording_name(file: Path) -> Path:
+    """The file of that name: a name without an ending gets that of recordings.
+
+    Raises:
+        ConfigError: it has the ending of something else, which a recording is not, or is a folder.
+    """
+    if not file.name or file.name == ".." or file.is_dir():
+        raise ConfigError(f"{file} is a folder: name a file in it, for example {file / 'lesson'}{SUFFIX}")
+    if file.suffix.lower() == SUFFIX:
+        return file
+    if file.suffix:
+        raise ConfigError(
+            f"{file}: a recording is an MCAP file, and its name ends in {SUFFIX}: {file.with_suffix(SUFFIX)} "
+            "(tables are made of it by `msbot log export`)"
+        )
+    return file.with_name(f"{file.name}{SUFFIX}")
+
 
 MOST_NAMES = 30
 """So many topics or slots are named in an error."""
@@ -109,7 +132,7 @@ def show(
     CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
     """
     from msbot.recording.recordings.reading import Decoder, RecordingReader
-    from msbot.recording.recordings.telling import frame_of, line_of
+    from msbot.recording.recordings.summary import frame_of, line_of
     from msbot_agent.link.can.protocol import format_frame
 
     decoder, reader = Decoder(), RecordingReader(file)
@@ -171,7 +194,7 @@ def diff(before: Path, after: Path) -> None:
 
     Times are not compared. Exit status 1: they differ, or one is damaged.
     """
-    from msbot.recording.recordings.comparing import differences
+    from msbot.recording.recordings.cutting import differences
     from msbot.recording.recordings.reading import RecordingReader
 
     first, second = RecordingReader(before), RecordingReader(after)
@@ -193,7 +216,7 @@ def export(  # noqa: PLR0917 - what the command was given
 ) -> None:
     """Write the values of FILE as a table (.csv, .parquet), or its CAN frames (.log of candump, .asc, .blf ...)."""
     from msbot.cli.bus.frame_log import FRAME_FORMATS
-    from msbot.recording.recordings.new_file import whole_or_none
+    from msbot.recording.recorder.new_file import whole_or_none
     from msbot.recording.recordings.reading import RecordingReader
 
     if target.exists():
@@ -219,14 +242,14 @@ def export(  # noqa: PLR0917 - what the command was given
 
 
 def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
-    from msbot.recording.recordings.parquet import write_parquet
+    from msbot.recording.recordings.conversions import write_parquet
 
     return write_parquet(_chosen(reader, wish), target)
 
 
 def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.recording.recordings.reading import Decoder
-    from msbot.recording.recordings.telling import rows_of
+    from msbot.recording.recordings.summary import rows_of
 
     decoder, count = Decoder(), 0
     try:
@@ -245,7 +268,7 @@ def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
 def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.cli.bus.frame_log import FrameWriter
     from msbot.recording.recordings.reading import FRAMES
-    from msbot.recording.recordings.telling import frame_of
+    from msbot.recording.recordings.summary import frame_of
     from msbot_agent.link.can.protocol import LogLine
 
     count = 0

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.robot_options import link_option, robot_options
-from msbot_agent.cli.numbers import FiniteRange
-from msbot_xrce.common.amount import amount
+from msbot_agent.cli.options import FiniteRange
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
-    from msbot.recording.replay.act_player import ActPlayer
-    from msbot.recording.replay.acts import RecordedActs
+    from msbot.recording.replay.acts import ActPlayer, RecordedActs
     from msbot.recording.replay.piece import Piece
     from msbot.recording.replay.player import Player
     from msbot_agent.agent import RunningProcess
@@ -67,7 +66,7 @@ def command(
     With --acts, what people did is done again at its times in the robot that runs here, told as "NAME, replayed"; with
     --slot both keep time with each other.
     """
-    from msbot.cli.run.hosting import run_until_told
+    from msbot.cli.run.host import run_until_told
     from msbot.recording.replay.acts import read_acts
     from msbot.recording.replay.piece import read_piece
 
@@ -113,7 +112,7 @@ class _Replay:
 
     def play(self, piece: Piece, *, uid: str | None, key: str | None) -> None:
         """Replay parts."""
-        from msbot.cli.run.hosting import identify
+        from msbot.cli.run.host import identify
         from msbot.part.join.uid import stored_uid
         from msbot.recording.replay.player import Player
 
@@ -128,7 +127,7 @@ class _Replay:
 
     def act(self, acts: RecordedActs, master: RunningProcess, begin_ns: int | None) -> None:
         """Do again what people did."""
-        from msbot.recording.replay.act_player import ActPlayer
+        from msbot.recording.replay.acts import ActPlayer
 
         player = self._player
 
@@ -142,7 +141,7 @@ class _Replay:
 
     async def run(self, link: str) -> None:
         """Until all is said and done, or something does not fit."""
-        from msbot.cli.run.hosting import connect
+        from msbot.cli.run.host import connect
 
         player, acts = self._player, self._acts
         both = [] if player is None else [player.run(lambda part: connect(part, link))]

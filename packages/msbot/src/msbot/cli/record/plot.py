@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.change.robot_access import perform
-from msbot.cli.record.recording_name import SUFFIX
+from msbot.cli.record.log import SUFFIX
 from msbot.cli.robot_options import library_option, robot_options
-from msbot_agent.cli.numbers import FiniteRange, WholeRange
-from msbot_agent.text.table_cell import as_cell
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.cli.options import FiniteRange, WholeRange
+from msbot_agent.text.sentence import as_cell
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, LocalProtocolError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.recording.curves.curve import Curve
@@ -133,7 +133,7 @@ def _ring(db: str | None, robot: str | None) -> Path:
 
 def _units(folders: tuple[Path, ...]) -> UnitOf:
     from msbot.config import load_library
-    from msbot.recording.curves.units import units_of
+    from msbot.recording.curves.reading import units_of
 
     return units_of(load_library(*folders))
 
@@ -167,7 +167,7 @@ def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves
 
 
 def _check_name(name: str, read: ReadCurves, folder: Path | None) -> None:
-    from msbot.recording.curves.names import close_names, is_wanted
+    from msbot.recording.curves.curve import close_names, is_wanted
 
     if any(is_wanted(curve.name, [name]) and curve.points for curve in read.curves):
         return

@@ -13,16 +13,15 @@ from typing import Any
 import click
 
 from msbot.cli.change.robot_access import perform, running_master
-from msbot.cli.record.recording_name import recording_name
-from msbot.cli.record.ring_folders import rings_left
+from msbot.cli.record.log import recording_name
 from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
-from msbot.registry.database_identity import database_identity
-from msbot_agent.cli.numbers import FiniteRange
-from msbot_agent.cli.options import json_option
-from msbot_agent.text.printable import printable
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot.cli.run.ring_folders import rings_left
+from msbot.registry.records import database_identity
+from msbot_agent.cli.options import FiniteRange, json_option
+from msbot_agent.text.sentence import printable
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 JUST_NOW_S = 0.8
 """What a robot has said is in the ring's file after at most this time."""
@@ -42,7 +41,7 @@ def command() -> None:
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *, ros: bool) -> None:
     """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""
-    from msbot.recording.recorder.ring import begun_segments
+    from msbot.recording.recorder.recording_file import begun_segments
     from msbot.recording.recordings.cutting import write_cut
     from msbot.recording.recordings.reading import ended_ns
 
@@ -131,7 +130,7 @@ class _File:
 
 
 def _files(folder: str) -> Iterator[_File]:
-    from msbot.recording.recorder.ring import segments
+    from msbot.recording.recorder.recording_file import segments
 
     if folder and Path(folder).is_dir():
         for segment in segments(Path(folder)):

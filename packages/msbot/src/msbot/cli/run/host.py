@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import logging
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import click
 
 from msbot.cli.robot_options import library_here, library_option, link_option
-from msbot.cli.run.world import WorldWishes, guest_door, place_option, world_option
+from msbot.cli.run.world import WorldOptions, guest_door, place_option, world_option
+from msbot.part import Part
+from msbot.part.join.keys import given_key
+from msbot.part.join.uid import parse_uid, stored_uid
+from msbot.part.run import CAN
+from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
+from msbot_agent.link import Link, open_link
+from msbot_agent.log import TerminalHandler
+from msbot_agent.process.end_signals import on_end_signal, run_to_end
+from msbot_agent.process.patient_output import patient_output
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-    from msbot.cli.run.hosting import Endable
     from msbot.hardware import HostedPart
 
 
@@ -29,7 +42,7 @@ if TYPE_CHECKING:
 @json_option
 @library_option
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
-def command(
+def host_command(
     path: Path, *, link: str, check: bool, world: str | None, place: str | None, as_json: bool,
     folders: tuple[Path, ...], quiet: bool,
 ) -> None:  # fmt: skip
@@ -38,12 +51,11 @@ def command(
     Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has
     changed in it is restarted.
     """
-    from msbot.cli.run.hosting import connect, identify, run_until_told
     from msbot.hardware import PartsHost, read_parts
 
     if as_json and not check:
         raise ConfigError("--json tells what --check finds: write `msbot host --check --json`")
-    WorldWishes(world, place).check()
+    WorldOptions(world, place).check()
     door = None if world is None else guest_door(world, place, click.echo)
     library = library_here(folders)
     parts = read_parts(path, library)
@@ -72,3 +84,76 @@ def command(
 def _as_json(part: HostedPart) -> dict[str, object]:
     wiring = None if part.wiring is None else part.wiring.words()
     return {"name": part.name, "part_number": part.number, "type": part.part_type.name, "wiring": wiring}
+
+
+# `msbot hardware`: what is plugged into this computer.
+
+
+@click.group("hardware")
+def hardware_command() -> None:
+    """The hardware of this computer."""
+
+
+@hardware_command.command("scan")
+@library_option
+@json_option
+def scan_command(folders: tuple[Path, ...], *, as_json: bool) -> None:
+    """Find chips, USB modules, thermometers, converters and CAN interfaces, and how each becomes a part."""
+    from msbot.hardware import Machine, scan
+
+    result = scan(Machine(), library_here(folders))
+    if as_json:
+        click.echo(json.dumps(asdict(result), ensure_ascii=False))
+    else:
+        for thing in result.found:
+            click.echo(f"{thing.where}: {thing.words}")
+            for line in thing.lines:
+                click.echo(f"    {line}")
+        for fault in result.faults:
+            complain(fault)
+        if not result.found and not result.faults:
+            click.echo("Nothing is plugged in that can be found: parts at plain pins do not answer.")
+    sys.exit(1 if result.faults else 0)
+
+
+# How a command runs parts that are wired to this computer: links, UIDs, keys, signals.
+
+
+class Endable(Protocol):
+    """Something that runs until it is told to end."""
+
+    def end(self) -> None:
+        """End cleanly."""
+
+
+def connect(part: Part, link: str) -> Link:
+    """A link for one part."""
+    return open_link(link, can=replace(CAN, uid=part.uid))
+
+
+def identify(part: Part, *, uid: str | None = None, key: str | None = None) -> None:
+    """Give a part its UID and its key: those given, or those kept on this computer.
+
+    Raises:
+        ConfigError: one of them is malformed.
+    """
+    part.uid = stored_uid(part.part_number, part.local_name) if uid is None else parse_uid(uid)
+    part.key = given_key(key, part.part_number, part.local_name)
+
+
+def run_until_told(make: Callable[[], tuple[Endable, Coroutine[object, object, None]]], *, quiet: bool) -> None:
+    """Run what `make` returns, on a loop of its own, until it ends or a signal ends it cleanly.
+
+    Args:
+        make: called on the loop; returns what to tell to end, and what to run.
+        quiet: print only what is wrong.
+    """
+    logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, handlers=[TerminalHandler()])
+
+    async def main() -> None:
+        unit, work = make()
+        on_end_signal(unit.end)
+        await work
+
+    with contextlib.suppress(KeyboardInterrupt), patient_output():
+        run_to_end(main())

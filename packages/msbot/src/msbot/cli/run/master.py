@@ -13,7 +13,6 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import details_of
-from msbot.cli.record.ring_folders import ring_folder
 from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     DEFAULT_LINK,
@@ -23,33 +22,91 @@ from msbot.cli.robot_options import (
     library_option,
     metrics_option,
 )
-from msbot.cli.run.bigger_robot import BiggerRobot, bigger_robot
-from msbot.cli.run.event_log import log_event
-from msbot.cli.run.master_context import MasterCommand, MasterContext
-from msbot.cli.run.metrics import metrics_beside
-from msbot.cli.run.recording import RobotRecording, rec_option
+from msbot.cli.run.master_services import (
+    MasterCommand,
+    MasterContext,
+    RobotRecording,
+    log_event,
+    metrics_beside,
+    rec_option,
+)
+from msbot.cli.run.ring_folders import ring_folder
 from msbot.config import Blueprint, Library, open_blueprint
-from msbot.master import Master, StopSocket, profile_of, robot_space, stop_file
+from msbot.master import (
+    ExportedPort,
+    Master,
+    RobotAsPart,
+    StopSocket,
+    exported_ports,
+    profile_of,
+    robot_space,
+    stop_file,
+)
 from msbot.operations.dispatch import RunningOperations, perform
+from msbot.part.join.keys import given_key
 from msbot.pnp import PartEvent
-from msbot.recording.recorder.wish import RecordingWish
+from msbot.recording.recorder.batch import RecordingRequest
 from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_registry
-from msbot.registry.database_identity import database_identity
 from msbot.registry.maintenance import waiting_restore as held
-from msbot.ros.description import read_description
+from msbot.registry.records import database_identity
+from msbot.ros.robot_in_ros import read_description
 from msbot.stop.names import own_group
 from msbot_agent.agent import MASTER, StatusServer
-from msbot_agent.cli.logs import LogWishes, log_options
+from msbot_agent.cli.logs import LogOptions, log_options
 from msbot_agent.cli.options import space_option
 from msbot_agent.cli.services import WantedService, wanted_services
 from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.link import Link, bound_name, open_link
 from msbot_agent.link.can import CanSettings, Codec
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.process.patient_output import patient_output
 from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_xrce import compress, decompress, is_whole
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
+
+# `msbot master --part-of ADDRESS --as NUMBER`: a robot that is a part of a bigger one.
+
+
+_CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
+
+
+@dataclass(frozen=True, slots=True)
+class BiggerRobot:
+    """The robot that this one is a part of."""
+
+    number: str
+    """The part number that this one shows there."""
+    ports: tuple[ExportedPort, ...]
+    address: str
+
+    def make(self, master: Master) -> RobotAsPart:
+        """This robot as a part."""
+        key = given_key(None, self.number, master.profile.name)
+        return RobotAsPart(master, self.ports, number=self.number, open_link=self.open, say=click.echo, key=key)
+
+    def open(self, uid: bytes | None = None) -> Link:
+        """A new link to its master."""
+        return open_link(self.address, can=replace(_CAN, uid=uid))
+
+
+def bigger_robot(blueprint: Blueprint, library: Library, address: str | None, number: str | None) -> BiggerRobot | None:
+    """What the options say; None: nothing.
+
+    Raises:
+        ConfigError: one of them is missing, or the robot has nothing to offer.
+    """
+    if address is None and number is None:
+        return None
+    if not address or not number:
+        raise ConfigError(
+            "a robot that is a part of another one needs both the way to it and a part number: "
+            "--part-of udp:192.168.1.20:8888 --as ARM-1"
+        )
+    found = BiggerRobot(number, exported_ports(blueprint, library), address)
+    found.open()  # report mistakes before the database is touched
+    return found
+
 
 CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 LOOK_S = 0.1
@@ -60,9 +117,9 @@ LOOK_S = 0.1
 class _Beside:
     """What else the user wants while the robot runs."""
 
-    rec: RecordingWish
+    rec: RecordingRequest
     metrics_port: int | None
-    log: LogWishes
+    log: LogOptions
     bigger: BiggerRobot | None
     """The robot that this one is a part of."""
     stop_group: str | None
@@ -89,8 +146,8 @@ class _Beside:
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 def command(
     blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingWish, standby: bool, part_of: str | None, as_number: str | None,
-    metrics_port: int | None, log_wishes: LogWishes, stop_group: str | None,
+    rec: RecordingRequest, standby: bool, part_of: str | None, as_number: str | None,
+    metrics_port: int | None, log_wishes: LogOptions, stop_group: str | None,
     verbose: bool,
 ) -> None:  # fmt: skip
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.

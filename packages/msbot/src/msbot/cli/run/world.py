@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.sim.arena.wire import is_name
+from msbot.sim.arena.connection import is_name
 from msbot_agent.cli.group import complain
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.sim import SimulatedPart
-    from msbot.sim.arena.door import Door
+    from msbot.sim.arena.connection import WorldConnection
 
 OTHER = "tcp:"
 """How the address of another program's world begins."""
@@ -25,7 +25,7 @@ SHORTEST = 8
 
 
 @dataclass(frozen=True, slots=True)
-class WorldWishes:
+class WorldOptions:
     """What was said of a world on the command line."""
 
     world: str | None = None
@@ -48,13 +48,13 @@ class WorldWishes:
             address(self.share, "--share-world 7600")
 
 
-def guest_door(world: str, place: str | None, say: Callable[[str], None]) -> Door:
+def guest_door(world: str, place: str | None, say: Callable[[str], None]) -> WorldConnection:
     """The door into a world of another program, `tcp:PASSWORD@HOST:PORT`.
 
     Raises:
         ConfigError: the address makes no sense.
     """
-    from msbot.sim.arena.guest import GuestDoor
+    from msbot.sim.arena.connection import RemoteWorldConnection
 
     if not world.startswith(OTHER):
         raise ConfigError(
@@ -63,10 +63,10 @@ def guest_door(world: str, place: str | None, say: Callable[[str], None]) -> Doo
             "--world tcp:PASSWORD@127.0.0.1:7600"
         )
     password, _, at = world.removeprefix(OTHER).rpartition("@")
-    return GuestDoor(*address(at, "--world tcp:PASSWORD@127.0.0.1:7600"), place, password=password, say=say)
+    return RemoteWorldConnection(*address(at, "--world tcp:PASSWORD@127.0.0.1:7600"), place, password=password, say=say)
 
 
-def bring_into_world(simulated: SimulatedPart, slot: str, door: Door) -> None:
+def bring_into_world(simulated: SimulatedPart, slot: str, door: WorldConnection) -> None:
     """Bring a part into a world as soon as it is in its robot, and keep it there."""
     staying: list[asyncio.Task[None]] = []
 

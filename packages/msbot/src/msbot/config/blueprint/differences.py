@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 
 from msbot.config.blueprint.model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
-from msbot.config.library.library import scalar_text
+from msbot.config.blueprint.reader import parse_blueprint
+from msbot.config.library.library import Library, scalar_text
 from msbot_agent.text.sentence import joined, said
 from msbot_agent.toml.table import Scalar
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 LATER = said("holds from the master's next start on")
 """What follows from a change of profile, timing or options."""
@@ -161,3 +162,15 @@ def _words(value: Scalar | tuple[str, ...]) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return f"{value:g}" if isinstance(value, float) else scalar_text(value)
+
+
+# Compares a blueprint text with the present robot, in one call, so that another process can do it.
+
+
+def compare_text(text: str, library: Library, present: Blueprint) -> tuple[Difference, ...]:
+    """What a blueprint would change.
+
+    Raises:
+        ConfigError: it is wrong; the text names every problem with line and remedy.
+    """
+    return differences(present, parse_blueprint(text, library))

@@ -11,7 +11,7 @@ from dataclasses import field
 from pathlib import Path
 
 from msbot_agent.toml.table import Scalar
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from msbot.config.blueprint.model import (
 )
 from msbot.config.library.library import Library, load_library
 from msbot.stop.names import group_in
-from msbot_agent.ros.ros_names import GLOBAL_TOPICS, is_topic
+from msbot_agent.ros.node_names import GLOBAL_TOPICS, is_topic
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.document import Document, parse_document, read_document
 from msbot_agent.toml.problems import Problems, quoted

@@ -6,7 +6,7 @@ part type names in the same order.
 
 from __future__ import annotations
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 I2C_WIRES = ("scl", "sda")
 """The wires of every chip on I2C; several chips may share them."""

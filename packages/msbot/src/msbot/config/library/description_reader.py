@@ -15,8 +15,8 @@ from msbot.config.library.part_types import PartType
 from msbot.config.library.reader import add_message_types, open_library_file, read_part_type
 from msbot_agent.toml.document import Document, parse_document
 from msbot_agent.toml.problems import KeyPath, Problems, quoted
-from msbot_agent.toml.values import toml_table, toml_value
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.toml.table import toml_table, toml_value
+from msbot_xrce.lazy import dataclass
 
 FILE = "what the part says"
 """Its name in messages."""

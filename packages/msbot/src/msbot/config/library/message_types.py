@@ -16,7 +16,7 @@ from importlib.resources import files
 from msbot_agent.toml.document import carried_document
 from msbot_agent.toml.problems import Problems, kind_words
 from msbot_agent.toml.table import Scalar, Table
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 class FieldKind(Enum):

@@ -12,7 +12,7 @@ from msbot.config.library.versions import ANY_VERSION, Versions
 from msbot_agent.text.sentence import Sentence, said
 from msbot_agent.toml.problems import kind_words
 from msbot_agent.toml.table import Scalar
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 class Direction(Enum):

@@ -15,8 +15,8 @@ from enum import Enum
 
 from msbot_agent.toml.problems import kind_words
 from msbot_agent.toml.table import Scalar
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 Operand = float | str
 """A number, or the name of a source that gives one."""

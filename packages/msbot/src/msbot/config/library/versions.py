@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 VERSION_SIGN = "@"
 """Separates part number and version in what a part shows."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from msbot.doctor.facts import ClockFacts, WrittenFolder
-from msbot.doctor.finding import Finding, NotSeen
+from msbot.doctor.finding import Finding, Unavailable
 from msbot_agent.text.sentence import said
 
 SKEW_S = 120.0
@@ -14,7 +14,7 @@ LOW_SHARE = 0.03
 STAMPS = said("time stamps of ROS messages and of captures are wrong; MsBOT's own messages have none")
 
 
-def check_clock(facts: ClockFacts) -> Iterator[Finding | NotSeen]:
+def check_clock(facts: ClockFacts) -> Iterator[Finding | Unavailable]:
     """Whether the clock can be right."""
     set_it = "sudo timedatectl set-ntp true"
     if facts.now_s < facts.built_s - SKEW_S:
@@ -31,7 +31,7 @@ def check_clock(facts: ClockFacts) -> Iterator[Finding | NotSeen]:
                  minutes=(facts.newest_record_s - facts.now_s) / 60),
             said("what happened when cannot be told from the journal"), STAMPS, set_it,
         )  # fmt: skip
-    if isinstance(facts.is_synchronised, NotSeen):
+    if isinstance(facts.is_synchronised, Unavailable):
         yield facts.is_synchronised
     elif not facts.is_synchronised:
         yield Finding(

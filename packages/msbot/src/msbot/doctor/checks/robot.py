@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msbot.config import Direction
 from msbot.doctor.facts import RobotFacts
-from msbot.doctor.finding import Finding, Mending, NotSeen
+from msbot.doctor.finding import Finding, Mending, Unavailable
 from msbot.pnp import PartState
 from msbot_agent.text.sentence import said
 
@@ -23,7 +23,7 @@ FULL, CROWDED = 1.0, 0.8
 MANY_LOST = 10
 
 
-def check_robot(facts: RobotFacts) -> Iterator[Finding | NotSeen]:
+def check_robot(facts: RobotFacts) -> Iterator[Finding | Unavailable]:
     """What is wrong with a robot."""
     yield from _master(facts)
     yield from _slots(facts)
@@ -71,11 +71,11 @@ def _master(facts: RobotFacts) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _slots(facts: RobotFacts) -> Iterator[Finding | NotSeen]:
+def _slots(facts: RobotFacts) -> Iterator[Finding | Unavailable]:
     if not facts.is_run:
         return
     if facts.up_s < SETTLED_S:
-        yield NotSeen(said("who is missing: the robot has only just started; look again in half a minute"))
+        yield Unavailable(said("who is missing: the robot has only just started; look again in half a minute"))
         return
     filled = {part.slot for part in facts.parts if PartState(part.state).is_registered}
     for slot in facts.blueprint.slots:

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from msbot.doctor.facts import CanFacts, I2cFacts, SerialFacts
-from msbot.doctor.finding import CannotSee, NotNeeded
-from msbot.doctor.gather.processes import program_of, running_programs, target_of
-from msbot.doctor.patient import Patient
+from msbot.doctor.finding import CannotSee, Examined, NotNeeded
+from msbot.doctor.gather.machine import program_of, running_programs, target_of
 from msbot.hardware import Machine
 from msbot.hardware.faults import HardwareFault
 from msbot_agent.link.can import parse_target
@@ -26,7 +25,7 @@ UNUSED_ADDRESS = 0x78
 """Reserved by the I2C bus specification (3.1.12, ten-bit addressing): no chip answers there with an empty write."""
 
 
-def can(patient: Patient) -> CanFacts:
+def can(patient: Examined) -> CanFacts:
     """The CAN interfaces."""
     if not sys.platform.startswith("linux"):
         raise CannotSee(said("only Linux tells about its CAN interfaces"))
@@ -49,7 +48,7 @@ def _has_socketcan() -> bool:
     return True
 
 
-def serial(patient: Patient) -> SerialFacts:
+def serial(patient: Examined) -> SerialFacts:
     """Serial ports."""
     if not sys.platform.startswith("linux"):
         raise CannotSee(said("serial ports are examined on Linux only"))
@@ -77,7 +76,7 @@ def _holder(port: str) -> str:
     return ""
 
 
-def i2c(_: Patient, machine: Machine | None = None) -> I2cFacts:
+def i2c(_: Examined, machine: Machine | None = None) -> I2cFacts:
     """I2C buses; each is asked at an address at which nobody is."""
     machine = machine or Machine()
     model = machine.path("/proc/device-tree/model")

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msbot.doctor.facts import AccessFacts, Device, PackageNeed, PythonFacts
-from msbot.doctor.finding import CannotSee
-from msbot.doctor.patient import Patient
+from msbot.doctor.finding import CannotSee, Examined
 from msbot_agent.text.sentence import said
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ PYTHON_CAN = re.compile(r"[^:?]+:[^?]")
 """`slcan:/dev/ttyACM0`: an interface of python-can; one of Linux (`can0`) needs no package."""
 
 
-def python(_: Patient) -> PythonFacts:
+def python(_: Examined) -> PythonFacts:
     """The interpreter."""
     version = sys.version_info
     return PythonFacts(
@@ -38,7 +37,7 @@ def python(_: Patient) -> PythonFacts:
     )
 
 
-def packages(patient: Patient) -> tuple[PackageNeed, ...]:
+def packages(patient: Examined) -> tuple[PackageNeed, ...]:
     """The packages that are needed for what is wanted."""
     try:
         from packaging.requirements import Requirement
@@ -70,7 +69,7 @@ def _is_wanted(marker: Marker | None, extra: str) -> bool:
     return not extra if marker is None else marker.evaluate({"extra": extra})
 
 
-def wanted_extras(patient: Patient) -> list[str]:
+def wanted_extras(patient: Examined) -> list[str]:
     """The extras that links and database need; DDS has a check of its own, since it may come from the system."""
     extras = {"serial" for _ in patient.of_kind("serial")}
     extras |= {"can" for kind in ("can", "canfd", "can-legacy") for rest in patient.of_kind(kind)
@@ -82,7 +81,7 @@ def wanted_extras(patient: Patient) -> list[str]:
     return sorted(extras)
 
 
-def access(_: Patient) -> AccessFacts:
+def access(_: Examined) -> AccessFacts:
     """Who runs this, and what they may use."""
     try:
         import grp

@@ -13,16 +13,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msbot.doctor.facts import DdsFacts, FirewallFacts, NetInterface, PortUse, ZenohFacts
-from msbot.doctor.finding import CannotSee, NotNeeded
-from msbot.doctor.gather.processes import running_programs, target_of
-from msbot.doctor.patient import Patient
+from msbot.doctor.finding import CannotSee, Examined, NotNeeded
+from msbot.doctor.gather.machine import running_programs, target_of
 from msbot_agent.space import DDS, ZENOH
 from msbot_agent.space.dds import load as load_dds
 from msbot_agent.space.zenoh import check_files, unreachable
 from msbot_agent.space.zenoh import load as load_zenoh
 from msbot_agent.text.given_file import read_of_system
-from msbot_agent.text.printable import printable
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import printable, said
 from msbot_xrce.errors import ConfigError
 
 UP, LOOPBACK, MULTICAST = 0x1, 0x8, 0x1000
@@ -32,7 +30,7 @@ UNCONNECTED = {"tcp": "0A", "udp": "07"}
 """States in /proc/net: a TCP socket that listens, a UDP socket without a peer."""
 
 
-def dds(patient: Patient) -> DdsFacts:
+def dds(patient: Examined) -> DdsFacts:
     """DDS, where it is wanted."""
     if patient.space.kind != DDS:
         raise NotNeeded(said("no DDS is wanted: msbot doctor --space dds"))
@@ -51,7 +49,7 @@ def missing_files(environment: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(path for path in paths if not Path(path).exists())
 
 
-def zenoh(patient: Patient) -> ZenohFacts:
+def zenoh(patient: Examined) -> ZenohFacts:
     """Zenoh, where it is wanted: the library, the certificates, the routers."""
     if patient.space.kind != ZENOH:
         raise NotNeeded(said("no Zenoh is wanted: msbot doctor --space zenoh:tcp/HOST:7447"))
@@ -68,7 +66,7 @@ def zenoh(patient: Patient) -> ZenohFacts:
     return ZenohFacts(routers={router: unreachable(router, tls) for router in patient.space.routers})
 
 
-def multicast(_: Patient) -> tuple[NetInterface, ...]:
+def multicast(_: Examined) -> tuple[NetInterface, ...]:
     """The networks of this computer."""
     folder = Path("/sys/class/net")
     if not folder.is_dir():
@@ -86,7 +84,7 @@ def multicast(_: Patient) -> tuple[NetInterface, ...]:
     return tuple(found)
 
 
-def firewall(patient: Patient) -> FirewallFacts:
+def firewall(patient: Examined) -> FirewallFacts:
     """What a firewall lets in; only root may read it."""
     wanted = tuple((kind, port) for kind, host, port in patient.net_ports() if not _is_inside(host))
     if not wanted:
@@ -181,7 +179,7 @@ def ufw_ports(text: str) -> Iterator[tuple[str, int]]:
         yield from ((one, int(port)) for one in ([protocol] if protocol else ["tcp", "udp"]))
 
 
-def ports(patient: Patient) -> tuple[PortUse, ...]:
+def ports(patient: Examined) -> tuple[PortUse, ...]:
     """Who has the ports that the robot wants."""
     if not Path("/proc/net/tcp").exists():
         raise CannotSee(said("this system does not list its sockets in /proc/net"))

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from msbot.config import Binding, Blueprint, Library, binding_faults, load_library, open_blueprint
 from msbot.doctor.facts import PartSeen, RobotFacts
-from msbot.doctor.finding import CannotSee
-from msbot.doctor.gather.opened import database_of
-from msbot.doctor.patient import Patient
+from msbot.doctor.finding import CannotSee, Examined
+from msbot.doctor.gather.machine import database_of
 from msbot.pnp import PartState, forecast
 from msbot_agent.agent import AgentStatus
 from msbot_agent.link.can import parse_target
@@ -29,7 +28,7 @@ MOST_LINES = 5000
 """Lines of the journal that are read."""
 
 
-def robot(patient: Patient) -> RobotFacts:
+def robot(patient: Examined) -> RobotFacts:
     """The robot."""
     file = patient.database_file
     if (patient.database is None or (file is not None and not file.exists())) and patient.blueprint is not None:
@@ -85,7 +84,7 @@ def _meant(robots: Sequence[RobotRecord], name: str | None) -> RobotRecord:
     return found[0]
 
 
-def _of_blueprint(patient: Patient) -> RobotFacts:
+def _of_blueprint(patient: Examined) -> RobotFacts:
     assert patient.blueprint is not None
     blueprint, library = open_blueprint(patient.blueprint)
     return _facts(patient, blueprint, library, is_run=False, masters=[], stopped_by="", parts=(), late={}, refused={},
@@ -97,7 +96,7 @@ def _is_of(master: AgentStatus, name: str, serial_number: str) -> bool:
 
 
 def _facts(
-    patient: Patient, blueprint: Blueprint, library: Library, *, is_run: bool, masters: list[AgentStatus],
+    patient: Examined, blueprint: Blueprint, library: Library, *, is_run: bool, masters: list[AgentStatus],
     stopped_by: str, parts: tuple[PartSeen, ...], late: Mapping[str, int], refused: Mapping[str, tuple[str, ...]],
     blocked: frozenset[str], keys: frozenset[str],
 ) -> RobotFacts:  # fmt: skip
@@ -149,7 +148,7 @@ def _faults(binding: Binding, blueprint: Blueprint, library: Library) -> list[st
     return binding_faults([binding], blueprint.slots, library)
 
 
-def _bitrates(patient: Patient) -> tuple[int, int | None]:
+def _bitrates(patient: Examined) -> tuple[int, int | None]:
     """Bit rate and, with CAN FD, data bit rate of the robot's bus; 0: it has none, or it is not known."""
     for rest in patient.of_kind("can", "canfd"):
         try:

@@ -6,8 +6,7 @@ import os
 import stat
 
 from msbot.doctor.facts import OddFolder, StopFacts
-from msbot.doctor.finding import NotNeeded
-from msbot.doctor.patient import Patient
+from msbot.doctor.finding import Examined, NotNeeded
 from msbot.stop import places as stop_places
 from msbot.stop.asking import user_words
 from msbot.stop.names import own_group
@@ -15,7 +14,7 @@ from msbot_agent.agent import MASTER, running_processes
 from msbot_agent.text.sentence import said
 
 
-def stop(_patient: Patient) -> StopFacts:
+def stop(_patient: Examined) -> StopFacts:
     """The way of `msbot stop`."""
     if not stop_places.IS_THERE:
         raise NotNeeded(said("this system has no sockets by which `msbot stop` reaches masters"))

@@ -6,15 +6,15 @@ import time
 from pathlib import Path
 
 from msbot.doctor.facts import DatabaseFacts
-from msbot.doctor.gather.opened import database_of
-from msbot.doctor.patient import Patient
+from msbot.doctor.finding import Examined
+from msbot.doctor.gather.machine import database_of
 from msbot_agent.text.given_file import read_of_system
 from msbot_xrce.errors import RegistryError
 
 NETWORK_DRIVES = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs", "davfs", "vboxsf")
 
 
-def database(patient: Patient) -> DatabaseFacts:
+def database(patient: Examined) -> DatabaseFacts:
     """The database."""
     from msbot.registry import without_password
     from msbot.registry.maintenance.health import look_at_health

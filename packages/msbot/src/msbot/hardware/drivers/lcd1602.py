@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot.hardware.driver import Values
-from msbot.hardware.drivers.i2c_driver import I2cDriver
+from msbot.hardware.drivers.i2c_sensors import I2cDriver
 
 RS, ENABLE, LIGHT = 0x01, 0x04, 0x08
 """Bits of the PCF8574; its upper four are D4 to D7. RW is always low: nothing is read."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot.hardware.driver import Values
-from msbot.hardware.drivers.i2c_driver import I2cDriver
+from msbot.hardware.drivers.i2c_sensors import I2cDriver
 
 # BH1750FVI, ROHM Technical Note 11046EDT01.
 POWER_ON = 0x01

@@ -10,13 +10,12 @@ import time
 from collections.abc import Callable
 from random import Random
 
-from msbot.part.client.agent_watch import Stall
-from msbot.part.client.connection import Connection
+from msbot.part.client.connection import Connection, Stall
 from msbot.part.client.entities import Entity, EntityTable, RunningRead
 from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot_agent.link import Link, SignalHandler
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RequestError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import STREAM_RELIABLE, DeliveryControl, ObjectKind, ObjectVariant, status_words
 from msbot_xrce.objects import (
     RELIABLE_QOS,

@@ -11,8 +11,8 @@ import logging
 import socket
 from collections.abc import Sequence
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LinkDown, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import (
     OBJECT_AGENT,
     REQUEST_DISCOVERY,

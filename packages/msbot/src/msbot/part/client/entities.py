@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msbot_xrce import Status
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import DeliveryControl, ObjectKind, ObjectVariant, make_object_id
 
 MAX_UNANSWERED = 12

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import deque
 from enum import Enum
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 
 class JoinState(Enum):

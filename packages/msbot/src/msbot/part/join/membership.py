@@ -14,9 +14,9 @@ from collections.abc import Callable
 
 from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
 from msbot.part.client.entities import Entity
-from msbot.part.client.loop_turn import Turn
-from msbot.part.client.settings import ConnectionState
-from msbot.part.join import plug, thesis_master
+from msbot.part.client.settings import ConnectionState, Turn
+from msbot.part.join import plug
+from msbot.part.join import refusal as thesis_master
 from msbot.part.join.joining import (
     AskThesisMaster,
     BeginAnew,
@@ -32,7 +32,7 @@ from msbot.part.join.joining import (
 )
 from msbot.part.join.keys import KEY_VARIABLE
 from msbot.part.join.part_seals import PartSeals
-from msbot.part.join.trouble import trouble_pieces
+from msbot.part.join.refusal import trouble_pieces
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 

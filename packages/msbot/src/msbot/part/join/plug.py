@@ -34,9 +34,9 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Annotated
 
+from msbot.part.join.refusal import TROUBLE_PIECE_OCTETS, TroublePiece
 from msbot.part.join.refusal import Refusal as Refusal  # noqa: PLC0414 - others look for it here
 from msbot.part.join.seal import CONFIGURATIONS, SHORT_SAYINGS
-from msbot.part.join.trouble import TROUBLE_PIECE_OCTETS, TroublePiece
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
 

@@ -12,9 +12,17 @@ a class of its own like these, and a table `[[type]]` in its library file.
 
 from __future__ import annotations
 
-from msbot.part.messages.hello import HelloWorld
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import float32, float64, int32, uint8, uint32
+
+# The message of the sample robot's ring.
+
+
+class HelloWorld(Message):
+    """Text with a count, as AA, BB and CC exchange it (thesis 3.12.3; the type of eProsima's examples)."""
+
+    index: uint32
+    message: str
 
 
 class Switch(Message):

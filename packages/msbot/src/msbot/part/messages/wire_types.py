@@ -13,8 +13,8 @@ from dataclasses import replace
 from enum import IntEnum
 from typing import Annotated, Any, get_args, get_origin
 
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import CdrReader, CdrWriter
 
 

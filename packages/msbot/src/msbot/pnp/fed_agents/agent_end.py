@@ -14,12 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import field
-from typing import Final
+from typing import Final, Protocol
 
 from msbot.part.join import plug
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.access import REPLACED, TRUSTED_LINK
-from msbot.pnp.fed_agents.around_agent import AroundAgent
 from msbot.pnp.fed_agents.messages import (
     AgentBeat,
     AgentHello,
@@ -29,6 +28,7 @@ from msbot.pnp.fed_agents.messages import (
     Ask,
     Close,
     Forgotten,
+    FromAgent,
     MasterHeard,
     OpenTopic,
     Remark,
@@ -43,10 +43,49 @@ from msbot.pnp.fed_agents.messages import (
 )
 from msbot.pnp.profile import PROFILE_TOPIC, Profile
 from msbot_agent.agent import ClientInfo
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally, amount
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.lazy import dataclass
+
+# What the gate of an agent that a master feeds needs of the agent around it.
+
+
+class AgentHooks(Protocol):
+    """What the gate does to the agent around it."""
+
+    def send(self, message: FromAgent) -> None:
+        """Say it to the master; what cannot be said now is lost."""
+
+    def rights_changed(self, client_key: int) -> None:
+        """The verdict on that client has changed."""
+
+    def topics_changed(self) -> None:
+        """Other topics than before are used by clients that are in."""
+
+    def answer(self, in_compat: bool, identity: bytes, body: bytes) -> None:
+        """The inventory says something to a part."""
+
+    def order(self, kind: plug.NoticeKind, number: int) -> None:
+        """STOP or GO to all."""
+
+    def welcome(self, profile: Profile) -> None:
+        """The master says which robot this is."""
+
+    def gone(self, client_key: int) -> None:
+        """A client's session has ended."""
+
+    def close(self, client_key: int, reason: str) -> None:
+        """End a client's session."""
+
+    def heard_at(self, client_key: int) -> float | None:
+        """When a client was last heard."""
+
+    def probe(self, client_key: int) -> None:
+        """Ask a client for a sign of life."""
+
+    def say(self, words: str) -> None:
+        """Tell people."""
+
 
 BEAT_S: Final = 0.5
 SILENT_S: Final = 2.0
@@ -96,7 +135,7 @@ class AgentEnd:
         clock: the present time in seconds.
     """
 
-    def __init__(self, *, boot: int, name: str, around: AroundAgent, clock: Callable[[], float]) -> None:
+    def __init__(self, *, boot: int, name: str, around: AgentHooks, clock: Callable[[], float]) -> None:
         self.dropped = Tally()
         """What was not passed on, by reason in words."""
         self.is_welcome = False

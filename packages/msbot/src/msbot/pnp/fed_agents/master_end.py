@@ -43,8 +43,8 @@ from msbot.pnp.inventory import Inventory
 from msbot.pnp.model import Configuration
 from msbot.pnp.profile import Profile
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
+from msbot_xrce.lazy import dataclass
 
 MAX_AGENTS: Final = 64
 MAX_AGENTS_OF_PUPIL: Final = 2
@@ -61,7 +61,7 @@ SEALED: Final = (
 )
 
 
-class AroundMaster(Protocol):
+class MasterHooks(Protocol):
     """What the agents need of the master around them."""
 
     def send(self, agent: int, message: FromMaster) -> None:
@@ -140,7 +140,7 @@ class MasterEnd:
     """
 
     def __init__(
-        self, access: Access, inventory: Inventory, profile: Profile, around: AroundMaster, *, random: Random,
+        self, access: Access, inventory: Inventory, profile: Profile, around: MasterHooks, *, random: Random,
         sealed: bool = False,
     ) -> None:  # fmt: skip
         self.dropped = Tally()

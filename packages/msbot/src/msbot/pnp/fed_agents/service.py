@@ -173,7 +173,7 @@ class AgentsService:
         if self.end.timer() < self._awake_at:
             self._sooner.set()
 
-    # What the agents need of the master (`master_end.AroundMaster`).
+    # What the agents need of the master (`master_end.MasterHooks`).
 
     def send(self, agent: int, message: FromMaster) -> None:
         """Say it to the agent with that key; what cannot be said now is lost."""

@@ -11,29 +11,35 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from pathlib import Path
 from typing import Final
 
-from msbot.recording.curves.curve import Curve, Figures, Point, figures_of, thinned
-from msbot.recording.curves.names import (
+from msbot.config import Library
+from msbot.recording.curves.curve import (
     BUS,
     FRAMES,
     LATE,
     LATENCY,
+    Curve,
+    Figures,
+    Point,
     ack_curve,
     beat_curve,
+    field_name,
+    figures_of,
     is_wanted,
     measured_unit,
     number_of,
     port_curve,
     setting_curve,
+    thinned,
 )
-from msbot.recording.recorder.ring import begun_segments
-from msbot.recording.recorder.topics import BITRATE, DATA_BITRATE, MEASURED
+from msbot.recording.recorder.batch import BITRATE, DATA_BITRATE, MEASURED
+from msbot.recording.recorder.recording_file import begun_segments
 from msbot.recording.recordings.reading import FRAMES as FRAME_TOPICS
 from msbot.recording.recordings.reading import NS, OWN, Decoder, RecordedMessage, RecordingReader
-from msbot.recording.recordings.telling import flat_fields, frame_of
+from msbot.recording.recordings.summary import flat_fields, frame_of
 from msbot_agent.link.can.protocol import busy_seconds
-from msbot_agent.text.json_reading import read_json
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import read_json
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MOST_POINTS: Final = 2_000_000
 """Of all curves together; some 200 MB."""
@@ -312,3 +318,19 @@ def _object_of(message: RecordedMessage) -> Mapping[str, object]:
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}
+
+
+# The units of curves, which the part library knows and recordings do not.
+
+
+def units_of(library: Library) -> UnitOf:
+    """The units of messages' fields and of parts' settings."""
+    known = {
+        (name, field_name(field)): unit for name in library.messages for field, unit in library.units(name).items()
+    }
+    known |= {(f":{entry.number}", one.name): one.unit for entry in library for one in entry.parameters if one.unit}
+
+    def unit_of(kind: str, field: str) -> str:
+        return known.get((kind, field), "") or known.get((kind, field_name(field)), "")
+
+    return unit_of

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from msbot.recording.recorder.batch import Unpacker
-from msbot.recording.recorder.ring import RingLimits
+from msbot.recording.recorder.recording_file import RingLimits
 from msbot.recording.recorder.storing import Storing
 
 FLUSH_S: Final = 0.5

@@ -14,26 +14,43 @@ from typing import Final, Protocol
 
 from msbot.config import Blueprint, InDds, Library
 from msbot.master import Master
-from msbot.operations.dispatch import Deed, Operations, RunningOperations
+from msbot.operations.dispatch import Operations, PerformedOperation, RunningOperations
 from msbot.part import HelloWorld, Message
 from msbot.part.join.plug import ProfileMessage
 from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
-from msbot.recording.curves.measuring import Measured
-from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_began, encode_object, encode_state, head
-from msbot.recording.recorder.can_frames import (
+from msbot.recording.recorder.batch import (
+    BITRATE,
+    BLUEPRINT,
+    DATA_BITRATE,
+    MEASURED,
+    SHOWN,
+    SLOTS,
+    Kind,
+    RecordedChannel,
+    encode_began,
+    encode_object,
+    encode_state,
+    head,
+)
+from msbot.recording.recorder.measuring import Measured
+from msbot.recording.recorder.schemas import (
+    ENCODING,
     FRAME_DEFINITION,
     FRAME_OCTETS,
     FRAME_TYPE,
     PLAIN_FRAMES,
     SENT,
+    blueprint_words,
+    event_words,
     frame_octets,
+    ros_definition,
+    ros_metadata,
+    ros_name,
+    shown_words,
+    topics_in_ros,
 )
-from msbot.recording.recorder.robot_words import blueprint_words, event_words, shown_words
-from msbot.recording.recorder.ros_metadata import ros_metadata, topics_in_ros
-from msbot.recording.recorder.schemas import ENCODING, ros_definition, ros_name
-from msbot.recording.recorder.topics import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN, SLOTS
-from msbot.sim.message_classes import message_class
+from msbot.sim.model_part import message_class
 from msbot_agent.agent import client_key_of
 from msbot_agent.link import Link, bound_name
 from msbot_agent.link.can import CanBusInfo, CanEnd
@@ -278,7 +295,7 @@ class Recorder:
         self._stop = status
         self._state("/msbot/stop", "stop", dataclasses.asdict(status))
 
-    def _done(self, deed: Deed) -> None:
+    def _done(self, deed: PerformedOperation) -> None:
         value = {"who": deed.who, "operation": deed.operation, "arguments": dict(deed.arguments), "words": deed.words}
         self.put(Kind.OBJECT, self._json_channel("/msbot/acts"), self.clock(), encode_object(value))
         if self._master is not None:

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Final
 
 from msbot.recording.recorder.recorder import Recorder
-from msbot.recording.recorder.ring import RingLimits
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot.recording.recorder.recording_file import RingLimits
+from msbot_xrce.lazy import dataclass
 
 DRAIN_S: Final = 0.2
 """How often what was heard is handed over: so much is lost when the robot is killed."""

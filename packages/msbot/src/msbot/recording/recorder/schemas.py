@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
+from struct import Struct
 from typing import Annotated, ClassVar, Final, get_args, get_origin, get_type_hints
 
+from msbot.config import Blueprint, InDds, Scalar
 from msbot.part import Message
 from msbot.part.messages.wire_types import AtMost, Exactly, Number, Octets
+from msbot.pnp import PartEvent
+from msbot.recording.recorder.batch import HEAD_FORMAT
+from msbot_agent.link.can.protocol import Frame
+from msbot_agent.ros.node_names import topic_of
+from msbot_agent.text.sentence import to_json
 
 PACKAGE: Final = "msbot_msgs"
 """The ROS 2 package that types without one are in."""
@@ -99,3 +108,123 @@ def _plain(base: object, inside: dict[type[Message], None]) -> str:
     if isinstance(base, type) and issubclass(base, IntEnum):
         return "uint32"  # an enum of IDL has 32 bits in CDR; ROS 2 has none
     return {bool: "bool", str: "string", bytes: "uint8[]"}[base]  # type: ignore[index]  # no other has a form on the wire
+
+
+# What a recording tells of a topic that ROS 2 has, too: its name and type there, and which field is which.
+#
+# So a program that has neither the robot's blueprint nor its library can write the messages as ROS 2 has them.
+
+
+ROS_TOPIC: Final = "ros_topic"
+"""`/ROVER/power`"""
+ROS_TYPE: Final = "ros_type"
+"""`std_msgs/msg/Float32`"""
+ROS_FIELDS: Final = "ros_fields"
+"""`[[0, "data", 1.0]]`: position of our field, their field, theirs is ours times."""
+
+
+def topics_in_ros(blueprint: Blueprint) -> dict[str, tuple[str, InDds]]:
+    """The topics of a robot that ROS 2 has: their names there, and what the blueprint says about them."""
+    robot = blueprint.robot.name
+    return {
+        one.topic: (topic_of(robot, one.in_dds.ros_topic or one.topic).removeprefix("rt"), one.in_dds)
+        for one in blueprint.bindings if one.in_dds.ros
+    }  # fmt: skip
+
+
+def ros_metadata(shared: tuple[str, InDds], cls: type[Message]) -> dict[str, str]:
+    """What a channel of such a topic says.
+
+    Args:
+        shared: as `topics_in_ros` has it.
+        cls: the class of the topic's messages.
+
+    Raises:
+        ConfigError: ROS 2 has no form for it; a robot with such a blueprint does not start.
+    """
+    from msbot.ros_forms import form_of  # with all messages of ROS 2, which few robots need
+
+    name, wish = shared
+    form = form_of(cls, wish.ros_type, dict(wish.ros_fields))
+    return {ROS_TOPIC: name, ROS_TYPE: ros_name(form.theirs.type_name), ROS_FIELDS: json.dumps(form.fields)}
+
+
+# How a CAN frame is recorded.
+
+
+FRAME: Final = Struct("<IBBBBBBBBI")
+FRAME_OCTETS: Final = FRAME.size
+"""Octets of a recorded frame without its data."""
+PLAIN_FRAMES: Final = tuple(Struct(f"{HEAD_FORMAT}IQI{size}s").pack for size in range(9))
+"""By number of octets of data: `(what the head takes ..., identifier, 0 or SENT, octets of data, data)` as the whole
+record of a classic data frame with 11 bits of identifier and no flag. It has the same octets as `frame_octets` gives,
+in half the time: the eight small fields between identifier and data are one number here."""
+SENT: Final = 1 << 48
+FRAME_TYPE: Final = "msbot_msgs/msg/CanFrame"
+FRAME_DEFINITION: Final = """\
+uint32 can_id
+bool extended
+bool fd
+bool brs
+bool esi
+bool remote
+bool error
+bool sent
+uint8 dlc
+uint8[] data"""
+"""`sent`: by the master itself. `dlc`: of a remote frame the length asked for, of a classic frame with a data length
+code over 8 that code, else 0."""
+
+
+def frame_octets(frame: Frame, *, is_sent: bool) -> bytes:
+    """A frame as a sample of `FRAME_TYPE`."""
+    data = frame.data
+    fixed = FRAME.pack(
+        frame.can_id, frame.extended, frame.fd, frame.brs, frame.esi, frame.remote, frame.error,
+        is_sent, frame.remote_length or frame.long_dlc, len(data),
+    )  # fmt: skip
+    return fixed + data
+
+
+# How a recording tells what a robot is: its blueprint, the changes of its parts, and what people do to it by hand.
+
+
+def blueprint_words(blueprint: Blueprint, links: Sequence[str]) -> dict[str, object]:
+    """Slots and wires, as `/msbot/blueprint` has them."""
+    timing = blueprint.timing
+    return {
+        "beat_s": timing.beat_period_s, "tick_s": timing.tick_period_s, "life": timing.life, "links": [*links],
+        "slots": [
+            {"slot": one.name, "part_number": one.part_number, "description": one.description}
+            for one in blueprint.slots
+        ],
+        "wires": [
+            {"topic": one.topic, "type": one.type_name, "reliable": one.reliable,
+             "from": [one.source.slot, one.source.port], "to": [[end.slot, end.port] for end in one.targets]}
+            for one in blueprint.bindings
+        ],
+    }  # fmt: skip
+
+
+def event_words(event: PartEvent) -> dict[str, object]:
+    """A change of a part's state, as `/msbot/events` has it."""
+    return {
+        "part": event.part, "slot": event.slot, "part_number": event.part_number,
+        "from": None if event.from_state is None else event.from_state.value, "to": event.to_state.value,
+        "reason": event.reason, "evidence": [list(pair) for pair in event.evidence], "uid": event.uid.hex(),
+        "client_key": event.client_key, "words": event.sentences()[0], "identity": event.identity.hex(),
+        "said": to_json(event.reason),
+    }  # fmt: skip
+
+
+def shown_words(
+    by_hand: Mapping[tuple[str, str], Mapping[str, Scalar]],
+    faults: Callable[[str], Sequence[str]],
+    blueprint: Blueprint,
+) -> dict[str, object]:
+    """What pages show besides, as `/msbot/shown` has it: values driven by hand, and faults as far as they are told."""
+    told = {name: [to_json(words) for words in faults(name)] for name in ("", *(one.name for one in blueprint.slots))}
+    return {
+        "by_hand": [[slot, port, dict(fields)] for (slot, port), fields in by_hand.items()],
+        "faults": {name: words for name, words in told.items() if words},
+    }

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object, split_state
-from msbot.recording.recorder.recording_file import RecordingFile
-from msbot.recording.recorder.ring import RingLimits, Segment, segment_name, segments, too_old
+from msbot.recording.recorder.recording_file import RecordingFile, RingLimits, Segment, segment_name, segments, too_old
 
 MOST_STATES: Final = 5_000
 """Keys of states that are remembered for the beginning of the next file."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import difflib
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Final
@@ -10,11 +13,13 @@ from typing import Final
 from mcap.records import Channel
 from mcap.writer import Writer
 
-from msbot.recording.recordings.new_file import new_file, whole_or_none
-from msbot.recording.recordings.reading import OWN, RecordedMessage, RecordingReader
-from msbot.recording.recordings.ros_view import RosView
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot.recording.recorder.new_file import new_file, whole_or_none
+from msbot.recording.recordings.conversions import RosView
+from msbot.recording.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage, RecordingReader
+from msbot.recording.recordings.summary import line_of
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 MOMENTS: Final = (f"{OWN}acts", f"{OWN}measured")
 """Topics that say what happened at a moment, and nothing that is so from then on."""
@@ -161,3 +166,42 @@ def _key(message: RecordedMessage) -> ChannelKey:
     channel = message.channel
     data = b"" if message.schema is None else message.schema.data
     return (channel.topic, channel.message_encoding, data, tuple(sorted(channel.metadata.items())))
+
+
+# What happened in one recording and not in another.
+
+
+HAPPENINGS: Final = (f"{OWN}events", f"{OWN}acts", f"{OWN}stop")
+_TIME: Final = re.compile(r"\d+(?:\.\d+)?(?= ?(?:s|ms)\b)")
+"""A time inside a sentence; two runs are never exactly alike in their times."""
+
+
+def differences(before: Iterable[RecordedMessage], after: Iterable[RecordedMessage]) -> list[str]:
+    """Lines: `- ` only before, `+ ` only after, `~ ` a topic that says more or less; none: the same happened."""
+    happened, said = [], []
+    for messages in (before, after):
+        lines, counts = _read(messages)
+        happened.append(lines)
+        said.append(counts)
+    found = [line for line in difflib.ndiff(happened[0], happened[1]) if line[:2] in ("- ", "+ ")]
+    first, second = said
+    for topic in sorted(first.keys() | second.keys()):
+        if not (first[topic] and second[topic]):
+            found.append(f"{'-' if first[topic] else '+'} {topic}: {amount(first[topic] or second[topic], 'sample')}")
+    return found
+
+
+def _read(messages: Iterable[RecordedMessage]) -> tuple[list[str], Counter[str]]:
+    decoder = Decoder()
+    lines: list[str] = []
+    counts: Counter[str] = Counter()
+    for message in _fresh(messages):
+        if message.topic in HAPPENINGS:
+            lines.append(_TIME.sub("...", line_of(message, decoder) or ""))
+        elif not message.topic.startswith(OWN):
+            counts[message.topic] += 1
+    return lines, counts
+
+
+def _fresh(messages: Iterable[RecordedMessage]) -> Iterator[RecordedMessage]:
+    return (one for one in messages if not one.is_repeated and not one.topic.startswith(FRAMES))

@@ -15,12 +15,11 @@ from mcap.exceptions import InvalidMagic, McapError
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from msbot_agent.text.given_file import open_given
-from msbot_agent.text.json_reading import read_json
-from msbot_agent.text.printable import printable
-from msbot_xrce.common.amount import amount
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import open_given, read_json
+from msbot_agent.text.sentence import printable
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 LARGEST_RECORD: Final = 64 << 20
 """Octets of the largest record that is read; a chunk of ours has a quarter of a megabyte."""

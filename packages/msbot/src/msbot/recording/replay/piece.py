@@ -9,9 +9,9 @@ from typing import Final
 from msbot.part.join.plug import TEXT_OCTETS
 from msbot.recording.recorder.recording_file import ENCAPSULATION
 from msbot.recording.recordings.reading import OWN, RecordedMessage, RecordingReader
-from msbot_agent.text.json_reading import read_json
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.text.given_file import read_json
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 NS: Final = 1_000_000_000
 MOST_OCTETS: Final = 256 << 20

@@ -17,7 +17,7 @@ from msbot.part.join.plug import Nature, Refusal
 from msbot.recording.replay.piece import Piece, RecordedSample, RecordedSlot
 from msbot.recording.replay.schedule import Schedule
 from msbot_agent.link import Link
-from msbot_agent.process.task_errors import ungrouped
+from msbot_agent.process.end_signals import ungrouped
 from msbot_xrce.errors import ConfigError, LocalProtocolError, MsbotError
 
 LOOK_S = 0.05

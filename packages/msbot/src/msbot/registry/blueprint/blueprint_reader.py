@@ -23,6 +23,7 @@ from msbot.config import (
     Timing,
     preset_of,
 )
+from msbot.registry.configurations import ORIGINS
 from msbot.registry.database.tables import (
     ROBOT,
     STOP_GROUP,
@@ -33,7 +34,6 @@ from msbot.registry.database.tables import (
     settings,
     slots,
 )
-from msbot.registry.running.configurations import ORIGINS
 from msbot_xrce.errors import RegistryError
 
 

@@ -27,6 +27,7 @@ from msbot.config import (
     Scalar,
     Slot,
 )
+from msbot.registry.configurations import read_configurations
 from msbot.registry.database.statements import bump_versions, find_robot, upsert, upsert_many
 from msbot.registry.database.tables import (
     ROBOT,
@@ -39,7 +40,6 @@ from msbot.registry.database.tables import (
     slots,
 )
 from msbot.registry.records import RobotRecord
-from msbot.registry.running.configurations import read_configurations
 
 
 def apply(

@@ -18,8 +18,8 @@ from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 from msbot.registry.database.database_errors import ELSE, told_as_registry_error
 from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import dataclass
 
 WRITE = "msbot_write"
 """Execution option of connections that take SQLite's write lock at once, so that two of them cannot deadlock."""

@@ -16,8 +16,8 @@ from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import WRITE, Address, make_private
 from msbot.registry.database.tables import metadata
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import RegistryError
+from msbot_xrce.lazy import dataclass
 
 _VERSION_TABLE = "alembic_version"
 _MIGRATION_LOCK = 0x4D734254_4D494752

@@ -11,13 +11,15 @@ While there is nothing to do, the thread checks now and then whether the databas
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from threading import Condition, Thread
 from time import monotonic
-from typing import TypeVar, cast
+from typing import Generic, TypeVar, cast
 
 from sqlalchemy import Connection, Engine
 
@@ -30,9 +32,67 @@ from msbot.registry.database.database_errors import (
     told_as_registry_error,
 )
 from msbot.registry.database.engine import WAIT_S, WRITE
-from msbot.registry.database.pending_change import PendingChange
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import DatabaseBusy, MsbotError, RegistryError
+
+# A person's change on its way to the database, and how a thread or an event loop waits for it.
+
+
+_T = TypeVar("_T")
+
+
+class PendingChange(Executor, Generic[_T]):
+    """A person's change on its way to the database; made by `Writer.submit`.
+
+    It is an executor so that an event loop with a virtual clock knows that a thread is working for it.
+    """
+
+    def __init__(
+        self, give_up: Callable[[PendingChange[_T]], _T], change: Callable[[Connection], _T], wait_s: float
+    ) -> None:
+        self.change = change
+        self.wait_s = wait_s
+        """How long it waits for another program that is writing."""
+        self.done: Future[_T] = Future()
+        self.is_given_up = False
+        self.is_being_stored = False
+        self._give_up = give_up
+
+    def submit(self, _fn: object, /, *_args: object, **_kwargs: object) -> Future[_T]:  # type: ignore[override]
+        """The future that the event loop waits for."""
+        return self.done
+
+    def wait(self, limit_s: float) -> _T:
+        """Wait until it is stored; returns what the change returns.
+
+        Raises:
+            RegistryError: it cannot be stored and nothing has changed, or it is unknown whether it was; the text says
+                which.
+            Exception: what the change raises.
+        """
+        try:
+            return self.done.result(limit_s)
+        except TimeoutError:
+            return self._give_up(self)
+
+    async def stored(self, limit_s: float) -> _T:
+        """The same for an event loop, without blocking it."""
+        waiting = asyncio.get_running_loop().run_in_executor(self, self.done.result)
+        done, _ = await asyncio.wait({waiting}, timeout=limit_s)
+        if done:
+            return waiting.result()
+        waiting.cancel()
+        return self._give_up(self)
+
+    def answer(self, made: _T | None = None, *, error: BaseException | None = None) -> None:
+        """Tell who waits what came of it; who has stopped waiting has cancelled it and is told nothing."""
+        if not self.done.set_running_or_notify_cancel():
+            return
+        if error is None:
+            self.done.set_result(cast("_T", made))
+        else:
+            self.done.set_exception(error)
+
 
 Note = Callable[[Connection], None]
 """Executes its statements on the connection; must not commit, and may be called again after a failed transaction."""
@@ -47,12 +107,11 @@ WATCH_S = 1.0
 """Period in which an idle database is checked."""
 
 _log = logging.getLogger(__name__)
-_T = TypeVar("_T")
 Follow = Callable[[Connection], Callable[[bool], None]]
 
 
 class Writer:
-    """The thread that writes (see the module's docstring); created and closed by the registry.
+    """The thread that writes; created and closed by the registry.
 
     Args:
         engine: where to write.

@@ -11,7 +11,7 @@ from msbot.registry.blueprint import blueprint_snapshot as snapshot
 from msbot.registry.database.tables import edits
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord
 from msbot_agent.text.sentence import from_json, to_json
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 EDITS_KEPT = 10_000
 """How many edits of a robot are kept."""
@@ -33,7 +33,7 @@ class Author:
         return self.robot_id
 
 
-class Cell(Protocol):
+class UndoableChange(Protocol):
     """What an edit changes, with its content: the value of a parameter, where parts belong, a block, the ends of a
     topic, or everything that a blueprint decides."""
 
@@ -54,8 +54,8 @@ def record(
     words: str,
     *,
     slot: str = "",
-    before: Cell | None = None,
-    after: Cell | None = None,
+    before: UndoableChange | None = None,
+    after: UndoableChange | None = None,
 ) -> EditRecord:
     """Write one line of the list; the caller makes the change itself."""
     row = {

@@ -6,15 +6,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple, Self
 
-from sqlalchemy import Connection, or_, select, update
+from sqlalchemy import Connection, delete, or_, select, update
 
-from msbot.registry.database.tables import parts, slots
+from msbot.registry.database.tables import library, parts, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot
 from msbot.registry.records import EditKind, EditRecord, uid_text
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 
 class Belonging(NamedTuple):
@@ -30,22 +30,22 @@ NOWHERE = Belonging()
 
 
 @dataclass(frozen=True, slots=True)
-class PlaceCell:
+class UndoablePlace:
     """Where some parts belong."""
 
     parts: Mapping[str, Belonging]
     """UID -> place."""
 
     def as_json(self) -> dict[str, object]:
-        """See `Cell.as_json`."""
+        """See `UndoableChange.as_json`."""
         return {"of": "place", "parts": {uid: list(place) for uid, place in self.parts.items()}}
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
-        """See `Cell.as_it_is`."""
+        """See `UndoableChange.as_it_is`."""
         return replace(self, parts=read(connection, robot_id, self.parts))
 
     def write(self, connection: Connection, author: Author) -> None:
-        """See `Cell.write`."""
+        """See `UndoableChange.write`."""
         for uid, place in self.parts.items():
             last, by_hand = (None if slot is None else find_slot(connection, author.robot, slot)[0] for slot in place)
             this = (parts.c.robot_id == author.robot, parts.c.identity == uid)
@@ -118,10 +118,10 @@ def _move(
     connection: Connection, author: Author, places: Mapping[str, Belonging], *, slot: str, words: str,
     told: Mapping[bytes, str | None] | None = None,
 ) -> EditRecord:  # fmt: skip
-    after = PlaceCell(places)
+    after = UndoablePlace(places)
     before = after.as_it_is(connection, author.robot)
     if told:
-        before = PlaceCell({**before.parts, **{uid.hex(): Belonging(where, where) for uid, where in told.items()}})
+        before = UndoablePlace({**before.parts, **{uid.hex(): Belonging(where, where) for uid, where in told.items()}})
     after.write(connection, author)
     return record(connection, author, EditKind.PLACE, words, slot=slot, before=before, after=after)
 
@@ -174,3 +174,20 @@ def name_of(connection: Connection, robot_id: int, identity: str) -> str:
     row = connection.execute(query.where(parts.c.robot_id == robot_id, parts.c.identity == identity)).one()
     name: str = row.local_name
     return name or f"{row.part_number} {identity}"
+
+
+# Part types that people take out of the library while the robot runs.
+
+
+def forget_part_type(connection: Connection, author: Author, number: str) -> EditRecord:
+    """Delete a part type that no robot of the database has a slot for.
+
+    Raises:
+        ConfigError: a robot has one.
+    """
+    used = select(slots.c.name).where(slots.c.part_number == number, slots.c.in_blueprint).limit(1)
+    if (slot := connection.execute(used).scalar()) is not None:
+        raise ConfigError(said("{number} has slots: {slots}; take them out first", number=number, slots=slot))
+    connection.execute(delete(library).where(library.c.number == number))
+    words = said("{number} is forgotten: the library does not know it any more", number=number)
+    return record(connection, author, EditKind.LIBRARY, words)

@@ -9,20 +9,20 @@ from typing import Self
 from sqlalchemy import Connection, delete, select
 
 from msbot.config import Parameter, ParameterKind, Scalar, scalar_text
+from msbot.registry.configurations import ORIGINS
 from msbot.registry.database.statements import bump_versions, upsert
 from msbot.registry.database.tables import library, settings, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.records import EditKind, EditRecord, ValueRecord
-from msbot.registry.running.configurations import ORIGINS
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 HAND = "hand"
 
 
 @dataclass(frozen=True, slots=True)
-class ValueCell:
+class UndoableSetting:
     """The value set by hand for a parameter of a slot."""
 
     slot: str
@@ -31,15 +31,15 @@ class ValueCell:
     """None: not set by hand."""
 
     def as_json(self) -> dict[str, object]:
-        """See `Cell.as_json`."""
+        """See `UndoableChange.as_json`."""
         return {"of": "value", "slot": self.slot, "name": self.name, "value": self.value}
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
-        """See `Cell.as_it_is`."""
+        """See `UndoableChange.as_it_is`."""
         return replace(self, value=hand_value(connection, robot_id, self.slot, self.name))
 
     def write(self, connection: Connection, author: Author) -> None:
-        """See `Cell.write`."""
+        """See `UndoableChange.write`."""
         write_hand_value(
             connection, author.robot, self.slot, self.name, self.value, who=author.who, now_ns=author.now_ns
         )
@@ -53,7 +53,7 @@ def set_value(connection: Connection, author: Author, slot: str, name: str, valu
         ConfigError: there is no such slot or parameter, or the value is not allowed.
     """
     old = check_value(connection, author.robot, slot, name, value)
-    after = ValueCell(slot, name, value)
+    after = UndoableSetting(slot, name, value)
     before = after.as_it_is(connection, author.robot)
     after.write(connection, author)
     (new,) = [found for found in read_values(connection, author.robot, slot) if found.name == name]

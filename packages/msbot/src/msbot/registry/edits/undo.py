@@ -3,60 +3,121 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Self
 
-from sqlalchemy import Connection, Row, select, update
+from sqlalchemy import Connection, Row, delete, select, update
 
 from msbot.config import Blueprint, Library
 from msbot.registry.blueprint import blueprint_snapshot as snapshot
 from msbot.registry.blueprint import blueprint_store
 from msbot.registry.database import statements as store
-from msbot.registry.database.tables import edits
-from msbot.registry.edits.blocks import BlockCell
-from msbot.registry.edits.edit_log import Author, Cell, edits_of, record, words_of
-from msbot.registry.edits.part_places import Belonging, PlaceCell
-from msbot.registry.edits.slot_values import ValueCell
-from msbot.registry.edits.wires import TopicCell, TopicsCell
+from msbot.registry.database.statements import upsert
+from msbot.registry.database.tables import blocks, edits
+from msbot.registry.edits.edit_log import Author, UndoableChange, edits_of, record, words_of
+from msbot.registry.edits.part_places import Belonging, UndoablePlace
+from msbot.registry.edits.slot_values import UndoableSetting
+from msbot.registry.edits.wires import UndoableTopic, UndoableTopics
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
+
+# Blocks: parts that are not let in whatever they claim, by UID, or all parts of a part number.
 
 
 @dataclass(frozen=True, slots=True)
-class BlueprintCell:
+class UndoableBlock:
+    """Whether, and why, a UID or a part number is blocked."""
+
+    kind: str
+    """`uid` or `number`."""
+    key: str
+    """The UID, 16 hexadecimal digits, or the part number."""
+    reason: str
+    """Empty: it is not blocked."""
+
+    def as_json(self) -> dict[str, object]:
+        """See `UndoableChange.as_json`."""
+        return {"of": "block", "kind": self.kind, "key": self.key, "reason": self.reason}
+
+    def as_it_is(self, connection: Connection, robot_id: int) -> Self:  # noqa: ARG002 - blocks hold for all robots
+        """See `UndoableChange.as_it_is`."""
+        query = select(blocks.c.reason).where(blocks.c.kind == self.kind, blocks.c.key == self.key)
+        return replace(self, reason=connection.execute(query).scalar() or "")
+
+    def write(self, connection: Connection, author: Author) -> None:
+        """See `UndoableChange.write`."""
+        key = {"kind": self.kind, "key": self.key}
+        if self.reason:
+            upsert(connection, blocks, key, {"reason": self.reason, "since_ns": author.now_ns})
+        else:
+            connection.execute(delete(blocks).where(blocks.c.kind == self.kind, blocks.c.key == self.key))
+
+
+def block(connection: Connection, author: Author, kind: str, key: str, reason: str) -> EditRecord:
+    """Keep a UID or a part number out."""
+    reason = reason or said("no reason given")
+    return _write(connection, author, UndoableBlock(kind, key, reason), "{part} is blocked: {reason}")
+
+
+def unblock(connection: Connection, author: Author, kind: str, key: str) -> EditRecord:
+    """Let a UID or part number in again.
+
+    Raises:
+        ConfigError: it is not blocked.
+    """
+    return _write(connection, author, UndoableBlock(kind, key, ""), "{part} is let in again")
+
+
+def _write(connection: Connection, author: Author, after: UndoableBlock, form: str) -> EditRecord:
+    before = after.as_it_is(connection, author.robot)
+    what = (
+        said("part number {key}", key=after.key)
+        if after.kind == "number"
+        else said("part with UID {key}", key=after.key)
+    )
+    if not after.reason and not before.reason:
+        raise ConfigError(said("{part} is not blocked", part=what))
+    after.write(connection, author)
+    words = said(form, part=what, reason=after.reason)
+    return record(connection, author, EditKind.BLOCK, words, before=before, after=after)
+
+
+@dataclass(frozen=True, slots=True)
+class UndoableBlueprint:
     """Everything that a blueprint decides about a robot."""
 
     content: snapshot.Content
 
     def as_json(self) -> dict[str, object]:
-        """See `Cell.as_json`."""
+        """See `UndoableChange.as_json`."""
         return {"of": "apply", "robot": self.content}
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
-        """See `Cell.as_it_is`."""
+        """See `UndoableChange.as_it_is`."""
         return type(self)(snapshot.read(connection, robot_id, like=self.content))
 
     def write(self, connection: Connection, author: Author) -> None:
-        """See `Cell.write`."""
+        """See `UndoableChange.write`."""
         snapshot.write(connection, author.robot, self.content)
 
 
-def read_cell(content: Mapping[str, Any]) -> Cell:
+def read_cell(content: Mapping[str, Any]) -> UndoableChange:
     """The cell that a row of the edits stores, even one written by an older MsBOT."""
     match content["of"]:
         case "value":
-            return ValueCell(content["slot"], content["name"], content["value"])
+            return UndoableSetting(content["slot"], content["name"], content["value"])
         case "place":
-            return PlaceCell({uid: Belonging(*place) for uid, place in content["parts"].items()})
+            return UndoablePlace({uid: Belonging(*place) for uid, place in content["parts"].items()})
         case "block":
-            return BlockCell(content["kind"], content["key"], content["reason"])
+            return UndoableBlock(content["kind"], content["key"], content["reason"])
         case "bind":
-            return TopicCell.from_json(content)
+            return UndoableTopic.from_json(content)
         case "binds":
-            return TopicsCell.from_json(content)
+            return UndoableTopics.from_json(content)
         case _:
-            return BlueprintCell(content["robot"])
+            return UndoableBlueprint(content["robot"])
 
 
 def undo(connection: Connection, author: Author, number: int | None) -> EditRecord:
@@ -71,7 +132,7 @@ def undo(connection: Connection, author: Author, number: int | None) -> EditReco
     if not row.before:
         raise ConfigError(said("edit {id} ({edit}) cannot be undone: change it again", id=row.id, edit=words_of(row)))
     before, after = read_cell(row.before), read_cell(row.after)
-    if not isinstance(after, PlaceCell) and after.as_it_is(connection, author.robot) != after:
+    if not isinstance(after, UndoablePlace) and after.as_it_is(connection, author.robot) != after:
         raise ConfigError(
             said(
                 "edit {id} ({edit}) cannot be undone: it has been changed since; undo what came later first",
@@ -112,7 +173,7 @@ def apply_blueprint(
         )
     author = Author(robot.id, who, now_ns)
     return robot, record(
-        connection, author, EditKind.APPLY, words, before=BlueprintCell(before), after=BlueprintCell(after)
+        connection, author, EditKind.APPLY, words, before=UndoableBlueprint(before), after=UndoableBlueprint(after)
     )
 
 

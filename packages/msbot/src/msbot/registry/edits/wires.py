@@ -20,8 +20,8 @@ from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot, read_parameters
 from msbot.registry.records import EditKind, EditRecord
 from msbot_agent.text.sentence import said
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class WireEnd:
 
 
 @dataclass(frozen=True, slots=True)
-class TopicCell:
+class UndoableTopic:
     """The ends of a topic, including those that are not in use."""
 
     topic: str
@@ -61,11 +61,11 @@ class TopicCell:
         return cls(str(content["topic"]), tuple(WireEnd(*end) for end in content["ends"]))
 
     def as_json(self) -> dict[str, object]:
-        """See `Cell.as_json`."""
+        """See `UndoableChange.as_json`."""
         return {"of": "bind", "topic": self.topic, "ends": [list(astuple(end)) for end in self.ends]}
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
-        """See `Cell.as_it_is`."""
+        """See `UndoableChange.as_it_is`."""
         query = (
             select(bindings, slots.c.name)
             .join(slots, bindings.c.slot_id == slots.c.id)
@@ -78,7 +78,7 @@ class TopicCell:
         return replace(self, ends=tuple(ends))
 
     def write(self, connection: Connection, author: Author) -> None:
-        """See `Cell.write`."""
+        """See `UndoableChange.write`."""
         robot_id, old = author.robot, self.as_it_is(connection, author.robot).ends
         here = (bindings.c.robot_id == robot_id, bindings.c.topic == self.topic)
         kept, known = {end.at for end in self.ends}, {end.at for end in old}
@@ -100,26 +100,26 @@ class TopicCell:
 
 
 @dataclass(frozen=True, slots=True)
-class TopicsCell:
+class UndoableTopics:
     """Several topics that one change concerns: a wire was moved from one to another."""
 
-    topics: tuple[TopicCell, ...]
+    topics: tuple[UndoableTopic, ...]
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
         """The cell from the result of `as_json`."""
-        return cls(tuple(TopicCell.from_json(topic) for topic in content["topics"]))
+        return cls(tuple(UndoableTopic.from_json(topic) for topic in content["topics"]))
 
     def as_json(self) -> dict[str, object]:
-        """See `Cell.as_json`."""
+        """See `UndoableChange.as_json`."""
         return {"of": "binds", "topics": [topic.as_json() for topic in self.topics]}
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
-        """See `Cell.as_it_is`."""
+        """See `UndoableChange.as_it_is`."""
         return replace(self, topics=tuple(topic.as_it_is(connection, robot_id) for topic in self.topics))
 
     def write(self, connection: Connection, author: Author) -> None:
-        """See `Cell.write`."""
+        """See `UndoableChange.write`."""
         for topic in self.topics:
             topic.write(connection, author)
 
@@ -158,18 +158,18 @@ def bind(
     for cell in left:
         gone = [end for end in cell.ends if end.endpoint in moved and not end.publishes]
         replace(cell, ends=_without(cell.ends, gone)).write(connection, author)
-    before = TopicCell(topic).as_it_is(connection, author.robot)
+    before = UndoableTopic(topic).as_it_is(connection, author.robot)
     ends = {end.at: replace(end, reliable=reliable) for end in before.ends}
     for port, publishes in wanted:
         new = WireEnd(port.slot, port.port, type_name, publishes, reliable, "hand", in_use=True)
         old = ends.get(new.at)
         ends[new.at] = new if old is None else replace(old, type_name=type_name, in_use=True)
-    TopicCell(topic, tuple(ends.values())).write(connection, author)
+    UndoableTopic(topic, tuple(ends.values())).write(connection, author)
     _check(connection, author.robot, topic)
     return _bound(
         connection,
         author,
-        TopicsCell((before, *left)) if left else before,
+        UndoableTopics((before, *left)) if left else before,
         said("topic {topic} joins {value}", topic=topic, value=", ".join((str(port) for port, _ in wanted))),
     )
 
@@ -180,7 +180,7 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
     Raises:
         ConfigError: there is no such topic, or the port is not bound to it.
     """
-    before = TopicCell(topic).as_it_is(connection, author.robot)
+    before = UndoableTopic(topic).as_it_is(connection, author.robot)
     bound = [end for end in before.ends if end.in_use]
     gone = [end for end in bound if endpoint in (None, end.endpoint)]
     if not bound:
@@ -203,7 +203,7 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
                 names=", ".join(names),
             )
         )
-    TopicCell(topic, _without(before.ends, gone)).write(connection, author)
+    UndoableTopic(topic, _without(before.ends, gone)).write(connection, author)
     words = (
         said("topic {topic} is taken away", topic=topic)
         if endpoint is None
@@ -214,11 +214,11 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
 
 def _other_topics(
     connection: Connection, robot_id: int, topic: str, heard_by: Collection[SlotPort]
-) -> tuple[TopicCell, ...]:
+) -> tuple[UndoableTopic, ...]:
     """The other topics that one of these ports hears."""
     here = select(bindings.c.topic).where(bindings.c.robot_id == robot_id, bindings.c.in_use, ~bindings.c.publishes)
     names = connection.execute(here.where(bindings.c.topic != topic).distinct()).scalars().all() if heard_by else ()
-    cells = (TopicCell(name).as_it_is(connection, robot_id) for name in sorted(names))
+    cells = (UndoableTopic(name).as_it_is(connection, robot_id) for name in sorted(names))
     return tuple(
         cell
         for cell in cells
@@ -233,7 +233,7 @@ def _without(ends: Sequence[WireEnd], gone: Sequence[WireEnd]) -> tuple[WireEnd,
     return tuple(end for end in left if end.in_use or end.origin == "blueprint")
 
 
-def _bound(connection: Connection, author: Author, before: TopicCell | TopicsCell, words: str) -> EditRecord:
+def _bound(connection: Connection, author: Author, before: UndoableTopic | UndoableTopics, words: str) -> EditRecord:
     after = before.as_it_is(connection, author.robot)
     return record(connection, author, EditKind.BIND, words, before=before, after=after)
 

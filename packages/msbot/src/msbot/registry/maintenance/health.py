@@ -14,9 +14,9 @@ from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import check_file, make_engine, parse_address, sqlite_address
 from msbot.registry.database.schema import own_migrations, read_version
 from msbot.registry.database.tables import journal, robots
-from msbot.registry.maintenance import consistency
+from msbot.registry.maintenance import upkeep as consistency
 from msbot.registry.registry import BUSY_TIMEOUT_S
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 MB = 1_000_000
 WAIT_S = 0.5

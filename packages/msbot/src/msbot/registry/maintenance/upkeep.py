@@ -8,23 +8,194 @@ from __future__ import annotations
 
 import os
 import shutil
+import sqlite3
 import tempfile
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, delete, func, insert, select, text
 
+from msbot.config import binding_faults
+from msbot.process.worker_pool import WorkLimits, run_limited
+from msbot.registry.blueprint import blueprint_reader
 from msbot.registry.database import statements as store
 from msbot.registry.database.database_errors import told_as_registry_error
-from msbot.registry.database.engine import WRITE, Address, check_file, make_engine, make_private, parse_address
+from msbot.registry.database.engine import MAGIC, WRITE, Address, check_file, make_engine, make_private, parse_address
 from msbot.registry.database.schema import Migrations, own_migrations, read_version
-from msbot.registry.database.tables import metadata
-from msbot.registry.maintenance import consistency as findings
-from msbot.registry.maintenance.backup_check import check_backup
-from msbot.registry.registry import BUSY_TIMEOUT_S, open_registry
+from msbot.registry.database.tables import edits, journal, library, metadata, parts, settings, slots, users
+from msbot.registry.edits import wires
+from msbot.registry.edits.edit_log import read_edits
+from msbot.registry.edits.users import ROLES
+from msbot.registry.records import RobotRecord
+from msbot.registry.registry import BUSY_TIMEOUT_S, Registry, open_registry
 from msbot.registry.running import run_lock
+from msbot.registry.running.robot_memory import read_memory
+from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said, without
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.errors import RegistryError
+from msbot_xrce.counting import amount
+from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
+from msbot_xrce.lazy import dataclass
+
+# Contradictions in a database, in sentences. MsBOT itself cannot cause any of them.
+
+
+MOST_TOLD = 100
+"""At most this many findings are reported."""
+
+
+def find(connection: Connection) -> list[str]:
+    """Everything that is wrong, the worst first."""
+    found = list(_damage(connection))
+    if found:
+        return found[:MOST_TOLD]
+    for robot in store.list_robots(connection):
+        name = f"robot {robot.name}"
+        found += [f"{name}: {sentence}" for sentence in _of_robot(connection, robot.id)]
+    found += [*_of_users(connection), *_of_edits(connection)]
+    return found[:MOST_TOLD]
+
+
+def _damage(connection: Connection) -> Iterator[str]:
+    """Damage that SQLite finds in its own file; a server looks after itself."""
+    if connection.dialect.name != "sqlite":
+        return
+    for (words,) in connection.exec_driver_sql("PRAGMA integrity_check"):
+        if words != "ok":
+            yield f"the file is damaged: {words}"
+    for table, number, other, _ in connection.exec_driver_sql("PRAGMA foreign_key_check"):
+        yield f"row {number} of {table} refers to a row of {other} that is not there"
+
+
+def _of_robot(connection: Connection, robot_id: int) -> Iterator[str]:
+    mine = slots.c.robot_id == robot_id
+    unknown = select(slots.c.name, slots.c.part_number).where(
+        mine, slots.c.in_blueprint, slots.c.part_number.not_in(select(library.c.number))
+    )
+    for row in connection.execute(unknown):
+        yield f"slot {row.name} wants part number {row.part_number}, which is not in the library"
+    bare = select(slots.c.name).where(mine, slots.c.configuration_version < 1)
+    for name in connection.execute(bare).scalars():
+        yield f"the configuration of slot {name} has no version"
+    yield from _of_settings(connection, robot_id)
+    wired = blueprint_reader.read_bindings(connection, robot_id)
+    yield from binding_faults(wired, wires.read_slots(connection, robot_id), wires.read_library(connection, robot_id))
+    for column in (parts.c.slot_id, parts.c.placed_slot_id):
+        foreign = select(parts.c.identity).join(slots, column == slots.c.id)
+        for identity in connection.execute(
+            foreign.where(parts.c.robot_id == robot_id, slots.c.robot_id != robot_id)
+        ).scalars():
+            yield f"part {identity} is in a slot of another robot"
+
+
+def _of_settings(connection: Connection, robot_id: int) -> Iterator[str]:
+    """Check that every parameter of every slot has the library's value, and that every value has a parameter."""
+    query = (
+        select(slots.c.name, library.c.parameters, slots.c.id)
+        .join(library, slots.c.part_number == library.c.number)
+        .where(slots.c.robot_id == robot_id, slots.c.in_blueprint)
+    )
+    for slot in connection.execute(query.order_by(slots.c.position)).all():
+        known = {parameter["name"] for parameter in slot.parameters}
+        rows = connection.execute(select(settings.c.name, settings.c.origin).where(settings.c.slot_id == slot.id)).all()
+        for name in sorted({row.name for row in rows} - known):
+            yield f"slot {slot.name} has a value for {name}, which its part type does not have"
+        for name in sorted(known - {row.name for row in rows if row.origin == "library"}):
+            yield f"slot {slot.name} has no default for {name}"
+
+
+def _of_users(connection: Connection) -> Iterator[str]:
+    for name, role in connection.execute(select(users.c.name, users.c.role).where(users.c.role.not_in(ROLES))):
+        yield f"user {name} has the role {role!r}, which does not exist"
+
+
+def _of_edits(connection: Connection) -> Iterator[str]:
+    undoing = edits.alias("undoing")
+    query = select(edits.c.id).outerjoin(undoing, edits.c.undone_by == undoing.c.id)
+    # The newest edits are kept, and an undo is newer than what it undoes.
+    for number in connection.execute(query.where(edits.c.undone_by.is_not(None), undoing.c.id.is_(None))).scalars():
+        yield f"edit {number} was undone by an edit that is not there"
+    strange = select(func.count()).select_from(journal).where(journal.c.to_state.not_in(list(store.STATES)))
+    if count := connection.execute(strange).scalar():
+        lines = amount(count, "line of the journal tells", "lines of the journal tell")
+        yield f"{lines} of a state that does not exist"
+
+
+# Is an uploaded file a harmless backup of MsBOT? A process with limits finds out.
+#
+# A file may be damaged, contain a view that never ends, or change who is administrator. So another process opens it,
+# with little time and memory, and reads every row as the robot would.
+
+
+LIMITS = WorkLimits(cpu_s=30, memory_mb=1024, wall_s=120.0)
+"""The largest backup that may be uploaded, of 256 MB, takes some 10 s and 200 MB of memory."""
+
+
+class UnusableBackup(RegistryError):
+    """The file is no backup that could be restored; the text says why."""
+
+
+def check_backup(path: Path, *, needs_administrator: bool) -> None:
+    """Check a file in a process of its own; brings the schema of an older backup up to date.
+
+    Args:
+        path: a copy of the file that nobody else uses.
+        needs_administrator: refuse a backup with which nobody could log in as administrator.
+
+    Raises:
+        UnusableBackup: it cannot be used; the text says why.
+    """
+    try:
+        fault = run_limited(fault_of, LIMITS, str(path), needs_administrator)
+    except ConfigError as error:
+        raise UnusableBackup(said("this backup is not used: {error}", error=str(error))) from None
+    if fault:
+        raise UnusableBackup(said("this backup is not used: {fault}", fault=fault))
+
+
+def fault_of(path: str, needs_administrator: bool) -> str:
+    """The worst thing that is wrong with it; empty: nothing."""
+    with open_given(Path(path)) as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            return said("it is not a database")
+    try:
+        if strange := _strange(path):
+            return strange
+        with open_registry(path, create=False) as registry:
+            for robot in registry.robots.all():
+                _read(registry, robot)
+            registry.edits.latest(None, 10_000)
+            findings = registry.storage.read(find)
+            if findings:
+                return findings[0]
+            administrators = [user for user in registry.users.all() if user.role == "administrator"]
+            if needs_administrator and not administrators:
+                return said("it has no administrator, so nobody could sign in: restore it with `msbot db restore`")
+    except MsbotError as error:
+        return without(str(error), ("words", "path", "database"), Path(path).name)
+    except Exception as error:  # whatever the file contains, nothing of it may reach the robot
+        return said("it cannot be read ({kind}: {error})", kind=type(error).__name__, error=str(error))
+    return ""
+
+
+def _strange(path: str) -> str:
+    """Anything but tables and indexes: reading such an object could run for ever."""
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
+        query = "SELECT type, name, coalesce(sql, '') FROM sqlite_master"
+        for kind, name, sql in connection.execute(query):
+            if kind not in ("table", "index") or str(sql).upper().startswith("CREATE VIRTUAL"):
+                return said("it has a {kind} {name!r}, and MsBOT makes none of that sort", kind=kind, name=name)
+    return ""
+
+
+def _read(registry: Registry, robot: RobotRecord) -> None:
+    """Read all that a master and its pages would read."""
+    registry.storage.read(lambda connection: read_memory(connection, robot.id))
+    registry.storage.read(lambda connection: store.list_parts(connection, robot.id))
+    registry.storage.read(lambda connection: store.read_journal(connection, robot.id, None, 100_000))
+    registry.storage.read(lambda connection: read_edits(connection, robot.id, 10_000))
+    registry.robots.made_by_hand(robot)
+
 
 _ROWS = 1000
 """How many rows are copied at a time."""
@@ -147,7 +318,7 @@ def check(address: str) -> list[str]:
     where, engine = _open(address)
     try:
         with told_as_registry_error(where.words), engine.connect() as connection:
-            return findings.find(connection)
+            return find(connection)
     finally:
         engine.dispose()
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from msbot.registry.database.engine import make_private, parse_address
 from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance.backup_check import UnusableBackup, check_backup
+from msbot.registry.maintenance.upkeep import UnusableBackup, check_backup
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import RegistryError
 

@@ -6,21 +6,34 @@ What people change, here or in another process, is reloaded by the writer's thre
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, func, select, update
 
 from msbot.config import Blueprint, PartType, Slot
 from msbot.pnp import Configuration, Group, StopRecord
 from msbot.registry.blueprint import blueprint_reader
 from msbot.registry.class_groups import read_groups
+from msbot.registry.configurations import read_configurations
 from msbot.registry.database.statements import list_slots, read_part_types
-from msbot.registry.database.tables import blocks, edits, keys
+from msbot.registry.database.tables import blocks, edits, keys, robots
 from msbot.registry.edits import part_places as places
-from msbot.registry.edits.user_statements import list_users
+from msbot.registry.edits.users import list_users
 from msbot.registry.records import UserRecord
-from msbot.registry.running import stop_record
-from msbot.registry.running.configurations import read_configurations
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
+
+# The latest STOP of a robot, as its database stores it.
+
+
+def read(connection: Connection, robot_id: int) -> StopRecord | None:
+    """The stored record; None: nobody ever said STOP."""
+    kept = connection.execute(select(robots.c.stop).where(robots.c.id == robot_id)).scalar_one_or_none()
+    return None if kept is None else StopRecord(**kept)
+
+
+def write(connection: Connection, robot_id: int, record: StopRecord) -> None:
+    """Store it in place of the previous one."""
+    connection.execute(update(robots).where(robots.c.id == robot_id).values(stop=asdict(record)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,5 +79,5 @@ def read_memory(connection: Connection, robot_id: int) -> RobotMemory:
         places=places.read(connection, robot_id),
         users=tuple(list_users(connection)),
         groups=tuple(read_groups(connection, robot_id)),
-        stop=stop_record.read(connection, robot_id),
+        stop=read(connection, robot_id),
     )

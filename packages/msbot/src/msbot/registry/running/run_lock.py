@@ -18,7 +18,7 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import Address, make_private
-from msbot.registry.quick_look import lock_file
+from msbot.registry.read_only_database import lock_file
 from msbot.registry.records import RobotRecord
 from msbot.registry.running.master_lease import LOCK_CLASS, is_leased
 from msbot_xrce.errors import RegistryError

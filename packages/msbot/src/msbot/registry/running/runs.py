@@ -15,9 +15,8 @@ from msbot.registry.database.storage import Storage
 from msbot.registry.records import RobotRecord
 from msbot.registry.running import run_lock
 from msbot.registry.running.master_lease import MasterLease, wait_for_lease
-from msbot.registry.running.node_ids import StoredNodeIds
 from msbot.registry.running.robot_memory import RobotMemory, read_memory, read_newest_edit
-from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore
+from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore, StoredNodeIds
 from msbot_xrce.errors import RegistryError
 
 _log = logging.getLogger(__name__)

@@ -9,10 +9,10 @@ from random import Random
 
 import pymunk
 
-from msbot.sim.arena.places import Spot, place_of
+from msbot.sim.arena.floor import Spot, place_of
 from msbot.sim.arena.wheels import Wheel, make_wheels
 from msbot.sim.arena.world import Outline, PartPlace, Point, RobotPlan
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 BUMPER_DEPTH_M = 0.006
 """A bumper stands out this far."""

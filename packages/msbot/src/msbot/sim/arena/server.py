@@ -8,9 +8,7 @@ import hmac
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from msbot.sim.arena.inhabitant import Sensed
-from msbot.sim.arena.living_arena import LivingArena
-from msbot.sim.arena.wire import (
+from msbot.sim.arena.connection import (
     LONGEST_LINE,
     MOST_SLOTS,
     VERSION,
@@ -20,6 +18,7 @@ from msbot.sim.arena.wire import (
     to_line,
     values_of,
 )
+from msbot.sim.arena.running_arena import RunningArena, Sensed
 from msbot_xrce.errors import ConfigError, LinkDown
 
 MOST_GUESTS = 40
@@ -40,7 +39,9 @@ class ArenaServer:
         say: told who comes and goes, a sentence at a time.
     """
 
-    def __init__(self, living: LivingArena, host: str, port: int, *, password: str, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, living: RunningArena, host: str, port: int, *, password: str, say: Callable[[str], None]
+    ) -> None:
         self._living = living
         self.password = password
         self.host = host
@@ -125,7 +126,7 @@ class ArenaServer:
 class _Guest:
     """One connection: parts of one robot."""
 
-    def __init__(self, living: LivingArena, robot: str, writer: asyncio.StreamWriter, refused: Counter[str]) -> None:
+    def __init__(self, living: RunningArena, robot: str, writer: asyncio.StreamWriter, refused: Counter[str]) -> None:
         self._living = living
         self._robot = robot
         self._writer = writer

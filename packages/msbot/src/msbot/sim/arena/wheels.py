@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from random import Random
 
 from msbot.sim.arena.world import Chassis, ChassisKind, Point
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 STEP_S = 0.005
 SENSE_STEPS = 4

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import field
 from enum import Enum
 
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 Point = tuple[float, float]
 

@@ -6,14 +6,18 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
-from msbot.sim.arena.robot_reader import read_chassis, read_mount
 from msbot.sim.arena.world import (
     COLOURS,
     Area,
     Box,
+    Chassis,
+    ChassisKind,
+    Colour,
     Lamp,
+    Looks,
     Magnet,
     Noise,
+    Outline,
     PartPlace,
     Point,
     Post,
@@ -22,11 +26,107 @@ from msbot.sim.arena.world import (
     Wall,
     WorldPlan,
 )
-from msbot.sim.arena.world_values import colour, degrees, numbers, pair
 from msbot_agent.toml.document import Document, parse_document, read_document
 from msbot_agent.toml.problems import Problems, kind_words, suggestion
 from msbot_agent.toml.table import Table
-from msbot_xrce.common.amount import amount
+from msbot_xrce.counting import amount
+
+# Values that only world files have: colours, angles, points; a mistake becomes a problem.
+
+
+def colour(table: Table, key: str, default: Colour) -> Colour:
+    """A colour by name, or red, green and blue."""
+    value = table.item(key)
+    if value is None:
+        return default
+    if isinstance(value, list):
+        red, green, blue = numbers(table, value, 3, "[255, 128, 0]", key)
+        if not all(0 <= part <= 255 for part in (red, green, blue)):
+            table.problem("red, green and blue are 0 to 255", key)
+        return round(red), round(green), round(blue)
+    if isinstance(value, str) and value in COLOURS:
+        return COLOURS[value]
+    right = suggestion(str(value), list(COLOURS), none_known="")
+    table.problem(f"must be a colour, by name or as [red, green, blue]; it is {kind_words(value)}; {right}", key)
+    return default
+
+
+def degrees(table: Table, key: str, default: float) -> float:
+    """An angle."""
+    return table.number(key, default=default, least=-360.0, most=360.0, unit="degrees")
+
+
+def pair(table: Table, value: object, example: str, *steps: str | int) -> Point:
+    """Two numbers."""
+    x, y = numbers(table, value, 2, example, *steps)
+    return x, y
+
+
+def numbers(table: Table, value: object, count: int, example: str, *steps: str | int) -> list[float]:
+    """A list of so many numbers."""
+    if isinstance(value, list) and len(value) == count and all(_is_number(item) for item in value):
+        return [float(item) for item in value]
+    what = f"a list of {len(value)}" if isinstance(value, list) else kind_words(value)
+    table.problem(f"must be {count} numbers, for example {example}; it is {what}", *steps)
+    return [0.0] * count
+
+
+def _is_number(item: object) -> bool:
+    return isinstance(item, int | float) and not isinstance(item, bool) and abs(item) <= 1e6
+
+
+# Reads what a world file says of a robot: its chassis, and where its parts sit.
+
+
+def read_mount(table: Table) -> PartPlace:
+    """One table [[robot.part]]."""
+    mount = PartPlace(
+        slot=table.name("slot", "eyes"),
+        at=pair(table, table.item("at"), "[0.1, 0.0]", "at") if "at" in table else None,
+        turn_deg=degrees(table, "turn_deg", 0.0) if "turn_deg" in table else None,
+        looks=Looks(table.choice("looks", [look.value for look in Looks])) if "looks" in table else None,
+        side=table.choice("side", ("left", "right")) if "side" in table else "",
+        axle=table.choice("axle", ("front", "rear")) if "axle" in table else "",
+        on=table.name("on", "neck", default=""),
+        width_m=table.number("width_m", default=0.07, least=0.005, most=1.0, unit="m") if "width_m" in table else None,
+        cone_deg=table.number("cone_deg", default=20.0, least=0.0, most=120.0, unit="degrees")
+        if "cone_deg" in table
+        else None,
+    )
+    if mount.at is not None and not all(-1.0 <= coordinate <= 1.0 for coordinate in mount.at):
+        table.problem("must be on the robot: x ahead and y to the left, in metres, -1 to 1", "at")
+    table.finish()
+    return mount
+
+
+def read_chassis(table: Table) -> Chassis:
+    """The table [robot.chassis]."""
+    usual = Chassis()
+
+    def metres(key: str, default: float, least: float = 0.02, most: float = 2.0) -> float:
+        return table.number(key, default=default, least=least, most=most, unit="m")
+
+    length, width = metres("length_m", usual.length_m), metres("width_m", usual.width_m)
+    chassis = Chassis(
+        kind=ChassisKind(table.choice("kind", [kind.value for kind in ChassisKind], default="differential")),
+        shape=Outline(table.choice("shape", [shape.value for shape in Outline], default="rectangle")),
+        length_m=length,
+        width_m=width,
+        mass_kg=table.number("mass_kg", default=usual.mass_kg, least=0.05, most=100.0, unit="kg"),
+        track_m=metres("track_m", min(usual.track_m, width)),
+        base_m=metres("base_m", min(usual.base_m, length)),
+        wheel_m=metres("wheel_m", usual.wheel_m, 0.01, 1.0),
+        speed_m_s=table.number("speed_m_s", default=usual.speed_m_s, least=0.01, most=5.0, unit="m/s"),
+        force_n=table.number("force_n", default=usual.force_n, least=0.05, most=500.0, unit="N"),
+        grip=table.number("grip", default=usual.grip, least=0.05, most=2.0),
+    )
+    if chassis.track_m > width:
+        table.problem(f"is {chassis.track_m:g}; the wheels must be on the chassis, at most {width:g} m", "track_m")
+    if chassis.base_m > length:
+        table.problem(f"is {chassis.base_m:g}; the axles must be on the chassis, at most {length:g} m", "base_m")
+    table.finish()
+    return chassis
+
 
 SHIPPED = Path(__file__).parent / "worlds"
 """The worlds that MsBOT brings."""

@@ -25,7 +25,7 @@ from typing import Final, Protocol
 
 from msbot_agent.link.can.controller import BusState, CanBusInfo, FrameHandler, RoomHandler, StateHandler
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LinkDown, LinkFull
 
 RING_FRAMES: Final = 4096

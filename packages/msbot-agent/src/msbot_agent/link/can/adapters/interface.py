@@ -15,9 +15,9 @@ from struct import Struct
 from struct import error as StructError
 from typing import Final
 
-from msbot_agent.link.can.adapters.socketcan_frames import FD_SIZE
+from msbot_agent.link.can.adapters.error_frames import FD_SIZE
 from msbot_agent.link.can.controller import BusState
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 _HEADER: Final = Struct("=IHHII")
 _LINK: Final = Struct("=BxHiII")

@@ -6,7 +6,7 @@ import errno
 from typing import Final
 
 from msbot_agent.link.can.adapters.interface import CanInterface
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 ELSEWHERE: Final = (
     "SocketCAN is a part of Linux: on this system use an adapter through python-can, "

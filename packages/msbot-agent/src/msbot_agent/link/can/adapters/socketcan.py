@@ -19,10 +19,19 @@ from struct import Struct
 from typing import Final
 
 from msbot_agent.link.can.adapters.driver import ChannelOwner
-from msbot_agent.link.can.adapters.error_frames import BACK_WORDS, STATE_WORDS, read_report
+from msbot_agent.link.can.adapters.error_frames import (
+    BACK_WORDS,
+    EXTENDED,
+    FD_SIZE,
+    ID_MASK,
+    REMOTE,
+    STATE_WORDS,
+    pack_frame,
+    read_report,
+    unpack_frame,
+)
 from msbot_agent.link.can.adapters.interface import CanInterface, can_interfaces, find_interface, restart_controller
 from msbot_agent.link.can.adapters.remedies import ELSEWHERE, Wanted, open_error, restart_advice, up_commands, why_not
-from msbot_agent.link.can.adapters.socketcan_frames import EXTENDED, FD_SIZE, ID_MASK, REMOTE, pack_frame, unpack_frame
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.filters import IdFilter
 from msbot_agent.link.can.protocol.frames import Frame

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_agent.link.can.protocol.bits import FrameBits, WireBit, busy_seconds, frame_bits, phase_bits, wire_bits
     from msbot_agent.link.can.protocol.cost import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
     from msbot_agent.link.can.protocol.decoder import CanDecoder, LegacyDecoder
     from msbot_agent.link.can.protocol.frames import Frame, check_frame
-    from msbot_agent.link.can.protocol.ids import NODES, CanIds, is_joining
+    from msbot_agent.link.can.protocol.ids import NODES, CanIds, MemoryNodeIds, NodeIds, is_joining
     from msbot_agent.link.can.protocol.legacy_frames import DOWN, UP
-    from msbot_agent.link.can.protocol.node_ids import MemoryNodeIds, NodeIds
     from msbot_agent.link.can.protocol.notation import (
         LogLine,
         format_frame,
         format_log_line,
+        frame_sentence,
+        node_of,
         parse_frame,
         parse_log_line,
         show_frame,
     )
-    from msbot_agent.link.can.protocol.plain_words import frame_sentence, node_of
 
 _NAMES = {
     "msbot_agent.link.can.protocol.bits": (
@@ -49,29 +49,25 @@ _NAMES = {
         "check_frame",
     ),
     "msbot_agent.link.can.protocol.ids": (
-        "NODES",
         "CanIds",
+        "MemoryNodeIds",
+        "NODES",
+        "NodeIds",
         "is_joining",
     ),
     "msbot_agent.link.can.protocol.legacy_frames": (
         "DOWN",
         "UP",
     ),
-    "msbot_agent.link.can.protocol.node_ids": (
-        "MemoryNodeIds",
-        "NodeIds",
-    ),
     "msbot_agent.link.can.protocol.notation": (
         "LogLine",
         "format_frame",
         "format_log_line",
+        "frame_sentence",
+        "node_of",
         "parse_frame",
         "parse_log_line",
         "show_frame",
-    ),
-    "msbot_agent.link.can.protocol.plain_words": (
-        "frame_sentence",
-        "node_of",
     ),
 }
 

@@ -22,8 +22,8 @@ from functools import cache, lru_cache
 from typing import NamedTuple
 
 from msbot_agent.link.can.protocol.frames import FD_LENGTHS, Frame, check_frame
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.lazy import dataclass
 
 INTERMISSION = 3
 """Recessive bits between two frames."""

@@ -28,7 +28,7 @@ from msbot_agent.link.can.protocol.ids import (
     stop_words,
 )
 from msbot_agent.link.can.protocol.legacy_frames import DOWN, UP, LegacyJoiner
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import RemoteProtocolError
 
 ERROR_CLASSES: Final = {

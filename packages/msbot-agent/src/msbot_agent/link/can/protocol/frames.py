@@ -13,9 +13,9 @@ certain lengths, a last frame longer than 8 bytes says after the header how many
 
 from __future__ import annotations
 
-from msbot_xrce.common.lazy_dataclass import dataclass
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
+from msbot_xrce.lazy import dataclass
 
 FIRST = 0x80
 """Segment header bit S: first frame of a message."""

@@ -29,6 +29,7 @@ from msbot_agent.link.can.protocol.ids import (
     Assign,
     Beacon,
     CanIds,
+    NodeIds,
     assign_frame,
     beacon_frame,
     question_frame,
@@ -36,8 +37,7 @@ from msbot_agent.link.can.protocol.ids import (
     read_join,
     read_question,
 )
-from msbot_agent.link.can.protocol.node_ids import NodeIds
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 BEACON_PERIOD_S: Final = 1.0
 LISTEN_S: Final = 0.2

@@ -36,7 +36,7 @@ from msbot_agent.link.can.protocol.ids import (
     read_assign,
     read_beacon,
 )
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 BEACON_TIMEOUT_S: Final = 3.5
 """Without a beacon for this long a part has lost its master."""

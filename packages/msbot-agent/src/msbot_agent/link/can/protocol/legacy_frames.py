@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import Final
 
 from msbot_agent.link.can.protocol.frames import EMPTY_FRAME, FRAME_LOST, REPEAT_S, REPEATED, TOO_SLOW
-from msbot_xrce.common.tally import Tally
+from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
 
 MAX_FRAMES: Final = 256

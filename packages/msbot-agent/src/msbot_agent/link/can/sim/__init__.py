@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot_xrce.common.lazy_face import lazy_face
+from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_agent.link.can.sim.driver import SimBusDriver, SimCanBus

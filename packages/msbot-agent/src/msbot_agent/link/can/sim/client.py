@@ -36,8 +36,8 @@ from msbot_agent.link.can.sim.model.messages import (
 )
 from msbot_agent.link.can.sim.names import NamedBus, check_name, existing_bus, find_bus, rates_words, withdraw
 from msbot_agent.link.can.sim.server import SimBusServer, keep_little
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import ConfigError, LinkDown, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 BITRATE: Final = 500_000
 DATA_BITRATE: Final = 2_000_000
@@ -61,7 +61,7 @@ class WhenAbsent(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class SimBusWish:
+class SimBusRequest:
     """The bus that is requested."""
 
     name: str
@@ -106,7 +106,7 @@ class SimAdapter:
 
     def __init__(
         self,
-        wish: SimBusWish,
+        wish: SimBusRequest,
         *,
         node: str = "",
         absent: WhenAbsent = WhenAbsent.FAIL,
@@ -335,7 +335,7 @@ def _cannot_join(bus: NamedBus, reason: str) -> str:
 class Host:
     """A controller on a bus that is served here. Satisfies `Channel`."""
 
-    def __init__(self, owner: ChannelOwner, wish: SimBusWish, node: str, folder: Path | None) -> None:
+    def __init__(self, owner: ChannelOwner, wish: SimBusRequest, node: str, folder: Path | None) -> None:
         """Prepare; `start` serves the bus."""
         self.driver = SimBusDriver(wish.make())
         self._owner = owner

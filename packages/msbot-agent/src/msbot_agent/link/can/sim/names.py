@@ -16,11 +16,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-from msbot_agent.process.folder_lock import alone_in
-from msbot_agent.process.user_folders import check_owner, is_running, running_folder
-from msbot_agent.text.json_reading import read_json
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_agent.process.user_folders import alone_in, check_owner, is_running, running_folder
+from msbot_agent.text.given_file import read_json
 from msbot_xrce.errors import ConfigError, LinkDown
+from msbot_xrce.lazy import dataclass
 
 DEFAULT_NAME: Final = "classroom"
 """The bus to use when none is named."""

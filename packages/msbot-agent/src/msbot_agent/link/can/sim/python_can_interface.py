@@ -25,7 +25,7 @@ import can
 from msbot_agent.link.can.adapters.python_can import frame_of, message_of
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame, check_frame
-from msbot_agent.link.can.sim.client import CONNECT_S, LOST_WORDS, SimBusWish
+from msbot_agent.link.can.sim.client import CONNECT_S, LOST_WORDS, SimBusRequest
 from msbot_agent.link.can.sim.model.bus import MAILBOXES
 from msbot_agent.link.can.sim.model.messages import (
     BusFrame,
@@ -108,7 +108,7 @@ class MsbotBus(can.BusABC):
         # The offset from the bus' monotonic time to the time since 1970 that messages carry.
         self._epoch_s = time.time() - time.monotonic()
         data_rate = int(data_bitrate) if data_bitrate is not None and fd else None
-        wish = SimBusWish(self._name, None if bitrate is None else int(bitrate), data_rate, fd or None)
+        wish = SimBusRequest(self._name, None if bitrate is None else int(bitrate), data_rate, fd or None)
         try:
             welcome = self._join(wish, Hello(b"", node, listen_only=listen_only))
         except MsbotError as error:
@@ -225,7 +225,7 @@ class MsbotBus(can.BusABC):
     def _detect_available_configs() -> list[AutoDetectedConfig]:
         return [AutoDetectedConfig(interface="msbot", channel=bus.name) for bus in list_buses()]
 
-    def _join(self, wish: SimBusWish, hello: Hello) -> Welcome:
+    def _join(self, wish: SimBusRequest, hello: Hello) -> Welcome:
         self._served_here = hold(wish)
         bus = existing_bus(wish.name)
         wish.check(bus)

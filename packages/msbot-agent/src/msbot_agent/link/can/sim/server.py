@@ -40,7 +40,7 @@ from msbot_agent.link.can.sim.model.messages import (
 )
 from msbot_agent.link.can.sim.names import KEY_OCTETS, NamedBus, publish, withdraw
 from msbot_agent.link.contract import LinkCounters
-from msbot_agent.pace.accept_connections import ProtocolAcceptor
+from msbot_agent.pace import ProtocolAcceptor
 from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError, RemoteProtocolError
 
 MAX_PROGRAMS: Final = 256

@@ -11,7 +11,7 @@ from typing import Final
 from msbot_agent.link.can.adapters.driver import CanDriver
 from msbot_agent.link.can.can_address import CanSettings, flag, native_link, rate
 from msbot_agent.link.can.protocol.ids import CanIds
-from msbot_agent.link.can.sim.client import SimAdapter, SimBusWish, WhenAbsent
+from msbot_agent.link.can.sim.client import SimAdapter, SimBusRequest, WhenAbsent
 from msbot_agent.link.contract import Link
 from msbot_xrce.errors import ConfigError
 
@@ -50,7 +50,7 @@ def open_sim_bus(rest: str, *, node: str, listen_only: bool) -> CanDriver:
     return CanDriver(SimAdapter(parse_sim(rest), node=node, listen_only=listen_only))
 
 
-def parse_sim(rest: str) -> SimBusWish:
+def parse_sim(rest: str) -> SimBusRequest:
     """What follows the scheme; whether it names a bus is seen by `SimAdapter`.
 
     Raises:
@@ -67,4 +67,4 @@ def parse_sim(rest: str) -> SimBusWish:
     data_bitrate = rate(options, "dbitrate", 8_000_000)
     if data_bitrate is not None and not fd:
         raise ConfigError("dbitrate is a rate of CAN FD: add fd=1")
-    return SimBusWish(name, rate(options, "bitrate", 1_000_000), data_bitrate, fd)
+    return SimBusRequest(name, rate(options, "bitrate", 1_000_000), data_bitrate, fd)

@@ -12,11 +12,11 @@ import threading
 from pathlib import Path
 from typing import Final
 
-from msbot_agent.link.can.sim.client import SimBusWish
+from msbot_agent.link.can.sim.client import SimBusRequest
 from msbot_agent.link.can.sim.driver import SimBusDriver
 from msbot_agent.link.can.sim.names import find_bus
 from msbot_agent.link.can.sim.server import SimBusServer
-from msbot_agent.process.event_loop import run_to_end
+from msbot_agent.process.end_signals import run_to_end
 from msbot_xrce.errors import LinkDown
 
 START_S: Final = 20.0
@@ -26,7 +26,7 @@ _lock = threading.Lock()
 _served: dict[str, tuple[BusThread, int]] = {}
 
 
-def hold(wish: SimBusWish) -> bool:
+def hold(wish: SimBusRequest) -> bool:
     """Make sure that some process serves a bus; True if this one does: then call `release` once.
 
     Raises:
@@ -59,7 +59,7 @@ def release(name: str) -> None:
 class BusThread(threading.Thread):
     """The thread that serves one bus."""
 
-    def __init__(self, wish: SimBusWish, folder: Path | None = None) -> None:
+    def __init__(self, wish: SimBusRequest, folder: Path | None = None) -> None:
         """Prepare; `begin` starts it."""
         super().__init__(name=f"simulated bus {wish.name}", daemon=True)
         self._wish = wish

@@ -18,14 +18,14 @@ from dataclasses import field, replace
 
 from msbot_agent.link.can.protocol.bits import INTERMISSION, FrameBits, WireBit, frame_bits, wire_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.model.error_counters import (
+from msbot_agent.link.can.sim.model.events import (
     ERROR_DELIMITER,
     ERROR_FLAG,
     PASSIVE_LIMIT,
     ErrorCounters,
     noticed_at,
 )
-from msbot_xrce.common.lazy_dataclass import dataclass
+from msbot_xrce.lazy import dataclass
 
 Noise = Callable[[int], int | None]
 """Given a number of bits: the index of the first one that is disturbed; None, or one behind them: none is."""

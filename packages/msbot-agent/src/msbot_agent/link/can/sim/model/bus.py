@@ -17,8 +17,8 @@ from typing import Final
 
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import arbitration_rank
+from msbot_agent.link.can.protocol.cost import LoadMeter
 from msbot_agent.link.can.protocol.frames import Frame, check_frame
-from msbot_agent.link.can.protocol.load_meter import LoadMeter
 from msbot_agent.link.can.sim.model.arbitration import (
     Attempt,
     Mail,
@@ -29,8 +29,17 @@ from msbot_agent.link.can.sim.model.arbitration import (
     plan_attempt,
     plan_shorted,
 )
-from msbot_agent.link.can.sim.model.error_counters import RECOVERY_BITS, RECOVERY_SEQUENCES, SUSPEND, ErrorCounters
-from msbot_agent.link.can.sim.model.events import BusCounters, BusEvent, Delivered, Sent, StateChanged
+from msbot_agent.link.can.sim.model.events import (
+    RECOVERY_BITS,
+    RECOVERY_SEQUENCES,
+    SUSPEND,
+    BusCounters,
+    BusEvent,
+    Delivered,
+    ErrorCounters,
+    Sent,
+    StateChanged,
+)
 from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError
 
 MAILBOXES: Final = 3

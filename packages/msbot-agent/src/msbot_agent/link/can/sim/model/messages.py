@@ -13,8 +13,8 @@ from typing import Final
 
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame, check_frame
-from msbot_xrce.common.lazy_dataclass import dataclass
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
+from msbot_xrce.lazy import dataclass
 
 VERSION: Final = 1
 MAX_MESSAGE: Final = 512

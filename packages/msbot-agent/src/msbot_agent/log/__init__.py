@@ -1,1 +1,0 @@
-"""How programs log: to a terminal, to the journal, as JSON, and bounded."""

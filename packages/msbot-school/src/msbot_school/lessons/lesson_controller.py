@@ -1,0 +1,372 @@
+"""The lesson desk of a running robot: sets the robot up for a lesson, looks whether it is done, puts everything back.
+
+Theory of operation. A lesson has a robot of its own: its slots and wires are put into force as a blueprint, and
+stand-ins take the slots that have no part. Four times a second the checks of the present step are looked at. At the end
+whatever was changed since the beginning, by the desk and by people, is undone, the newest change first.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import field, replace
+from functools import partial
+from typing import Final
+
+from msbot.config import SAMPLES, Blueprint, open_blueprint, parse_blueprint
+from msbot.operations.dispatch import RunningOperations
+from msbot.process.worker_pool import WorkerPool
+from msbot.registry import EditKind
+from msbot.registry.lesson_ticks import BEGUN
+from msbot_agent.link.can.sim import SimBusDriver
+from msbot_agent.text.sentence import joined, said
+from msbot_school.faults.effects import PartsHere
+from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.lesson import Lesson
+from msbot_school.lessons.robot_now import RunningRobotNow
+from msbot_school.lessons.run import Hint, LessonRun
+from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.lazy import dataclass
+
+LOOK_S: Final = 0.25
+"""Period in which checks are looked at."""
+SETTLED_S: Final = 3.0
+"""After the start the first page comes first: reading all lessons takes as long. Who looks at them does not wait."""
+FILES_S: Final = 5.0
+"""How old the lessons' texts may be, while somebody looks at them."""
+MOST_PEOPLE: Final = 100
+"""Most people who take part in one run of a lesson."""
+EDITS: Final = 1000
+"""Most changes that are undone at the end of a lesson."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Begun:
+    """The lesson that runs, and what has to be put back."""
+
+    run: LessonRun
+    who: str
+    began_ns: int
+    newest_edit: int
+    faults: set[int]
+    people: dict[str, float] = field(default_factory=dict)
+    """Who takes part, and since when."""
+    hands: dict[str, float] = field(default_factory=dict)
+    """Who asks for help, and since when."""
+    unplugged: list[str] = field(default_factory=list)
+    stand_ins: tuple[str, ...] = ()
+    """Slots that were simulated before."""
+    holders: dict[str, bytes] = field(default_factory=dict)
+    """Who held which slot before."""
+
+
+class LessonController:
+    """The lesson desk of one running robot; made in its event loop.
+
+    Args:
+        operations: what can be done to the robot.
+        shelf: the lessons that there are.
+        parts: its parts that are simulated in this process; None: its stand-ins.
+        bus: its simulated bus.
+        world: the name of the world that the robot is in; empty: none.
+        epoch_ns: wall clock, nanoseconds since 1970.
+    """
+
+    def __init__(
+        self, operations: RunningOperations, shelf: LessonCatalog, *, parts: PartsHere | None = None,
+        bus: SimBusDriver | None = None, world: str = "", epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:  # fmt: skip
+        self._operations = operations
+        self._running = operations.faults.running
+        self.shelf = shelf
+        self._parts: PartsHere = operations.stand_ins if parts is None else parts
+        self._robot = RunningRobotNow(self._running, bus)
+        self._world = world
+        self._epoch_ns = epoch_ns
+        self._workshop = WorkerPool()
+        self._begun: _Begun | None = None
+        self._is_busy = False
+        self._looked_at = float("-inf")
+        self._wake = asyncio.Event()
+        self._trouble = ""
+        operations.lessons.use(self)
+
+    @property
+    def lesson(self) -> Lesson | None:
+        """The lesson that runs."""
+        return None if self._begun is None else self._begun.run.lesson
+
+    # What people do.
+
+    async def begin(self, lesson: str, who: str) -> str:
+        """See `LessonControl`.
+
+        Raises:
+            ConfigError: it cannot be begun; nothing has changed.
+        """
+        if self._begun is not None or self._is_busy:
+            name = "" if self._begun is None else self._begun.run.lesson.title
+            raise ConfigError(said("the lesson {name!r} runs already: end it first", name=name))
+        if self._running.master.stop.stopped:
+            raise ConfigError(said("STOP holds: a lesson begins after GO"))
+        self._is_busy = True
+        try:
+            await asyncio.to_thread(self.shelf.refresh)  # its author may have changed it this moment
+            wanted = self.shelf.get(lesson)
+            if wanted.world and wanted.world != self._world:
+                raise ConfigError(
+                    said(
+                        "the lesson {title!r} needs a robot in the world {world}: `msbot demo --lesson {name}` has one",
+                        title=wanted.title, world=wanted.world, name=wanted.name,
+                    )
+                )  # fmt: skip
+            return await self._set_up(wanted, who)
+        finally:
+            self._is_busy = False
+
+    async def end(self, who: str) -> str:
+        """See `LessonControl`.
+
+        Raises:
+            ConfigError: no lesson runs.
+        """
+        begun = self._need()
+        if self._is_busy:
+            raise ConfigError(said("the lesson is being set up or put back at this moment"))
+        self._is_busy = True
+        try:
+            self._begun = None
+            left = await self._put_back(begun, who)
+        finally:
+            self._is_busy = False
+        title = begun.run.lesson.title
+        self._operations.lessons.note(said("the lesson {title!r} is over", title=title), who)
+        if left:
+            return said("the lesson {title!r} is over; not put back: {left}", title=title, left=joined("; ", left))
+        return said("the lesson {title!r} is over; everything is as it was before", title=title)
+
+    def join(self, who: str) -> str:
+        """See `LessonControl`.
+
+        Raises:
+            ConfigError: no lesson runs, or too many people take part.
+        """
+        begun = self._need()
+        if who not in begun.people:
+            if len(begun.people) >= MOST_PEOPLE:
+                raise ConfigError(said("{most} people take part, which is the most", most=MOST_PEOPLE))
+            begun.people[who] = self._running.now()
+            for check in (BEGUN, *begun.run.ticked):  # it is the robot that has got so far
+                self._keep(begun, (who,), check)
+        return said("{who} takes part in {title!r}", who=who, title=begun.run.lesson.title)
+
+    def answer(self, check: str, answer: str, who: str) -> str:
+        """See `LessonControl`.
+
+        Raises:
+            ConfigError: there is no such question now, or the answer is wrong.
+        """
+        begun = self._need()
+        self.join(who)
+        questions = self.shelf.questions(begun.run.lesson, check)
+        if not begun.run.answer(check, answer, self._running.now(), questions):
+            raise ConfigError(said("that is not right yet"))
+        self._ticked(begun, check)
+        return said("that is right, {who}", who=who)
+
+    def hand(self, who: str, *, up: bool) -> str:
+        """See `LessonControl`.
+
+        Raises:
+            ConfigError: no lesson runs.
+        """
+        begun = self._need()
+        if up and (who in begun.people or len(begun.hands) < MOST_PEOPLE):
+            begun.hands.setdefault(who, self._running.now())
+            return said("{who} asks for help", who=who)
+        begun.hands.pop(who, None)
+        return said("{who} asks for nothing", who=who)
+
+    def look_again(self) -> None:
+        """Somebody looks at the lessons: read the files again, unless that was just done."""
+        now = self._running.now()
+        if now - self._looked_at >= FILES_S:
+            self._looked_at = now
+            self._running.later(asyncio.to_thread(self.shelf.refresh))
+
+    def hint_now(self) -> Hint | None:
+        """What is missing for the next check; None: nothing, or no lesson runs."""
+        return None if self._begun is None else self._begun.run.missing(self._robot)
+
+    def as_json(self) -> Mapping[str, object]:
+        """See `LessonControl`."""
+        begun, now = self._begun, self._running.now()
+        if begun is None:
+            return {"lesson": None, "trouble": self._trouble}
+        run = begun.run
+        lesson, hint = run.lesson, run.hint(self._robot, now)
+        return {
+            "lesson": lesson.name, "title": lesson.title, "who": begun.who, "since_s": now - run.begun_at,
+            "step": run.step, "steps": len(lesson.steps), "done": run.is_done,
+            "checks": [
+                {"check": check.name, "says": check.says, "ticked": check.name in run.ticked,
+                 "after_s": None if check.name not in run.ticked else run.ticked[check.name] - run.begun_at}
+                for check in lesson.checks
+            ],
+            "quiet_s": run.since_tick(now),
+            "hint": None if hint is None else {"check": hint.check, "seen": hint.seen, "look": hint.look},
+            "people": list(begun.people), "hands": {name: now - at for name, at in begun.hands.items()},
+            "trouble": self._trouble,
+        }  # fmt: skip
+
+    async def run(self) -> None:
+        """Look at the checks of the lesson that runs, until cancelled."""
+        settling = self._running.loop.call_later(SETTLED_S, self._read_unless_read)
+        try:
+            while True:
+                await self._wake.wait()
+                self._wake.clear()
+                while (begun := self._begun) is not None:
+                    for check in begun.run.look(self._robot, self._running.now()):
+                        self._ticked(begun, check.name)
+                    await asyncio.sleep(LOOK_S)
+        finally:
+            settling.cancel()
+
+    # How it works.
+
+    def _read_unless_read(self) -> None:
+        if not self.shelf.is_read:
+            self.look_again()
+
+    def _need(self) -> _Begun:
+        if self._begun is None:
+            raise ConfigError(said("no lesson runs: begin one on the page Learn, or with `msbot lesson start`"))
+        return self._begun
+
+    async def _set_up(self, lesson: Lesson, who: str) -> str:
+        wanted = await self._blueprint(lesson)
+        edits = await self._operations.undoing.read(1)
+        begun = _Begun(
+            run=LessonRun(lesson, self._running.now()),
+            who=who,
+            began_ns=self._epoch_ns(),
+            newest_edit=edits[0].id if edits else 0,
+            stand_ins=self._operations.stand_ins.names,
+            holders=self._holders(),
+            faults={number for fault in self._operations.faults.listed() if isinstance(number := fault["number"], int)},
+        )
+        try:
+            if wanted is not None:
+                await self._operations.applying.put_in_force(wanted, self._running.library, who=who)
+            await self._fill(begun, lesson, who)
+            for slot, values in (lesson.settings or {}).items():
+                for name, value in values.items():
+                    await self._operations.do("set", who=who, slot=slot, name=name, value=value)
+            for fault in lesson.faults:
+                self._operations.faults.plant(fault, who)
+        except MsbotError:
+            await self._put_back(begun, who)
+            raise
+        self._begun = begun
+        self._trouble = ""
+        self.join(who)
+        self._wake.set()
+        self._operations.lessons.note(said("the lesson {title!r} begins", title=lesson.title), who)
+        return said("the lesson {title!r} begins: its page is Learn", title=lesson.title)
+
+    async def _blueprint(self, lesson: Lesson) -> Blueprint | None:
+        """The running robot with the slots and wires of the lesson; None: it has them."""
+        library = self._running.library
+        if library is None:
+            raise ConfigError(said("this robot was started without its library: it cannot take another blueprint"))
+        if lesson.blueprint is not None:
+            wanted, _ = await self._workshop.run(open_blueprint, lesson.blueprint)
+        else:
+            wanted = parse_blueprint(SAMPLES[lesson.robot], library)
+        present = await self._operations.applying.present()
+        if (present.slots, present.bindings) == (wanted.slots, wanted.bindings):
+            return None
+        return replace(present, slots=wanted.slots, bindings=wanted.bindings)
+
+    async def _fill(self, begun: _Begun, lesson: Lesson, who: str) -> None:
+        """Stand-ins for slots without a part; those that begin empty are pulled out, and so are spares."""
+        for spare in set(self._parts.names) - set(self._running.slot_names()):
+            if self._parts.is_plugged(spare):
+                self._parts.unplug(spare)
+                begun.unplugged.append(spare)
+        for slot in self._running.slot_names():
+            is_here = slot in self._parts.names
+            if slot in lesson.unplugged:
+                if is_here and self._parts.is_plugged(slot):
+                    self._parts.unplug(slot)
+                    begun.unplugged.append(slot)
+                continue
+            holder = self._running.holder(slot)
+            if (holder is None or not holder.state.is_registered) and not is_here:
+                await self._operations.do("simulate", who=who, slot=slot)
+            elif is_here and not self._parts.is_plugged(slot):
+                self._parts.plug(slot)
+
+    async def _put_back(self, begun: _Begun, who: str) -> list[str]:
+        """What could not be put back, and why."""
+        left: list[str] = []
+
+        async def attempt(deed: Callable[[], object]) -> str:
+            try:
+                result = deed()
+                if asyncio.iscoroutine(result):
+                    await result
+            except MsbotError as error:
+                return str(error)
+            return ""
+
+        for fault in self._operations.faults.listed():
+            if isinstance(number := fault["number"], int) and number not in begun.faults:
+                left.append(await attempt(partial(self._operations.do, "clear_fault", who=who, fault=number)))
+        for slot in set(self._operations.stand_ins.names) - set(begun.stand_ins):
+            left.append(await attempt(partial(self._operations.do, "simulate", who=who, slot=slot, end=True)))
+        made = [edit for edit in await self._operations.undoing.read(EDITS) if edit.id > begun.newest_edit]
+        for edit in made:
+            if edit.can_be_undone:
+                why = await attempt(partial(self._operations.do, "undo", who=who, edit=edit.id))
+                # A part that was only there for the lesson cannot be put back; whoever was there before, is again.
+                if edit.kind != EditKind.PLACE.value or self._holders() != begun.holders:
+                    left.append(why)
+        for slot in begun.unplugged:
+            if slot in self._parts.names and not self._parts.is_plugged(slot):
+                left.append(await attempt(partial(self._parts.plug, slot)))
+        return [why for why in left if why]
+
+    def _holders(self) -> dict[str, bytes]:
+        return {
+            slot: holder.uid
+            for slot in self._running.slot_names()
+            if (holder := self._running.holder(slot)) is not None and holder.state.is_registered
+        }
+
+    def _ticked(self, begun: _Begun, check: str) -> None:
+        found = begun.run.lesson.check(check)
+        says = check if found is None else found.says
+        self._operations.lessons.note(said("ticked: {says}", says=says), joined(", ", begun.people) or begun.who)
+        self._keep(begun, tuple(begun.people), check)
+
+    def _keep(self, begun: _Begun, people: tuple[str, ...], check: str) -> None:
+        """Keep a tick in the database, without waiting for it."""
+        registry = self._running.registry
+        if registry is None or not people:
+            return
+        work = partial(registry.lesson_ticks.note, people, begun.run.lesson.name, check, self._epoch_ns())
+
+        async def keep() -> None:
+            try:
+                await registry.storage.in_time(work)
+            except MsbotError as error:
+                self._trouble = said("what was done is not kept: {error}", error=str(error))
+                _log.warning("%s", self._trouble)
+
+        self._running.later(keep())

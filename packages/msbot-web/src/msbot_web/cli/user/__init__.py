@@ -1,1 +1,0 @@
-"""`msbot user`: the people who may sign in on the page."""

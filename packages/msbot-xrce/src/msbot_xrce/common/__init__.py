@@ -1,1 +1,0 @@
-"""What every distribution above needs as well: quick dataclasses, counters, counted nouns."""

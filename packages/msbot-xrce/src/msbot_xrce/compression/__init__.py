@@ -1,1 +1,0 @@
-"""Header compression for slow buses: makes messages shorter, and restores them exactly."""

@@ -1,1 +1,0 @@
-"""`msbot arena`: worlds for simulated robots."""

@@ -1,1 +1,0 @@
-"""`msbot library`: the part types that robots are made of."""

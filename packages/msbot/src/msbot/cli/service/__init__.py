@@ -1,1 +1,0 @@
-"""`msbot service`: a robot that starts with the computer."""
