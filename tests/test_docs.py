@@ -1,36 +1,13 @@
-"""The docs say what there is: commands and options, links that lead somewhere, no page left out."""
+"""The docs say what there is: links lead somewhere, and no page is left out."""
 
 import re
 from pathlib import Path
 
-import click
 import pytest
-
-from msbot_agent.cli import COMMANDS, msbot
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-
-
-def options_of(command: click.Command) -> list[str]:
-    own = [max(param.opts, key=len) for param in command.params if isinstance(param, click.Option)]
-    if isinstance(command, click.Group):
-        own += [option for sub in command.commands.values() for option in options_of(sub)]
-    return own
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_and_option_is_documented(name: str) -> None:
-    page = (DOCS / "reference/commands.md").read_text()
-    section = page.partition(f"## `msbot {name}`")[2].partition("\n## ")[0]
-    assert section, f"docs/reference/commands.md has no section for `msbot {name}`"
-    command = msbot.get_command(click.Context(msbot), name)
-    assert command is not None
-    of_many = page.partition("## Options of many commands")[2].partition("\n## ")[0]
-    known = [*re.findall(r"^\| `(--\w+)", of_many, re.MULTILINE)]
-    missing = [option for option in options_of(command) if option not in section and option not in known]
-    assert not missing
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)

@@ -1,4 +1,4 @@
-"""Every `msbot` command that a page shows is one that there is: its words and options are those of the program."""
+"""Every `msbot` command that a page shows is one that there is, and the page of commands has all of them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import click
 import pytest
 
 from msbot_agent.cli import msbot
+from tools.commands_page import PAGE, tables, with_tables
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs" / "howto").glob("*.md")), *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
@@ -46,6 +47,16 @@ def parse(words: list[str]) -> None:
         left = group.make_parser(context).parse_args(list(words))[1]
         if left:
             raise click.UsageError(f"too many words: {left}")
+
+
+def test_the_page_of_commands_is_up_to_date() -> None:
+    page = PAGE.read_text()
+    assert page == with_tables(page), "python tools/commands_page.py --write"
+
+
+def test_an_option_is_in_the_tables_unless_it_is_shared() -> None:
+    assert "`--window`" in tables(set())
+    assert "`--window`" not in tables({"--window"})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

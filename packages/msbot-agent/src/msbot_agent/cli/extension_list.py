@@ -18,7 +18,7 @@ from msbot_agent.startup.extensions import GROUPS, Extension, extensions
 @click.command("extensions")
 @json_option
 def command(*, as_json: bool) -> None:
-    """List the extensions that are installed: what each brings, and why something of it is left out.
+    """List the installed extensions, what each contains, and why something is left out.
 
     Exit status: 0 = everything works, 1 = something is left out.
     """

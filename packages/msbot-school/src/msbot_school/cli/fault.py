@@ -44,7 +44,7 @@ def fault_command() -> None:
 @click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
 @answer_options
 def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: object) -> None:
-    """Plant a fault of a KIND at the part in a slot; some kinds concern the whole robot and take no SLOT."""
+    """Plant a fault at the part in a slot, or in the whole robot."""
     say(db, robot, "plant_fault", {**wish, "for": for_s})
 
 
@@ -53,7 +53,7 @@ def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: objec
 @json_option
 @robot_options
 def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bool) -> None:
-    """Show what is planted, also what is hidden; what a mission wants to be found only with --answers."""
+    """List planted faults, hidden ones too; those of a mission only with --answers."""
     found = perform(db, robot, "faults", {"answers": answers})
     if as_json:
         click.echo(json.dumps(found))
@@ -67,14 +67,14 @@ def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bo
 @click.argument("fault", type=WholeRange(min=1), required=False, metavar="[ID]")
 @answer_options
 def clear(fault: int | None, db: str | None, robot: str | None) -> None:
-    """End the fault with that number, or all."""
+    """End fault ID, or all."""
     say(db, robot, "clear_fault", {"fault": fault})
 
 
 @fault_command.command("kinds")
 @json_option
 def kinds(*, as_json: bool) -> None:
-    """List what can go wrong, and what --amount means for it."""
+    """List the kinds of faults, and what --amount means for each."""
     from msbot_school.faults.kinds import KINDS
 
     if as_json:
@@ -121,7 +121,7 @@ LONGEST_ANSWER = 1000
 @click.option("--seed", type=WholeRange(), help="The same questions again: everybody in a class gets these.")
 @json_option
 def quiz_command(*, count: int, seed: int | None, as_json: bool) -> None:
-    """Ask questions about messages and frames, and say after each answer how one finds it.
+    """Ask questions about messages and frames, and explain each answer.
 
     Status 1 unless all answers are right. With --json nothing is asked at the terminal: answers come as lines on
     standard input, the result is an object.

@@ -29,7 +29,7 @@ def command() -> None:
 @lessons_option
 @json_option
 def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
-    """List the lessons that there are."""
+    """List all lessons."""
     from msbot_school.lessons.catalog import LessonCatalog
 
     found, wrong = LessonCatalog(lessons).all()
@@ -49,7 +49,7 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
 @click.argument("path", type=click.Path(path_type=Path))
 @json_option
 def check(path: Path, *, as_json: bool) -> None:
-    """Check the file of a lesson: every mistake with its line and what would be right."""
+    """Check a lesson file; mistakes are reported with line and remedy."""
     from msbot_school.lessons.reading import read_lesson
 
     with mistakes_told(as_json=as_json):
@@ -64,7 +64,7 @@ def check(path: Path, *, as_json: bool) -> None:
 @click.argument("lesson")
 @answer_options
 def start(lesson: str, db: str | None, robot: str | None) -> None:
-    """Set the robot that runs here up for a lesson, and begin it.
+    """Set up the robot that runs here for a lesson, and begin.
 
     Its slots and wires become those of the lesson, and simulated parts take the empty slots; `msbot lesson stop` puts
     everything back. Where no robot runs: `msbot demo --lesson NAME`.
@@ -75,7 +75,7 @@ def start(lesson: str, db: str | None, robot: str | None) -> None:
 @command.command("stop")
 @answer_options
 def stop(db: str | None, robot: str | None) -> None:
-    """End the lesson, and put the robot back to what it was before."""
+    """End the lesson and restore the robot."""
     say(db, robot, "stop_lesson", {})
 
 
@@ -83,7 +83,7 @@ def stop(db: str | None, robot: str | None) -> None:
 @json_option
 @robot_options
 def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Show what has ticked in the lesson that runs, and what is missing."""
+    """Show which steps of the running lesson are done, who takes part, and what is missing."""
     found = perform(db, robot, "lesson", {})
     if as_json:
         click.echo(json.dumps(found))
@@ -100,7 +100,7 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 @robot_options
 @lessons_option
 def report(db: str | None, robot: str | None, *, lessons: tuple[Path, ...], as_csv: bool, as_json: bool) -> None:
-    """Show how far everybody is in every lesson that they have begun."""
+    """Show everybody's progress in every lesson that they have begun."""
     from msbot.registry import open_registry
     from msbot_school.lessons.catalog import LessonCatalog
     from msbot_school.lessons.progress import csv_of, progress_of

@@ -32,7 +32,7 @@ def command() -> None:
 @command.command("list")
 @json_option
 def list_missions(*, as_json: bool) -> None:
-    """List the missions that MsBOT brings."""
+    """List the missions."""
     from msbot_school.missions.mission_file import ready_missions
 
     missions = ready_missions().values()
@@ -48,7 +48,7 @@ def list_missions(*, as_json: bool) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @json_option
 def check(file: Path, *, as_json: bool) -> None:
-    """Check a mission FILE: every mistake with its line and what would be right; exit status 2 if there is one."""
+    """Check a mission file; mistakes are reported with line and remedy (exit status 2)."""
     from msbot_school.missions.mission_file import load_mission
 
     with mistakes_told(as_json=as_json):
@@ -66,7 +66,7 @@ def check(file: Path, *, as_json: bool) -> None:
 @click.option("--seed", type=WholeRange(0, 2**53), metavar="N", help="What chance decides is the same for it.")
 @answer_options
 def start(mission: str, db: str | None, robot: str | None, *, seed: int | None) -> None:
-    """Begin a ready mission, or that of a FILE (its name ends in .toml)."""
+    """Begin a mission, by name or from a FILE.toml."""
     toml = ""
     if mission.endswith(".toml"):
         from msbot_school.missions.mission_file import load_mission
@@ -78,7 +78,7 @@ def start(mission: str, db: str | None, robot: str | None, *, seed: int | None) 
 @command.command("stop")
 @answer_options
 def stop(db: str | None, robot: str | None) -> None:
-    """End the mission that runs."""
+    """End the running mission."""
     say(db, robot, "stop_mission", {})
 
 
@@ -87,7 +87,7 @@ def stop(db: str | None, robot: str | None) -> None:
 @click.argument("at", required=False, default="", metavar="[SLOT]")
 @answer_options
 def answer(kind: str, at: str, db: str | None, robot: str | None) -> None:
-    """Say which KIND of fault it is, and where; no SLOT for what concerns the whole robot."""
+    """Name the fault: its KIND, and the SLOT unless it concerns the whole robot."""
     say(db, robot, "answer_mission", {"kind": kind, "at": at})
 
 
@@ -96,14 +96,14 @@ def answer(kind: str, at: str, db: str | None, robot: str | None) -> None:
 @click.argument("at", required=False, default="", metavar="[SLOT]")
 @answer_options
 def repair(repair: str, at: str, db: str | None, robot: str | None) -> None:
-    """Have something repaired: the right REPAIR at the right place ends the fault."""
+    """Repair something; the right REPAIR at the right place ends the fault."""
     say(db, robot, "repair", {"repair": repair, "at": at})
 
 
 @command.command("repairs")
 @json_option
 def repairs(*, as_json: bool) -> None:
-    """List what can be repaired, and which faults that mends."""
+    """List the repairs and the faults that they end."""
     from msbot_school.missions.mission import REPAIRS
 
     if as_json:
@@ -120,7 +120,7 @@ def repairs(*, as_json: bool) -> None:
 @command.command("hint")
 @answer_options
 def hint(db: str | None, robot: str | None) -> None:
-    """Ask for the next hint; it costs."""
+    """Show the next hint; it costs points."""
     say(db, robot, "mission_hint", {})
 
 
@@ -128,7 +128,7 @@ def hint(db: str | None, robot: str | None) -> None:
 @json_option
 @robot_options
 def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Show the mission that runs: story, time, what is found."""
+    """Show the running mission: story, time left, what is named and repaired."""
     found = perform(db, robot, "mission", {})
     if as_json:
         click.echo(json.dumps(found))
@@ -159,7 +159,7 @@ def report(
     db: str | None, robot: str | None, *, number: int | None, recording: Path | None, html: Path | None,
     language: str, as_json: bool,
 ) -> None:  # fmt: skip
-    """Tell marks, times and wrong acts of a mission that is over."""
+    """Show marks, times and wrong acts of a finished mission."""
     played, damage = _played(recording, number) if recording else (_asked(db, robot, number), "")
     if html is not None:
         _write_html(played, html, language)

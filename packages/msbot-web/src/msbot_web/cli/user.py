@@ -54,7 +54,7 @@ def user_command() -> None:
 @db_option
 @json_option
 def list_users(db: str | None, *, as_json: bool) -> None:
-    """List everybody who may sign in; passwords are not kept, only their hashes, and these are not shown."""
+    """List everybody who may sign in, with roles, tokens and tickets."""
     with _accounts(db) as accounts:
         people = accounts.users()
     if as_json:
@@ -106,7 +106,7 @@ def add(
 @generate_option
 @db_option
 def passwd(name: str, *, from_stdin: bool, generate: bool, db: str | None) -> None:
-    """Give NAME another password; sessions and API tokens with the old one end."""
+    """Set a new password; NAME's sessions and API tokens end."""
     with _accounts(db) as accounts:
         password = _password(from_stdin=from_stdin, generate=generate)
         run_to_end(accounts.change_password(name, password, who=user_name()))
@@ -128,7 +128,7 @@ def change_role(name: str, role: str, db: str | None) -> None:
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @db_option
 def remove(names: tuple[str, ...], db: str | None) -> None:
-    """Remove NAME, who can no longer sign in; several names remove several people."""
+    """Remove people."""
     with _accounts(db) as accounts:
         for name in names:
             run_to_end(accounts.remove_user(name, who=user_name()))
@@ -140,7 +140,7 @@ def remove(names: tuple[str, ...], db: str | None) -> None:
 @click.argument("purpose")
 @db_option
 def new_token(name: str, purpose: str, db: str | None) -> None:
-    """Make an API token with which programs do what NAME may do, and print it; PURPOSE says what it is for."""
+    """Print an API token that gives programs NAME's rights; PURPOSE names it."""
     with _accounts(db) as accounts:
         click.echo(run_to_end(accounts.new_token(name, purpose, who=user_name())))
 
@@ -150,7 +150,7 @@ def new_token(name: str, purpose: str, db: str | None) -> None:
 @click.argument("relay")
 @db_option
 def new_ticket(name: str, relay: str, db: str | None) -> None:
-    """Make a ticket with which RELAY (a relay or an agent) brings parts as NAME's, a teacher, and print it.
+    """Print a ticket with which RELAY, a relay or an agent, brings parts as those of the teacher NAME.
 
     It opens nothing else. `msbot user revoke NAME RELAY` makes it worthless.
     """
@@ -163,7 +163,7 @@ def new_ticket(name: str, relay: str, db: str | None) -> None:
 @click.argument("purpose")
 @db_option
 def revoke(name: str, purpose: str, db: str | None) -> None:
-    """Make the API token or ticket of NAME for PURPOSE worthless."""
+    """Revoke an API token or ticket."""
     with _accounts(db) as accounts:
         run_to_end(accounts.remove_token(name, purpose, who=user_name()))
     click.echo(f"the token of {name} for {purpose} is worthless now")
@@ -270,7 +270,7 @@ def pupils_command() -> None:
               "with a program, a distance sensor, a bumper, two motors, a lamp.")  # fmt: skip
 @library_option
 def robot(path: Path, groups: str, source: Path | None, folders: tuple[Path, ...]) -> None:
-    """Write the blueprint of a robot in which every group has the same slots and wires to the new file PATH.
+    """Write a blueprint in which every group has the same slots and wires to the new file PATH.
 
     A slot `fan` becomes `fan_Red`, `fan_Blue`; the page Pupils makes the groups by these names.
     """
@@ -301,7 +301,7 @@ def robot(path: Path, groups: str, source: Path | None, folders: tuple[Path, ...
 @json_option
 @robot_options
 def list_pupils(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Show groups, who runs a program, whose is held and why, and whose hand is up."""
+    """Show groups, running and held programs, and raised hands."""
     found = perform(db, robot, "classroom", {})
     if as_json:
         click.echo(json.dumps(found))
@@ -313,14 +313,14 @@ def list_pupils(db: str | None, robot: str | None, *, as_json: bool) -> None:
 @click.argument("reason", default="")
 @answer_options
 def freeze(reason: str, db: str | None, robot: str | None) -> None:
-    """Hold the programs of all pupils; what they drive goes to its safe value. REASON is for the pupils' pages."""
+    """Hold all pupils' programs; what they drive goes to its safe value."""
     say(db, robot, "freeze", {"reason": reason})
 
 
 @pupils_command.command("go")
 @answer_options
 def go(db: str | None, robot: str | None) -> None:
-    """Let the pupils' programs go on; STOP is ended by `msbot go`."""
+    """Let the pupils' programs continue; STOP needs `msbot go`."""
     say(db, robot, "thaw", {})
 
 
@@ -329,7 +329,7 @@ def go(db: str | None, robot: str | None) -> None:
 @click.option("--run", is_flag=True, help="It is not held, but runs under the teacher's hands.")
 @answer_options
 def take_over(pupil: str, db: str | None, robot: str | None, *, run: bool) -> None:
-    """Take the program of PUPIL: it is held until it is handed back."""
+    """Take over the program of PUPIL and hold it until `hand-back`; --run runs it for the teacher."""
     say(db, robot, "take_over", {"pupil": pupil, "run": run})
 
 
@@ -347,7 +347,7 @@ def hand_back(pupil: str, db: str | None, robot: str | None) -> None:
 @click.option("--slot", "slots", multiple=True, metavar="SLOT", help="A slot of its own; may be given several times.")
 @answer_options
 def group(group: str, pupils: tuple[str, ...], slots: tuple[str, ...], db: str | None, robot: str | None) -> None:
-    """Make a group of pupils with slots of its own, or change it; they leave the groups that they were in."""
+    """Make or change a group of pupils with slots of its own; they leave their former groups."""
     say(db, robot, "group", {"group": group, "pupils": list(pupils), "slots": list(slots)})
 
 
@@ -355,7 +355,7 @@ def group(group: str, pupils: tuple[str, ...], slots: tuple[str, ...], db: str |
 @click.argument("group")
 @answer_options
 def ungroup(group: str, db: str | None, robot: str | None) -> None:
-    """Take a group away: its slots are everybody's."""
+    """Remove a group; its slots are everybody's."""
     say(db, robot, "remove_group", {"group": group})
 
 

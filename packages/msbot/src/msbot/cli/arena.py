@@ -23,7 +23,7 @@ def command() -> None:
 @command.command("list")
 @json_option
 def list_worlds(*, as_json: bool) -> None:
-    """List the worlds that MsBOT brings."""
+    """List the worlds that MsBOT contains."""
     from msbot.sim.arena.world_reader import open_world, shipped_worlds
 
     worlds = [(name, open_world(name)) for name in shipped_worlds()]
@@ -38,7 +38,7 @@ def list_worlds(*, as_json: bool) -> None:
 @click.argument("world", metavar="FILE")
 @json_option
 def check(world: str, *, as_json: bool) -> None:
-    """Check a world file: every mistake is told with file, line and what would be right (exit status 2)."""
+    """Check a world file; mistakes are reported with file, line and remedy (exit status 2)."""
     from msbot.sim.arena.world_reader import open_world
 
     with mistakes_told(as_json=as_json):
@@ -71,7 +71,7 @@ def show(world: str, svg: Path | None, *, as_json: bool) -> None:
 @json_option
 @robot_options
 def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Say what time it is in the world of the robot that runs here, and where everything is."""
+    """Show the time and all positions in the world of the robot that runs here."""
 
     found = perform(db, robot, "world", {})
     click.echo(json.dumps(found) if as_json else status_page(found))
@@ -81,7 +81,7 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 @click.option("--off", is_flag=True, help="Let it go on.")
 @answer_options
 def pause(db: str | None, robot: str | None, *, off: bool) -> None:
-    """Stop the time of the world of the robot that runs here; the robot's own time goes on."""
+    """Stop the time of that world, not of the robot's programs; --off continues."""
     say(db, robot, "pause_world", {"off": off})
 
 
@@ -89,14 +89,14 @@ def pause(db: str | None, robot: str | None, *, off: bool) -> None:
 @click.option("--steps", type=WholeRange(1, 500), default=1, help="How many; a fiftieth of a second each.")
 @answer_options
 def step(db: str | None, robot: str | None, steps: int) -> None:
-    """Let a step pass in that world; it stands still afterwards."""
+    """Run that world for one step of 1/50 s, or --steps of them, then stop its time."""
     say(db, robot, "step_world", {"steps": steps})
 
 
 @command.command("reset")
 @answer_options
 def reset(db: str | None, robot: str | None) -> None:
-    """Put everything in that world back to where it was at the start."""
+    """Put everything in that world back to its start."""
     say(db, robot, "reset_world", {})
 
 
@@ -104,7 +104,7 @@ def reset(db: str | None, robot: str | None) -> None:
 @click.argument("speed", type=FiniteRange())
 @answer_options
 def speed(speed: float, db: str | None, robot: str | None) -> None:
-    """Let time pass slower or faster in that world: 0.25, 0.5, 1, 2 or 4."""
+    """Set the speed of that world: 0.25, 0.5, 1, 2 or 4 times real time."""
     say(db, robot, "world_speed", {"speed": speed})
 
 
@@ -116,7 +116,7 @@ def speed(speed: float, db: str | None, robot: str | None) -> None:
 )
 @answer_options
 def put(name: str, at: tuple[float, float], heading: float | None, db: str | None, robot: str | None) -> None:
-    """Put a robot of that world elsewhere: metres from the left and from below."""
+    """Move a robot of that world; X and Y in metres from the left and from below."""
     turned = {} if heading is None else {"heading": heading}
     say(db, robot, "put_robot", {"robot": name, "x": at[0], "y": at[1], **turned})
 

@@ -25,7 +25,7 @@ def command() -> None:
 @command.command("migrate")
 @db_option
 def migrate(db: str | None) -> None:
-    """Bring the database of an older MsBOT up to date; a copy of it is kept. `msbot master` does it by itself."""
+    """Update the database of an older MsBOT and keep a copy, as `msbot master` does at its start."""
     from msbot.registry import without_password
     from msbot.registry.maintenance import upkeep
 
@@ -44,7 +44,7 @@ def migrate(db: str | None) -> None:
               help="The target is a folder: name the file by date and time, and keep the newest N.")  # fmt: skip
 @db_option
 def backup(target: Path, db: str | None, *, keep: int | None) -> None:
-    """Copy the database to FILE, also while a master uses it. FILE is an SQLite database, whatever --db is."""
+    """Copy the database to a new SQLite FILE, even while a master uses it."""
     from msbot.registry import without_password
     from msbot.registry.maintenance import upkeep
 
@@ -87,7 +87,7 @@ def _older(folder: Path, stem: str, keep: int) -> list[Path]:
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @db_option
 def restore(file: Path, db: str | None, *, yes: bool) -> None:
-    """Put what is in FILE, made by `msbot db backup`, in place of what the database has.
+    """Replace the content of the database by a backup.
 
     What it had is kept in a copy. No master may run a robot of it meanwhile.
     """
@@ -110,7 +110,7 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list of sentences.")
 @db_option
 def check(db: str | None, *, as_json: bool) -> None:
-    """Look for damage and contradictions; status 1 when there are any."""
+    """Find damage and contradictions (status 1)."""
     from msbot.registry import without_password
     from msbot.registry.maintenance import upkeep
 

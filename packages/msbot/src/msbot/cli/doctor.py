@@ -34,7 +34,7 @@ def command(
     addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress, only: str | None, *,
     verbose: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Look for everything that keeps a robot from working: installation, buses, network, database, the robot itself.
+    """Find what keeps a robot from working: installation, buses, network, database, the robot itself.
 
     Says only what is not as it should be, why it matters and what mends it; status 1 when there is something to mend.
     A master that runs here is examined without being named.

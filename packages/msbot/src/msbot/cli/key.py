@@ -94,7 +94,7 @@ def command() -> None:
 @click.option("--no-qr", is_flag=True, help="Print no QR code.")
 @db_option
 def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no_qr: bool) -> None:
-    """Draw a key for PART (a part number, or the name of a part the robot has seen) and print what goes on the part.
+    """Make a key for PART (a part number, or a part that the robot has seen) and print it with the UID.
 
     A part that had a key gets another one; the old one is void. The key is shown this once.
     """
@@ -128,7 +128,7 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
 @click.option("--slot", default="", help="Slot of the board, if the robot has not seen the board in it.")
 @db_option
 def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None:
-    """Let the parts that are wired to a generic BOARD in with the board's key.
+    """Give the parts that are wired to a generic BOARD the board's key.
 
     BOARD is its UID, or its name or slot if the robot has seen it. Which parts: all that its slot says now (part_1 to
     part_8), or only those that are WIRED: texts as in part_1, "HC-SR04 eye"; they may go on with the wires.
@@ -161,7 +161,7 @@ def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of lines.")
 @db_option
 def list_keys(db: str | None, *, as_json: bool) -> None:
-    """List the parts that have a key; the keys themselves are not shown."""
+    """List the parts that have a key, without the keys."""
     with open_registry(existing_database(db), read_only=True) as registry:
         rows = registry.keys.all()
         parts = {part.uid: part for part in registry.robots.parts()}
@@ -182,7 +182,7 @@ def list_keys(db: str | None, *, as_json: bool) -> None:
 @click.argument("part")
 @db_option
 def remove(part: str, db: str | None) -> None:
-    """Void the key of PART (a UID, or a name of a part the robot has seen): it is not let in any more.
+    """Void the key of PART; a part that is in stays until its next claim.
 
     A part that is in stays in until it claims again; `msbot block` puts it out at once.
     """

@@ -55,7 +55,7 @@ def list_types(category: str | None, folders: tuple[Path, ...], *, as_json: bool
 @library_option
 @json_option
 def search(words: tuple[str, ...], folders: tuple[Path, ...], *, as_json: bool) -> None:
-    """Find part types by WORDS: all of them must occur, beginnings will do, slips of the pen are forgiven."""
+    """Find part types by WORDS; all must occur, beginnings and near misses count."""
     from msbot.config.library.search import PartSearch
 
     found = PartSearch(library_here(folders)).find(" ".join(words))
@@ -85,7 +85,7 @@ def show(number: str, picture: Path | None, folders: tuple[Path, ...], *, as_jso
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @json_option
 def check(paths: tuple[Path, ...], *, as_json: bool) -> None:
-    """Check the files or folders PATHS, together with what MsBOT brings.
+    """Check library files or folders; mistakes are reported with file, line and key.
 
     Every mistake is told with file, line and key (exit status 2). What is right but could be better is told as a hint.
     """
@@ -123,7 +123,7 @@ def add(what: str, folder: Path) -> None:
 @click.argument("number")
 @answer_options
 def forget(number: str, db: str | None, robot: str | None) -> None:
-    """Take the part type NUMBER, which a running robot has adopted, out of its library; then it can be adopted anew.
+    """Remove the adopted part type NUMBER from a running robot's library.
 
     Its slots must be gone: `msbot slot remove SLOT`.
     """

@@ -122,7 +122,7 @@ def folded(line: str, columns: int) -> str:
 @robot_options
 @json_option
 def parts_command(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """List every part the robot has seen: its slot, its state and since when.
+    """List every part that the robot has seen: slot, state, since when.
 
     States come from the journal of transitions, which the master writes; heartbeats are never stored.
     """
@@ -176,7 +176,7 @@ def _parts_as_json(row: PartRecord) -> dict[str, str | int | None]:
 @db_option
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of a table.")
 def robots_command(db: str | None, *, as_json: bool) -> None:
-    """List the robots of a database, the one whose blueprint was applied last first."""
+    """List the robots of a database, the latest blueprint first."""
     path = existing_database(db)
     until_stored(path)
     with looking_at(path) as look:
@@ -224,7 +224,7 @@ def _row(look: Look, robot: RobotRecord) -> dict[str, str | int | bool]:
 @robot_options
 @json_option
 def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Say why PART (a name, slot, part number or UID) is, or is not, in the robot.
+    """Explain why PART (a name, slot, part number or UID) is in the robot, or is not.
 
     Prints its latest changes of state, newest last, each with the rules that were tried and what came of them, and
     its present state if the robot runs.

@@ -35,7 +35,7 @@ robot_option = click.option("--robot", metavar="NAME", help="Which robot, when t
 db_option = click.option(
     "--db",
     metavar="FILE",
-    help="The robot's database; robot.db beside the blueprint unless told otherwise.",
+    help="The robot's database, a file or postgresql://...; default: robot.db beside the blueprint or in this folder.",
 )
 
 

@@ -339,9 +339,9 @@ def command() -> None:
 @blueprint_argument
 @click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
               help="Where parts come in; may be given several times.")  # fmt: skip
-@click.option("--db", metavar="FILE", help="The robot's database; robot.db beside the blueprint unless told otherwise.")
-@click.option("--host", help="Where the page is served; this computer only unless told otherwise.")
-@click.option("--port", type=WholeRange(1, 65535), help="Port of the page; 8080 unless told otherwise.")
+@click.option("--db", metavar="FILE", help="The robot's database; default: beside the blueprint, ending .db.")
+@click.option("--host", help="Where the page is served; default: this computer only.")
+@click.option("--port", type=WholeRange(1, 65535), help="Port of the page; default 8080.")
 @click.option(
     "--standby", is_flag=True, help="Take turns with a master on another computer; needs --db postgresql://..."
 )
@@ -355,7 +355,7 @@ def install(
     blueprint: Path, *, addresses: tuple[str, ...], db: str | None, host: str | None, port: int | None, backup_at: str,
     backups: Path | None, keep: int, for_all: bool, only_print: bool, standby: bool,
 ) -> None:  # fmt: skip
-    """Have the master of BLUEPRINT (robot.toml) run from now on, and whenever the computer starts.
+    """Run the master of BLUEPRINT (robot.toml) as a service, now and whenever the computer starts.
 
     Called again, it puts the new options in force. Where there is no systemd, the unit files are printed.
     """
@@ -388,7 +388,7 @@ def install(
 @blueprint_argument
 @all_option
 def remove(blueprint: Path, *, for_all: bool) -> None:
-    """Stop the robot of BLUEPRINT from starting; blueprint, database and backups stay as they are."""
+    """End and remove the service; blueprint, database and backups stay."""
     wanted = _service(blueprint, for_all=for_all)
     _need_systemd()
     gone = Systemd(for_all=for_all).remove(wanted.unit)
@@ -402,7 +402,7 @@ def remove(blueprint: Path, *, for_all: bool) -> None:
 @all_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def status(blueprint: Path, *, for_all: bool, as_json: bool) -> None:
-    """Say whether the robot of BLUEPRINT runs as a service, and where its log and its data are. Status 1 if not."""
+    """Show whether the service runs (else status 1), since when, and where its log and data are."""
     wanted = _service(blueprint, for_all=for_all)
     _need_systemd()
     manager = Systemd(for_all=for_all)

@@ -27,7 +27,7 @@ PATIENCE_S = 10.0
 @click.argument("address")
 @click.option("--fingerprint", metavar="SHA256", help="The certificate to trust there, by its SHA-256 fingerprint.")
 def join(address: str, fingerprint: str | None) -> None:
-    """Take the robot whose page is at ADDRESS into the class, with an API token of that page.
+    """Add the robot whose page is at ADDRESS to the class, with an API token of that page.
 
     The token is asked for, or read from $MSBOT_TOKEN. What its person may do there, the class may do.
     """
@@ -56,7 +56,7 @@ def join(address: str, fingerprint: str | None) -> None:
 @click.command("leave")
 @click.argument("robot")
 def leave(robot: str) -> None:
-    """Take ROBOT (its name, serial number or address) out of the class: forget the access to it."""
+    """Remove ROBOT (name, serial number or address) from the class: forget its access."""
     book = RemoteAccessFile()
     fitting = [one for one in book.all() if robot in (one.robot, one.serial_number, one.address)]
     if not fitting:
@@ -146,7 +146,7 @@ SECONDS = 3.0
               help="How long to listen.")  # fmt: skip
 @json_option
 def find(class_name: str, seconds: float, *, as_json: bool) -> None:
-    """Find the robots in the network whose masters run with --announce; only those for CLASS, if it is named.
+    """Find the robots in the network that run with --announce, of all classes or of CLASS.
 
     To be found gives no right: a robot is stopped and changed by an access, `msbot class join`.
     """

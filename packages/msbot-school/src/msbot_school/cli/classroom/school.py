@@ -61,7 +61,7 @@ def robots_of_class(db: str | None, words: tuple[str, ...] = ()) -> list[ClassRo
 @db_option
 @json_option
 def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> None:
-    """List the robots in whose line all WORDS are found."""
+    """List the robots whose line contains all WORDS."""
     robots = robots_of_class(db, words)
     if as_json:
         click.echo(json.dumps([_as_dict(robot) for robot in robots]))
@@ -122,7 +122,7 @@ def _as_dict(robot: ClassRobot) -> dict[str, object]:
 @db_option
 @json_option
 def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) -> None:
-    """STOP to every robot of the class at once; says who has confirmed it, and who has not. It never asks first.
+    """STOP every robot of the class at once, without asking, and report who confirmed.
 
     Those whose masters run on this computer, and those elsewhere with an access; with --stop-group, those in it (the
     variable counts for this computer alone). HOME and XDG folders do not keep robots apart. A robot that does not
@@ -250,7 +250,7 @@ def _confirmed(answer: dict[str, object]) -> str:
 @db_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...], db: str | None, *, yes: bool) -> None:
-    """Put BLUEPRINT into force in every robot of the class; each keeps its own name, serial number and version.
+    """Apply BLUEPRINT to every robot of the class; each keeps its own profile (name, serial number, version ...).
 
     What would change is shown first. A robot that cannot be changed holds up no other one; `msbot class undo` takes
     back what was done.
@@ -296,7 +296,7 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
 @command.command("undo")
 @db_option
 def undo(db: str | None) -> None:
-    """Take back the latest roll-out, robot by robot; what was changed again since stays, and is named."""
+    """Undo the latest roll-out; robots changed since are named and left alone."""
     from msbot_school.classroom.rollout import undo_job
     from msbot_school.classroom.rollout_run import RollOutLog, RollOutRun, StepState
 

@@ -92,7 +92,10 @@ class _Options:
 @click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
 @click.option("--seconds", type=FiniteRange(min=0.1), help="End by itself after that time.")
 @click.option(
-    "--script", type=ScriptType(), default="", help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo".'
+    "--script",
+    type=ScriptType(),
+    default="",
+    help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo"; a step waits up to 10 s for its part.',
 )
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
 @click.option("--log", type=click.Path(path_type=Path, dir_okay=False),

@@ -96,7 +96,7 @@ def _words(
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object; needs --yes.")
 def apply_command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, yes: bool, as_json: bool) -> None:
-    """Show what BLUEPRINT (robot.toml) would change in the database, ask, and change it.
+    """Show what BLUEPRINT (robot.toml) would change, ask, and apply it.
 
     While a master runs the robot it is changed through it, and holds at once. What was changed by hand stays;
     `msbot undo` takes everything back.
@@ -188,7 +188,7 @@ def add(
     name: str, part: str, *, description: str, local_name: str, blueprint: Path, folders: tuple[Path, ...],
     db: str | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Give the robot a slot NAME that takes parts of the number PART.
+    """Append a slot NAME for part number PART to robot.toml and apply it at once.
 
     It is written to the end of robot.toml, whose other lines stay as they are, and put into force, in a running robot
     at once: a part of that number that waits gets it.
@@ -218,7 +218,7 @@ def add(
 @click.argument("slot")
 @answer_options
 def remove(slot: str, db: str | None, robot: str | None) -> None:
-    """Take SLOT out of a robot that runs, with its ends of topics; a part in it is delisted.
+    """Remove SLOT and its wires from a running robot; its part is delisted.
 
     `msbot undo` brings it back. The blueprint's file stays as it is: `msbot export` writes what holds now.
     """

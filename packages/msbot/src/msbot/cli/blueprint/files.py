@@ -27,7 +27,7 @@ from msbot_xrce.errors import ConfigError
 @library_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: problems and hints.")
 def check_command(blueprint: Path, folders: tuple[Path, ...], *, as_json: bool) -> None:
-    """Check BLUEPRINT (robot.toml) against the part library; nothing is started and nothing is changed.
+    """Check BLUEPRINT (robot.toml) against the part library.
 
     Every problem is shown with file, line and key; status 2 when there are any. Hints are not mistakes.
     """
@@ -88,7 +88,7 @@ def init_command(path: Path) -> None:
 @robot_option
 @db_option
 def export_command(file: Path | None, robot: str | None, db: str | None, *, without_hand: bool) -> None:
-    """Write a robot of the database to FILE as a blueprint, or to standard output; an existing file stays as it is.
+    """Write a robot of the database as a blueprint to a new FILE, or to standard output.
 
     What was set by hand is in it, with a remark who did it: applied again, it belongs to the blueprint.
     """

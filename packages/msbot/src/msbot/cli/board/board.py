@@ -52,7 +52,7 @@ def command() -> None:
 @command.command("list")
 @json_option
 def list_command(*, as_json: bool) -> None:
-    """List the serial ports of this computer; boards are at those of USB."""
+    """List the serial ports, USB first."""
     found = ports()
     if as_json:
         click.echo(json.dumps([asdict(port) for port in found]))
@@ -74,7 +74,7 @@ def list_command(*, as_json: bool) -> None:
 def install_command(
     file: Path | None, port: str | None, link: str | None, wifi: str | None, *, source: bool, as_json: bool
 ) -> None:
-    """Put MsBOT's package on a board; with FILE also this program, which then runs whenever the board starts."""
+    """Install MsBOT on a board; with FILE also this program, which then runs at each start."""
     program = None if file is None else _Program(file)
     with _prepared(program, port, link, wifi, source=source, is_quiet=as_json) as ready:
         if program is not None:
@@ -95,7 +95,7 @@ def install_command(
 @wifi_option
 @source_option
 def run_command(file: Path, port: str | None, link: str | None, wifi: str | None, *, source: bool) -> None:
-    """Run a program on a board at once and show what it says; Ctrl-C ends it.
+    """Install what is missing, run FILE once on a board and show its output; Ctrl-C ends it.
 
     What the program needs is put on the board first. What the board runs when it starts stays as it is.
     """
@@ -130,7 +130,7 @@ def shell_command(port: str | None) -> None:
 @port_option
 @click.option("--hard", is_flag=True, help="Reset the whole board, not only its Python.")
 def reset_command(port: str | None, *, hard: bool) -> None:
-    """End what runs on a board and start it again, with its main.py."""
+    """Restart the board's Python and its start program."""
     from msbot.cli.board.connection import open_board
 
     with open_board(_port(port)) as board:

@@ -56,7 +56,7 @@ def words_options(function: _C) -> _C:
 @bitrate_option
 @data_bitrate_option
 def cost(frames: tuple[str, ...], bitrate: int, data_bitrate: int, *, as_json: bool) -> None:
-    """Say how many bits each FRAME takes on the wire, stuff bits and the 3 bits of intermission included.
+    """Count the bits of each FRAME on the wire, stuff bits and intermission included.
 
     A FRAME is written as in can-utils: 123#DEADBEEF, 1ABCDEF0#11.22 (extended), 123#R4 (remote), 123##1DEADBEEF
     (CAN FD; 1 = bit-rate switch, 2 = ESI). Data that fits no length of CAN FD is padded with CC.
@@ -72,7 +72,7 @@ def cost(frames: tuple[str, ...], bitrate: int, data_bitrate: int, *, as_json: b
 def decode(
     log: str, *, legacy: bool, blueprint: Path | None, folders: tuple[Path, ...], protocol: bool, as_json: bool
 ) -> None:
-    """Show every frame of LOG with what it says: segment, DDS-XRCE message, fields, the sample in it.
+    """Show each frame of a log with its meaning: segment, DDS-XRCE message, fields, sample.
 
     When the robot is known (--blueprint, or the robot.toml here), in sentences: knob says level 49.9 %.
 
@@ -116,7 +116,7 @@ def dump(
     *, bus: str, decode: bool, legacy: bool, blueprint: Path | None, folders: tuple[Path, ...], protocol: bool,
     as_json: bool, log: Path | None, filters: tuple[tuple[FrameFilter, ...], ...], count: int | None,
 ) -> None:  # fmt: skip
-    """Show every frame of BUS, as candump does, and what it says: segment, DDS-XRCE message, sample.
+    """Show each frame of a live bus or log with its meaning: segment, DDS-XRCE message, sample.
 
     When the robot is known (its master runs on this computer, --blueprint, or the robot.toml here), in sentences: knob
     says level 49.9 %.
@@ -152,7 +152,7 @@ def dump(
 @click.option("--period", type=FiniteRange(min=0.0), default=1.0, show_default=True,
               help="Seconds from one time to the next.")  # fmt: skip
 def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
-    """Send each FRAME on BUS, and wait until it was acknowledged.
+    """Send frames; status 2 if nobody acknowledges within 2 s.
 
     A FRAME is written as in can-utils: 123#DEADBEEF, 1ABCDEF0#11.22 (extended), 123#R4 (remote), 123##1DEADBEEF
     (CAN FD; 1 = bit-rate switch, 2 = ESI). BUS is can0 or an address, such as sim:classroom.
@@ -170,7 +170,7 @@ def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
 @click.option("--data-bitrate", type=WholeRange(10_000, 8_000_000), default=2_000_000, show_default=True,
               help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
 def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
-    """Serve a simulated CAN bus that programs on this computer join by its NAME, until Ctrl-C.
+    """Serve a simulated CAN bus to programs of this user until Ctrl-C.
 
     MsBOT's own programs join it as sim:NAME, those of python-can as interface msbot, channel NAME.
     """
@@ -195,7 +195,7 @@ def load(
     *, what: str, bitrate: int, data_bitrate: int, fd: bool, no_compression: bool,
     sizes: tuple[tuple[str, int], ...], folders: tuple[Path, ...], seconds: int | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Measure how busy a live BUS is, or foretell it for the robot that BLUEPRINT (robot.toml) describes.
+    """Measure the load of a live BUS, or predict it for a BLUEPRINT (robot.toml).
 
     A BUS is can0 or an address, such as sim:classroom; its frames are counted bit by bit, each second, by identifier.
 
@@ -224,7 +224,7 @@ def load(
 @click.option("--frames", type=WholeRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
 @json_option
 def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:
-    """Check the way from controller to controller on the simulated bus, as the thesis did first (T1 to T4).
+    """Run the thesis' bus checks T1 to T4 with two controllers on the simulated bus.
 
     Ends with status 1 if a check fails.
     """

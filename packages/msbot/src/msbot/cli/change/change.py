@@ -185,7 +185,7 @@ def _show(db: str | None, robot: str | None, slot: str, name: str | None) -> Non
 @click.option("--last", type=WholeRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
 @answer_options
 def undo_command(number: int | None, last: int, db: str | None, robot: str | None, *, show: bool) -> None:
-    """Take change NUMBER back, or the newest one; what a spare took over by itself is a change, too."""
+    """Undo change NUMBER, or the newest one; a spare's takeover is a change, too."""
     if not show:
         say(db, robot, "undo", {"edit": number})
         return

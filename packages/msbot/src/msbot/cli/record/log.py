@@ -127,7 +127,7 @@ def show(
     file: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None, *,
     as_json: bool,
 ) -> None:  # fmt: skip
-    """Print every message of FILE as a line: time, topic, what was said.
+    """Print each message of a recording as a line: time, topic, content.
 
     CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
     """
@@ -165,7 +165,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
     file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None,
     *, ros: bool,
 ) -> None:  # fmt: skip
-    """Write a piece of FILE to TARGET; what was known when it begins is at its beginning."""
+    """Write a piece of a recording, which begins with the state at that moment."""
     from msbot.recording.recordings.cutting import write_cut
     from msbot.recording.recordings.reading import began_ns
 
@@ -190,7 +190,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
 def diff(before: Path, after: Path) -> None:
-    """Say what happened to parts and what people did in one recording and not in the other, and compare the topics.
+    """Show what parts and people did in only one of two recordings, and compare the topics.
 
     Times are not compared. Exit status 1: they differ, or one is damaged.
     """
@@ -214,7 +214,7 @@ def diff(before: Path, after: Path) -> None:
 def export(  # noqa: PLR0917 - what the command was given
     file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None
 ) -> None:
-    """Write the values of FILE as a table (.csv, .parquet), or its CAN frames (.log of candump, .asc, .blf ...)."""
+    """Write the values of a recording as a table (.csv, .parquet), or its CAN frames (.log, .asc, .blf, .trc)."""
     from msbot.cli.bus.frame_log import FRAME_FORMATS
     from msbot.recording.recorder.new_file import whole_or_none
     from msbot.recording.recordings.reading import RecordingReader

@@ -58,7 +58,7 @@ def command(
     db: str | None,
     robot: str | None,
 ) -> None:
-    """Replay what the part in a slot said, in a robot that runs: a recording takes the part's place.
+    """Replay in a running robot what a part said: the recording takes its place.
 
     The replayed part joins the robot like any other and publishes the recorded messages at their recorded times; while
     STOP holds it is silent and the recording stands still. The command ends when all is said.

@@ -64,7 +64,7 @@ def command(
     out: Path | None, frame: str | None, bitrate: int, data_bitrate: int, folders: tuple[Path, ...], db: str | None,
     robot: str | None,
 ) -> None:  # fmt: skip
-    """Draw curves: of the robot that runs here, or of a recording.
+    """Draw curves of the robot that runs here, or of a recording.
 
     A CURVE is a field (knob.level.percent), a port or a slot with all it has (knob.level, knob), a setting
     (ear:threshold), @bus, @frames, @late, @latency, @beat.SLOT or @ack.SLOT. Without any, what can be drawn is

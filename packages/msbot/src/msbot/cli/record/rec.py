@@ -40,7 +40,7 @@ def command() -> None:
 @click.option("--ros2", "ros", is_flag=True, help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it.")
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *, ros: bool) -> None:
-    """Keep what the flight recorder has of the last minutes in FILE (.mcap), also of a robot that has ended."""
+    """Save the last minutes of the flight recorder in FILE (.mcap), also of a robot that has ended."""
     from msbot.recording.recorder.recording_file import begun_segments
     from msbot.recording.recordings.cutting import write_cut
     from msbot.recording.recordings.reading import ended_ns
@@ -97,7 +97,7 @@ def stop(db: str | None, robot: str | None) -> None:
 @json_option
 @robot_options
 def list_recordings(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """Say where the robot is recorded, how much there is, and what is wrong with it.
+    """Show where the robot is recorded, how much, and what is wrong.
 
     When no master runs: which rings are left of robots that ran.
     """

@@ -98,7 +98,7 @@ def hardware_command() -> None:
 @library_option
 @json_option
 def scan_command(folders: tuple[Path, ...], *, as_json: bool) -> None:
-    """Find chips, USB modules, thermometers, converters and CAN interfaces, and how each becomes a part."""
+    """Find chips, USB modules, thermometers, converters and CAN interfaces, and show how each becomes a part."""
     from msbot.hardware import Machine, scan
 
     result = scan(Machine(), library_here(folders))

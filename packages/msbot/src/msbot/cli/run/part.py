@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @click.option("--device", metavar="PATH", help="It is real, at that device: a serial port, an SPI, a 1-Wire id.")
 @click.option("--real", is_flag=True, help="It is real, and wired as `msbot library show` says.")
 @click.option("--simulate", is_flag=True,
-              help="It stands in for the real one: NAME may be a slot of robot.toml here.")  # fmt: skip
+              help="It stands in for the real one, with a UID of its own; NAME may be a slot here.")  # fmt: skip
 @click.option("--option", "options", metavar="NAME=VALUE", multiple=True,
               help="Something about the real thing, as calibration; may be given several times.")  # fmt: skip
 @click.option("--name", "local_name", metavar="LOCAL",
