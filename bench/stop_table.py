@@ -4,8 +4,9 @@
 
 The stories of `tests/stop`, in virtual time: parts in Python, of the firmware (C), in MicroPython's VM and in a browser
 speak and listen without a pause; STOP is said; something happens; and when all have confirmed, no function of a part
-may get a sample that is still on its way. `--write` puts the table into bench/results/stop_table.md. Needs gcc, node
-and Chromium. Exit status 1 unless STOP held in every row.
+may get a sample that is still on its way. The rows of real robots are processes in real time: their masters, parts, a
+PostgreSQL server and a browser. `--write` puts the table into bench/results/stop_table.md. Needs gcc, node, Chromium
+and PostgreSQL. Exit status 1 unless STOP held in every row.
 """
 
 from __future__ import annotations
@@ -21,13 +22,16 @@ from bench.machine import describe_machine
 from bench.result import write_result
 from tests.firmware.building import pipe_program
 from tests.firmware.pipe import Firmware
-from tests.homes.chromium import BrowserHome, Chromium
+from tests.homes.chromium import CHROMIUM, BrowserHome, Chromium
 from tests.homes.test_conformance import HOMES
 from tests.homes.world import Home
+from tests.registry.postgres import MISSING, find_server
 from tests.stop.cuts import AGENT, LINKS, RELAY, cut_stories, deeds_for
 from tests.stop.gap import gap_stories
 from tests.stop.kinds import CHome, stories
+from tests.stop.leases import lease_stories
 from tests.stop.oracle import Verdict
+from tests.stop.real_class import class_stories
 from tests.stop.ways import CUTS, agents_story, takeover_story
 from tests.stop.work import DEEDS, SAYERS, work_story
 
@@ -71,6 +75,15 @@ def tell(firmware: Firmware, chromium: Chromium) -> Told:
     for deed in (*DEEDS, *SAYERS):
         with tempfile.TemporaryDirectory() as folder:
             yield "simulated rover", deed, work_story(Path(folder), deed)
+    with tempfile.TemporaryDirectory() as folder:
+        for words, verdict in class_stories(Path(folder), CHROMIUM).items():
+            yield "two real robots", words, verdict
+    programs = find_server()
+    if programs is None:
+        sys.exit(MISSING)
+    with tempfile.TemporaryDirectory() as folder:
+        for words, verdict in lease_stories(Path(folder), programs).items():
+            yield "a real robot, two masters", words, verdict
 
 
 def main() -> None:
@@ -79,15 +92,20 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    lines = [describe_machine() + "; times are exact, in virtual time", "", *HEAD]
+    lines = [
+        describe_machine() + "; times are exact, in virtual time; real robots in real time, without them",
+        "",
+        *HEAD,
+    ]
     print("\n".join(lines), flush=True)
     firmware, chromium = Firmware(pipe_program()), Chromium()
     all_held = True
     try:
         for parts, words, verdict in tell(firmware, chromium):
             all_held = all_held and verdict.is_right
+            took = "" if verdict.confirmed_ms is None else f"{verdict.confirmed_ms:.1f}"
             lines.append(
-                f"| {parts} | {words} | {verdict.confirmed_ms:.1f} | {verdict.on_the_way} "
+                f"| {parts} | {words} | {took} | {verdict.on_the_way} "
                 f"| {sum(verdict.after.values())} | {'held' if verdict.is_right else 'DID NOT HOLD'} |"
             )
             print(lines[-1], flush=True)

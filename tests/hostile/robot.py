@@ -44,12 +44,12 @@ class Robot:
         assert "# life = 3 " in sample
         (folder / "robot.toml").write_text(sample.replace("# life = 3 ", "life = 100 "))
 
-    def master(self, *more: str, page: bool = False) -> Process:
-        """Start a master, perhaps with more options; its page lets a teacher in who shows `TOKEN`."""
+    def master(self, *more: str, page: bool = False, password_hash: str = "") -> Process:
+        """Start a master, perhaps with more options; its page lets a teacher in who shows `TOKEN`, or a password."""
         options = (*more, *(() if self.db is None else ("--db", self.db)))
         pages: tuple[str, ...] = ("--no-page",)
         if page:
-            teacher = users.Person("ann", "teacher", tokens=(("test", digest_of(TOKEN)),))
+            teacher = users.Person("ann", "teacher", password_hash, tokens=(("test", digest_of(TOKEN)),))
             with open_registry(self.db or self.folder / "robot.db") as registry:
                 registry.edits.make(None, "test", partial(users.keep, people=[teacher]))
             port = free_port()

@@ -24,8 +24,8 @@ _MARKS = tuple(struct.pack(form, value) for form in ("<f", "<d") for value in (P
 class Verdict:
     """What came of one story."""
 
-    confirmed_ms: float = 0.0
-    """From STOP until the last part had confirmed."""
+    confirmed_ms: float | None = 0.0
+    """From STOP until the last part had confirmed; None: in real time, where it is not measured."""
     before: dict[str, int] = field(default_factory=dict)
     """How often each function got something before STOP."""
     after: dict[str, int] = field(default_factory=dict)
