@@ -13,14 +13,13 @@ from unittest import mock
 from playwright.sync_api import sync_playwright
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library
-from msbot_school.classroom.access import FarAccess
+from msbot_school.classroom.access import RemoteAccess
 from msbot_school.classroom.class_robots import ClassRobot, class_robots, far_robots
-from msbot_school.classroom.far_masters import Asking, read_status
+from msbot_school.classroom.remote_masters import Asking, read_status
 from msbot_school.classroom.rollout import RollOut, plan_for, undo_job
-from msbot_school.classroom.rollout_book import RollOutBook
-from msbot_school.classroom.rollout_run import RollOutRun, StepState
+from msbot_school.classroom.rollout_run import RollOutLog, RollOutRun, StepState
 from msbot_web.access.passwords import Argon2Hasher
-from tests.hostile.robot import PATIENCE_S, TOKEN
+from tests.hostile.robot import PATIENCE_S, TOKEN, until
 from tests.stop.oracle import Verdict
 from tests.stop.real_robots import RealRobot, Trial
 
@@ -55,7 +54,7 @@ class RealClass:
         second.begin_parts(second.link)
         self._library: Library = load_library()
         self._folder = folder
-        self._book = RollOutBook(folder)
+        self._book = RollOutLog(folder)
 
     def say_stop(self) -> None:
         """To each robot by its own way."""
@@ -106,13 +105,18 @@ class RealClass:
         return RollOutRun("all.toml", jobs, is_undo=True)
 
     def _members(self) -> Sequence[ClassRobot]:
-        first = self.robots[0]
-        access = FarAccess(first.page.removesuffix("/api"), TOKEN, "MSBOT_MASTER", "X1")
-        far = list(far_robots([access], Asking([access], read_status, PATIENCE_S)))
-        assert [one.serial_number for one in far] == ["X1"]
-        here = [one for one in class_robots(None, ()) if one.serial_number == "X2"]
-        assert len(here) == 1
-        return [*far, *here]
+        """Both, as soon as they answer: a look has an end, and on a busy machine the first one may be too short."""
+        found: list[ClassRobot] = []
+
+        def look() -> bool:
+            access = RemoteAccess(self.robots[0].page.removesuffix("/api"), TOKEN, "MSBOT_MASTER", "X1")
+            far = far_robots([access], Asking([access], read_status, PATIENCE_S))
+            here = (one for one in class_robots(None, ()) if one.serial_number == "X2")
+            found[:] = [*far, *here]
+            return len(found) == 2 and all(one.answers for one in found)
+
+        until(look)
+        return found
 
 
 def do(run: RollOutRun) -> None:
