@@ -9,7 +9,10 @@ part.safe_state(lambda: part.board.clear(3))
 
 @part.on("in", HelloWorld)
 def switch(message):
-    (part.board.set if message.message.endswith("3") else part.board.clear)(3)
+    if message.message.endswith("3"):
+        part.board.set(3)
+    else:
+        part.board.clear(3)
 
 
 part.run()
