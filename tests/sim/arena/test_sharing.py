@@ -142,3 +142,18 @@ class _Nobody:
 
     def sense(self, values: object) -> None:
         pass
+
+
+@pytest.mark.promise("Idle connections keep nobody out")
+async def test_who_says_nothing_keeps_nobody_out() -> None:
+    async with shared("line") as (_, server), contextlib.AsyncExitStack() as stack:
+        for _ in range(2 * server_module.MOST_STRANGERS):
+            _, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            stack.callback(writer.close)
+        said: list[str] = []
+        door = RemoteWorldConnection("127.0.0.1", server.port, password=PASSWORD, say=said.append)
+        coming = asyncio.create_task(door.run())
+        await until(lambda: bool(said))
+        coming.cancel()
+        await asyncio.gather(coming, return_exceptions=True)
+        assert said[0].startswith('in the world "'), said

@@ -13,10 +13,11 @@ import json
 import os
 import stat
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-from msbot_agent.text.sentence import whole
+from msbot_agent.text.sentence import printable, whole
 from msbot_xrce.errors import ConfigError
 
 LARGEST_PEM = 1_000_000
@@ -129,7 +130,19 @@ def read_told(text: str | bytes) -> Any:  # noqa: ANN401 - whatever is in it
         ValueError: as above.
     """
     try:
-        return _whole(read_json(text))
+        return _each_text(read_json(text), whole)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def read_told_elsewhere(text: str | bytes) -> Any:  # noqa: ANN401 - whatever is in it
+    """The same, of a program on another computer: nothing in it controls a terminal or begins a line (`printable`).
+
+    Raises:
+        ValueError: as above.
+    """
+    try:
+        return _each_text(read_json(text), printable)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 
@@ -140,11 +153,11 @@ def told_count(value: object) -> int:
     return int(digits) if digits.isdecimal() and len(digits) <= MOST_DIGITS else 0
 
 
-def _whole(value: Any) -> Any:  # noqa: ANN401 - as above
+def _each_text(value: Any, change: Callable[[str], str]) -> Any:  # noqa: ANN401 - as above
     if isinstance(value, str):
-        return whole(value)
+        return change(value)
     if isinstance(value, list):
-        return [_whole(one) for one in value]
+        return [_each_text(one, change) for one in value]
     if isinstance(value, dict):
-        return {whole(name): _whole(one) for name, one in value.items()}
+        return {change(name): _each_text(one, change) for name, one in value.items()}
     return value

@@ -18,8 +18,8 @@ from functools import lru_cache
 from typing import Any, Final, Generic, TypeVar
 from urllib.parse import urlsplit
 
-from msbot_agent.text.given_file import read_told
-from msbot_agent.text.sentence import said
+from msbot_agent.text.given_file import read_told_elsewhere
+from msbot_agent.text.sentence import printable, said
 from msbot_school.classroom.access import RemoteAccess
 from msbot_xrce.errors import ConfigError, DatabaseBusy
 
@@ -75,7 +75,7 @@ class RemoteMasterConnection:
         """
         content = self.octets(method, path, body)
         try:
-            return read_told(content)
+            return read_told_elsewhere(content)
         except ValueError:
             raise _no_page(self._access.address) from None
 
@@ -123,7 +123,8 @@ class RemoteMasterConnection:
             )
             raise RemoteMasterRefusal(words)
         if answer.status != http.client.OK:
-            words = said("{address}: {error}", address=where, error=_why(content) or f"{answer.status} {answer.reason}")
+            why = _why(content) or f"{answer.status} {printable(answer.reason)}"
+            words = said("{address}: {error}", address=where, error=why)
             if answer.status == http.HTTPStatus.LOCKED:
                 raise RemoteMasterBusy(words)
             # A database that was too slow (409) may store it later, and nobody knows of a server's own fault (5xx).
@@ -274,7 +275,7 @@ def say_stop(reason: str, group: str = "") -> Work[Answer]:
 def _why(content: bytes) -> str:
     """The reason that an answer with an error gives; empty: none."""
     try:
-        found = read_told(content)
+        found = read_told_elsewhere(content)
     except ValueError:
         return ""
     return str(found.get("error") or "") if isinstance(found, dict) else ""

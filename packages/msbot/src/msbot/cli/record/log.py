@@ -150,7 +150,7 @@ def show(
             )  # fmt: skip
             click.echo(known)
         else:
-            click.echo(f"{at_s:10.3f}  {message.topic}  {printable(line)}")
+            click.echo(f"{at_s:10.3f}  {printable(message.topic)}  {printable(line)}")
     _tell_rest(wish.mistakes(file), _damage_of(reader))
 
 

@@ -12,6 +12,7 @@ import click
 
 from msbot.cli.robot_options import link_option, robot_options
 from msbot_agent.cli.options import FiniteRange
+from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, MsbotError
 
@@ -202,7 +203,7 @@ def _plan(piece: Piece | None, acts: RecordedActs | None, speed: float) -> list[
         people = ", ".join(dict.fromkeys(one.who for one in acts.acts))
         lines.append(f"{amount(len(acts.acts), 'act')} of {people}{pace}")
         lines += [f"left out, cannot be done again: {name} ({count})" for name, count in acts.left_out.items()]
-    return lines
+    return [printable(line) for line in lines]
 
 
 def _outcome(player: Player) -> str:

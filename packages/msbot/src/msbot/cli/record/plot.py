@@ -16,7 +16,7 @@ from msbot.cli.change.robot_access import perform
 from msbot.cli.record.log import SUFFIX
 from msbot.cli.robot_options import library_option, robot_options
 from msbot_agent.cli.options import FiniteRange, WholeRange
-from msbot_agent.text.sentence import as_cell
+from msbot_agent.text.sentence import as_cell, printable
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 from msbot_xrce.lazy import dataclass
@@ -185,7 +185,7 @@ def _show(read: ReadCurves, zero_s: float, wish: _Wish, out: Path | None) -> Non
     if not wish.names:
         if not read.known:
             raise ConfigError("there is nothing to draw in that time")
-        click.echo("\n".join(read.known))
+        click.echo("\n".join(map(printable, read.known)))
         return
     curves = [curve for curve in read.curves if curve.points]
     if out is not None:

@@ -12,7 +12,7 @@ from msbot.config import DRIVES, SENSES
 from msbot.sim.arena.floor import is_placed_by_itself
 from msbot.sim.arena.running_arena import TICK_S, RunningArena, SimulatedInhabitant, quantities_of
 from msbot.sim.simulated_part import SimulatedPart
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.given_file import read_told_elsewhere
 from msbot_xrce.errors import ConfigError
 
 
@@ -88,7 +88,7 @@ def to_line(message: Mapping[str, object]) -> bytes:
 def from_line(line: bytes) -> dict[str, object] | None:
     """The message of a line; None: it is not one."""
     try:
-        found = read_json(line)
+        found = read_told_elsewhere(line)
     except ValueError:
         return None
     return found if isinstance(found, dict) else None

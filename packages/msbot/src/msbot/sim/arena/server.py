@@ -22,6 +22,8 @@ from msbot.sim.arena.running_arena import RunningArena, Sensed
 from msbot_xrce.errors import ConfigError, LinkDown
 
 MOST_GUESTS = 40
+MOST_STRANGERS = 40
+"""Connections whose other end has not said the password yet; a further one takes the place of the oldest."""
 HELLO_S = 5.0
 WRONG_S = 1.0
 """Who says a wrong password waits so long for the answer: nobody guesses quickly."""
@@ -48,6 +50,8 @@ class ArenaServer:
         self.port = port
         self._say = say
         self._guests = 0
+        self._strangers: dict[asyncio.StreamWriter, None] = {}
+        """Who has not said the password yet, the oldest first."""
         self.refused: Counter[str] = Counter()
         """Messages that made no sense, and guests that were turned away, by reason."""
         self.ready = asyncio.Event()
@@ -71,16 +75,18 @@ class ArenaServer:
             await server.serve_forever()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._guests += 1
+        if len(self._strangers) >= MOST_STRANGERS:
+            oldest = next(iter(self._strangers))
+            del self._strangers[oldest]
+            oldest.transport.abort()
+            self.refused["too many strangers"] += 1
+        self._strangers[writer] = None
         try:
-            if self._guests > MOST_GUESTS:
-                self.refused["too many guests"] += 1
-                return
             await self._welcome(reader, writer)
         except (OSError, ValueError):  # gone, or a line that is too long
             self.refused["broken off"] += 1
         finally:
-            self._guests -= 1
+            self._strangers.pop(writer, None)
             writer.close()
             with contextlib.suppress(OSError):
                 await writer.wait_closed()
@@ -101,6 +107,19 @@ class ArenaServer:
             await asyncio.sleep(WRONG_S)
             writer.write(to_line({"error": "it asks for its password: --world tcp:PASSWORD@HOST:PORT"}))
             return
+        self._strangers.pop(writer, None)
+        if self._guests >= MOST_GUESTS:
+            self.refused["too many guests"] += 1
+            return
+        self._guests += 1
+        try:
+            await self._let_in(reader, writer, hello)
+        finally:
+            self._guests -= 1
+
+    async def _let_in(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, hello: Mapping[str, object]
+    ) -> None:
         wanted = hello.get("robot")
         try:
             robot = str(wanted) if is_name(wanted) else self._living.free_robot()
