@@ -77,11 +77,13 @@ class RealRobot(Robot):
         """Start the two parts, until samples arrive."""
         for name, text in (("speaks", SPEAKS), ("hears", HEARS)):
             (self.folder / f"{name}.py").write_text(text)
+            errors = self.stack.enter_context((self.folder / f"{name}.log").open("w"))
             program = self.stack.enter_context(
                 subprocess.Popen(
                     [sys.executable, f"{name}.py"],
                     cwd=self.folder,
                     stdout=subprocess.DEVNULL,
+                    stderr=errors,
                     env={**os.environ, **self.env, "MSBOT_LINK": link},
                 )
             )
