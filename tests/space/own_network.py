@@ -18,7 +18,7 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 @contextmanager
 def own_network() -> Iterator[None]:
     """This thread, and what it starts, is in a network of its own; the test is skipped where that is not permitted."""
-    outside = os.open("/proc/self/ns/net", os.O_RDONLY)
+    outside = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
     try:
         if _LIBC.unshare(NEW_NETWORK) != 0:
             refuse(f"a network of its own needs root: {os.strerror(ctypes.get_errno())}")
@@ -34,13 +34,13 @@ def own_network() -> Iterator[None]:
 def open_network() -> int:
     """A network that stays; returns its file descriptor, for `inside`."""
     with own_network():
-        return os.open("/proc/self/ns/net", os.O_RDONLY)
+        return os.open("/proc/thread-self/ns/net", os.O_RDONLY)
 
 
 @contextmanager
 def inside(network: int) -> Iterator[None]:
     """This thread, and what it starts, is in that network."""
-    outside = os.open("/proc/self/ns/net", os.O_RDONLY)
+    outside = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
     try:
         assert _LIBC.setns(network, NEW_NETWORK) == 0
         yield

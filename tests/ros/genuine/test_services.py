@@ -110,7 +110,7 @@ async def test_a_board_serves_and_asks_nodes_of_both_kinds(node: Node) -> None:
 
 
 async def test_a_micro_ros_board_with_parameters_has_all_services_that_ros2_param_waits_for(node: Node) -> None:
-    """The parameter server of rclc has five services, without the one that sets several at once."""
+    """The parameter server of rclc had five services up to Humble, without the one that sets several at once."""
     five = ("ListParameters", "DescribeParameters", "GetParameters", "GetParameterTypes", "SetParameters")
     with DdsSpace() as space:
         async with board(space) as (client, participant):

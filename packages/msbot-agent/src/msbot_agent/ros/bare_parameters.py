@@ -1,8 +1,8 @@
 """The parameter services that a node does not have itself, for who asks every node for its parameters.
 
 `ros2 param` waits until a node has all six services of `rcl_interfaces` before it asks for anything. Most boards have
-none; a micro-ROS board with parameters has five, and sets them one by one only. What is missing is answered here: there
-are no parameters, and nothing can be set.
+none; rclc's parameter server had five up to Humble, which set one by one only. What is missing is answered here:
+there are no parameters, and nothing can be set.
 """
 
 from __future__ import annotations
