@@ -80,7 +80,7 @@ def table(tallies: dict[str, Tally], rounds: int) -> str:
     lines = [
         "# Promises, tried and held",
         "",
-        f"Made by `python bench/promises.py`; {rounds} rounds on {describe_machine()}.",
+        f"Made by `python bench/promises.py`; {rounds} {'round' if rounds == 1 else 'rounds'} on {describe_machine()}.",
         "",
         "| promise | tried | held | tests |",
         "|---|---:|---:|---|",

@@ -20,10 +20,10 @@ from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.relay import PartsRelay
 from tests.homes.runners import as_micropython
 from tests.homes.world import CODEC, PARTNER_UID, Home, World, run_virtual
+from tests.stop.gap import STOP_IDENTIFIER
 from tests.stop.kinds import EVERY_S, PROGRAM, ROBOT, Heard
 from tests.stop.oracle import POWER, Oracle, Verdict, until_all_confirm
 
-STOP_IDENTIFIER = 0x008
 SOME_S = 1.0
 SHORT_S, LONG_S = 1.0, 30.0
 """How long a cable is cut: before and after anybody takes the parts for lost."""
