@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from random import Random
 
 import pytest
 from click.testing import CliRunner
@@ -18,10 +19,15 @@ from mcap.writer import Writer
 from msbot.cli.record.log import command as log
 from msbot.cli.record.play import command as play
 from msbot.cli.record.plot import command as plot
+from msbot.config import Blueprint, RobotProfile
+from msbot.master import Master
+from msbot.master.fed_agent import FedAgent
 from msbot.sim.arena.connection import RemoteWorldConnection
 from msbot.sim.arena.connection import to_line as world_line
+from msbot_agent.link import InprocHub
 from msbot_school.cli.classroom.joining import join
 from msbot_xrce.errors import ConfigError
+from tests.web.part_site import store
 
 PROMISE = "Names and texts of strangers are shown as text, in a terminal too"
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202e\r\nmsbot: everything is stopped"
@@ -123,6 +129,24 @@ async def test_a_world_elsewhere(lines: list[dict[str, object]]) -> None:
         coming.cancel()
         await asyncio.gather(coming, return_exceptions=True)
     assert said
+    assert [one for one in said if not is_plain(one) or "\n" in one] == []
+
+
+@pytest.mark.promise(PROMISE)
+async def test_a_master_elsewhere() -> None:
+    evil, hub, said = EVIL[:40], InprocHub(), list[str]()
+    master = Master(Blueprint(RobotProfile(evil, evil, evil, evil, evil), ()), store(1), random=Random(1))
+    master.add_link(hub.server)
+    agent = FedAgent(lambda _: InprocHub().server, hub.connect(), name="desk", say=said.append)
+    tasks = [asyncio.create_task(master.run()), asyncio.create_task(agent.run())]
+    try:
+        async with asyncio.timeout(60):
+            while not any("takes the parts of this agent" in one for one in said):  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(0.01)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
     assert [one for one in said if not is_plain(one) or "\n" in one] == []
 
 

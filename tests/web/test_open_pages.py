@@ -94,6 +94,29 @@ async def test_another_page_cannot_be_clicked_by_who_knows_its_number(rig: Rig) 
     assert rig.pages.refused == 13
 
 
+async def test_a_page_that_waits_for_its_browser_is_deleted_once_when_its_session_ends(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed: list[object] = []
+    monkeypatch.setattr(core.app, "handle_exception", failed.append)
+    monkeypatch.setattr(core, "loop", asyncio.get_running_loop())
+    eve = rig.accounts.sessions.begin("eve", Role.VIEWER)
+    client = Client.instances[rig.open(eve)]
+    client.page.reconnect_timeout = 30.0
+    for number in range(2):  # its connection is lost, in two tabs
+        client._socket_to_document_id[f"s{number}"] = f"d{number}"
+        client._num_connections[f"d{number}"] += 1
+        client.handle_disconnect(f"s{number}")
+    waiting = [*client._delete_tasks.values()]
+    assert len(waiting) == 2
+    await asyncio.sleep(0)  # they have begun to wait
+    rig.accounts.sign_out(eve)
+    await asyncio.wait(waiting, timeout=30)
+    assert [task.cancelled() for task in waiting] == [True, True]
+    assert client.id not in Client.instances
+    assert failed == []
+
+
 async def test_what_no_page_of_ours_sends_goes_no_further(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
     eve = rig.accounts.sessions.begin("eve", Role.VIEWER)
     own = rig.open(eve)

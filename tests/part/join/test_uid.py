@@ -1,9 +1,11 @@
 """UIDs on disk: drawn once, kept, shared by two starts at once, mended by the user when broken."""
 
+import os
 from pathlib import Path
 
 import pytest
 
+from msbot.part.join import uid as uid_module
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot_xrce.errors import ConfigError
 
@@ -34,6 +36,21 @@ def test_a_uid_is_drawn_once_per_part(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs files with modes, as POSIX has them")
+@pytest.mark.promise("Other users of the computer read neither keys nor UIDs of parts")
+def test_other_users_do_not_read_it(tmp_path: Path) -> None:
+    (tmp_path / "uid").mkdir()
+    (tmp_path / "uid").chmod(0o755)  # of an earlier version
+    mask = os.umask(0o022)
+    try:
+        stored_uid("ABCD", "left eye", tmp_path)
+    finally:
+        os.umask(mask)
+    found = [tmp_path / "uid", *(tmp_path / "uid").iterdir()]
+    assert len(found) == 2
+    assert [path for path in found if path.stat().st_mode & 0o077] == []
+
+
 def test_names_cannot_leave_the_folder_or_collide(tmp_path: Path) -> None:
     names = [("..", "../../x"), ("a.b", "c"), ("a", "b.c"), ("é", "%C3%A9"), ("%C3%A9", "é")]
     assert len({stored_uid(number, name, tmp_path) for number, name in names}) == len(names)
@@ -60,13 +77,13 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 
 def test_of_two_starts_at_once_both_use_the_uid_that_was_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = Path.write_text
+    real = uid_module.write_for_user_alone
 
-    def overtaken(path: Path, text: str) -> int:
+    def overtaken(path: Path, text: str) -> None:
         if path.name.startswith("."):
             real(path.with_name("ABCD.x"), UID.hex())
-        return real(path, text)
+        real(path, text)
 
-    monkeypatch.setattr(Path, "write_text", overtaken)
+    monkeypatch.setattr(uid_module, "write_for_user_alone", overtaken)
     assert stored_uid("ABCD", "x", tmp_path) == UID
     assert [path.name for path in (tmp_path / "uid").iterdir()] == ["ABCD.x"]

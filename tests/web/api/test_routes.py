@@ -231,6 +231,22 @@ def test_paths_lead_nowhere_else(site: Site, path: str) -> None:
         assert "[robot]" not in answer.text
 
 
+@pytest.mark.promise("Bad input is refused with one sentence, and nothing dies of it")
+@pytest.mark.parametrize(
+    "body",
+    [
+        b'{"value": "\\ud800"}', b'{"value": "x\\udfffy"}', b'{"value": {"\\ud800": 1}}', b'{"\\ud800": 1}',
+        b"[" * 100_000, b'{"value": ' + b"9" * 100_000 + b"}", b"{", b"\xff\xfe", b'{"value": NaN}',
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_or_written_is_refused_with_a_sentence(site: Site, body: bytes) -> None:
+    for path in ("/api/sim/AA/press", "/api/slots/AA/values/x", "/api/slots/BB/values/x"):
+        headers = {"authorization": f"Bearer {site.tokens['teacher']}", "content-type": "application/json"}
+        answer = site.stranger.request("PUT", path, content=body, headers=headers)
+        assert answer.status_code in (400, 404, 422), answer.text
+        assert set(answer.json()) == {"error"}
+
+
 def test_an_oversized_body_is_refused(site: Site) -> None:
     answer = site.ask("PUT", "/api/blueprint", json={"toml": "x" * 2_000_000})
     assert answer.status_code == 413

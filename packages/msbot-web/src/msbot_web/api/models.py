@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from msbot_agent.text.sentence import whole
 from msbot_web.api.said import Said
 
 # What all models of the API have in common.
@@ -99,7 +101,8 @@ class Wear(Model):
     """Samples for it that were thrown away because it takes them too slowly."""
 
 
-Scalar = bool | int | float | str
+Scalar = bool | int | float | Annotated[str, AfterValidator(whole)]
+"""Without halves of characters, which pydantic lets pass in a union, and nobody can answer with."""
 
 
 class Done(Model):

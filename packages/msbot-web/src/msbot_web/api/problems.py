@@ -7,7 +7,9 @@ import logging
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
 
+from msbot_agent.text.sentence import whole
 from msbot_web.access.accounts import NotAllowed, SignedOut
 from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.guard import is_left
@@ -47,12 +49,16 @@ def tell_problems(app: FastAPI) -> None:
         assert isinstance(error, MsbotError)
         session = request.scope.get("state", {}).get("session")
         words = words_for(session, str(error)) if isinstance(session, Session) else str(error)
-        return JSONResponse({"error": language_of(request).say(words)}, status_of(error))
+        return JSONResponse({"error": whole(language_of(request).say(words))}, status_of(error))
 
     async def invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
         faults = [f"{'.'.join(str(step) for step in fault['loc'])}: {fault['msg']}" for fault in error.errors()]
-        return JSONResponse({"error": "; ".join(faults)}, 422)
+        return JSONResponse({"error": whole("; ".join(faults))}, 422)
+
+    async def unreadable(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        return JSONResponse({"error": str(error.detail)}, 400)
 
     async def unknown(request: Request, error: Exception) -> JSONResponse:
         if is_left(request.scope, error):
@@ -62,4 +68,5 @@ def tell_problems(app: FastAPI) -> None:
 
     app.add_exception_handler(MsbotError, known)
     app.add_exception_handler(RequestValidationError, invalid)
+    app.add_exception_handler(400, unreadable)
     app.add_exception_handler(Exception, unknown)

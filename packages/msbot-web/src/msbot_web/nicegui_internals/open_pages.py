@@ -125,6 +125,9 @@ class OpenPages:
 
     def _close_now(self, session: Session) -> None:
         for client in [one for one in Client.instances.values() if _session_of(one) is session]:
+            # What waits for a browser to come back would delete it again.
+            for waiting in client._delete_tasks.values():  # noqa: SLF001 - NiceGUI has no other way
+                waiting.cancel()
             client.delete()
         for sid in [sid for sid, owner in self._sockets.items() if owner is session]:
             task = asyncio.get_running_loop().create_task(core.sio.disconnect(sid))

@@ -15,7 +15,7 @@ from msbot.cli.robot_options import db_option, existing_database
 from msbot.config import ParameterKind, shown_by
 from msbot.part.join.keys import KEY_OCTETS, key_text
 from msbot.part.join.plug import UID_OCTETS
-from msbot.part.join.uid import kept_file, parse_uid, stored_uid, uid_on_board
+from msbot.part.join.uid import kept_file, parse_uid, stored_uid, uid_on_board, write_for_user_alone
 from msbot.registry import KeyRecord, PartRecord, Registry, open_registry
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -248,10 +248,8 @@ def _uid(uid: str | None, known: PartRecord | None, number: str, local_name: str
 def _keep(path: Path, text: str) -> None:
     """Write a file that only this user can read."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f".{path.name}.{os.getpid()}")
-        with open(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as stream:
-            stream.write(text + "\n")
+        write_for_user_alone(draft, text)
         draft.replace(path)
     except OSError as error:
         raise ConfigError(f"cannot keep it in {path} ({error}); the key above holds all the same") from None

@@ -31,6 +31,7 @@ from msbot_agent.agent import Agent, AgentSettings, AgentSignalHandler, client_k
 from msbot_agent.link import InprocHub, Link, Peer, Signal
 from msbot_agent.process.end_signals import ungrouped
 from msbot_agent.space import MemorySpace, Qos, Reader, Sample, Space, Topic, Writer
+from msbot_agent.text.sentence import printable
 from msbot_xrce import References
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError
@@ -240,7 +241,7 @@ class FedAgent:
         self._loop = asyncio.get_running_loop()
         self._open_parts = open_parts
         self._way = way
-        self._say = say
+        self._say: Callable[[str], object] = lambda words: say(printable(words))  # the master's words are a stranger's
         self._name = name
         self._on_signal = on_signal
         self._profile: Profile | None = None

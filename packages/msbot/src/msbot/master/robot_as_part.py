@@ -33,6 +33,7 @@ from msbot_agent.space import (
     open_space,
     robot_partition,
 )
+from msbot_agent.text.sentence import printable
 from msbot_xrce.errors import ConfigError, LinkDown
 from msbot_xrce.lazy import dataclass
 
@@ -129,7 +130,7 @@ class RobotAsPart:
         self._master = master
         self._ports = ports
         self._open_link = open_link
-        self._say = say
+        self._say: Callable[[str], object] = lambda words: say(printable(words))  # some are the bigger robot's
         self._stop_number = 0
         """The STOP of this robot that the bigger one has said; 0 = none."""
         profile = master.profile

@@ -53,14 +53,23 @@ def stored_uid(part_number: str, local_name: str, folder: Path | None = None) ->
         raise ConfigError(f"cannot read the part's UID from {path} ({error}): mend the file or use --uid") from None
 
 
+def write_for_user_alone(path: Path, text: str) -> None:
+    """Write a file that only this user can read, in a folder that only this user can look into: in a robot without keys
+    a UID is all that a part shows."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if hasattr(os, "geteuid") and path.parent.stat().st_uid == os.geteuid():
+        path.parent.chmod(0o700)  # it may be there already, and its files readable
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as stream:
+        stream.write(text + "\n")
+
+
 def _create(path: Path) -> bytes:
     uid = secrets.token_bytes(UID_OCTETS)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         # Written to a temporary file and linked into place: two starts at once agree on one UID, and nobody reads half
         # a file.
         draft = path.with_name(f".{path.name}.{os.getpid()}")
-        draft.write_text(uid.hex() + "\n")
+        write_for_user_alone(draft, uid.hex())
         try:
             os.link(draft, path)
         except FileExistsError:
