@@ -60,6 +60,7 @@ class SharedRobot:
             computer.env["MSBOT_STOP_GROUP"] = f"{name}{os.getpid()}"  # nobody here means the other one's master
             self.computers.append(computer)
         first, second = self.computers
+        self._active = first
         blueprint = first.folder / "robot.toml"
         sample = blueprint.read_text()
         assert 'preset = "thesis" ' in sample
@@ -74,8 +75,16 @@ class SharedRobot:
     @property
     def active(self) -> Computer:
         """Whose master serves, as soon as one does."""
-        until(lambda: any(one.serves() for one in self.computers))
-        return next(one for one in self.computers if one.serves())
+        until(self._find_active)
+        return self._active
+
+    def _find_active(self) -> bool:
+        """Whoever served last is asked first."""
+        for one in sorted(self.computers, key=lambda one: one is not self._active):
+            if one.serves():
+                self._active = one
+                return True
+        return False
 
     def heard(self) -> int:
         """See `Watched`."""

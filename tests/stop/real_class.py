@@ -10,8 +10,6 @@ from pathlib import Path
 from threading import Thread
 from unittest import mock
 
-from playwright.sync_api import sync_playwright
-
 from msbot.config import Blueprint, Library, load_blueprint, load_library
 from msbot_school.classroom.access import RemoteAccess
 from msbot_school.classroom.class_robots import ClassRobot, class_robots, far_robots
@@ -64,6 +62,8 @@ class RealClass:
     @contextmanager
     def class_page(self, chromium: str) -> Iterator[Callable[[], None]]:
         """The class page in a browser; gives what presses its STOP."""
+        from playwright.sync_api import sync_playwright  # the other deeds need none
+
         first = self.robots[0]
         site = first.page.removesuffix("/api")
         with sync_playwright() as playwright:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 
 from tests.registry.postgres import MISSING, NEEDED, find_server
 from tests.stop.leases import lease_lost, lease_stories, said_by_nobody
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="`msbot stop` has its socket on Linux")
 
 
 @pytest.mark.promise("Nothing is heard after all parts have confirmed STOP, whatever they are and whatever happens")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from tests.stop.real_class import RealClass, by_class_page, real_class, rolled_out, under_way
 from tests.web.browser.conftest import NEEDED, chromium
 
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="`msbot stop` has its socket on Linux")
 PROMISE = "After all parts have confirmed STOP, nothing reaches a part's function, by whatever way it was said"
 
 
