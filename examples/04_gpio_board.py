@@ -9,10 +9,7 @@ part.safe_state(lambda: part.board.clear(3))
 
 @part.on("in", HelloWorld)
 def switch(message):
-    if message.message.endswith("3"):
-        part.board.set(3)
-    else:
-        part.board.clear(3)
+    part.board.set(3) if message.message.endswith("3") else part.board.clear(3)
 
 
 part.run()
