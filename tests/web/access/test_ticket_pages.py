@@ -70,6 +70,11 @@ def field(word: str) -> str:
     return quote(word, errors="surrogateescape")
 
 
+async def come_by_another_browser(pupil: httpx.AsyncClient, **fields: str) -> httpx.Response:
+    async with httpx.AsyncClient(transport=pupil._transport, base_url=HOME) as other:
+        return await other.post("/come", data=fields)
+
+
 async def post(pupil: httpx.AsyncClient, path: str, **fields: str) -> httpx.Response:
     body = "&".join(f"{name}={field(value)}" for name, value in fields.items())
     return await pupil.post(path, content=body, headers={"content-type": "application/x-www-form-urlencoded"})
@@ -142,7 +147,7 @@ async def test_a_class_ticket_lets_no_more_in_than_it_has_places_also_at_once(
 ) -> None:
     word = office.class_word(3)
     answers = await asyncio.gather(
-        *(pupil.post("/come", data={"ticket": word, "name": f"pupil {number}"}) for number in range(10))
+        *(come_by_another_browser(pupil, ticket=word, name=f"pupil {number}") for number in range(10))
     )
     assert sorted(answer.status_code for answer in answers) == [303] * 3 + [403] * 7
     assert {sentence(answer) for answer in answers if answer.status_code == 403} == {USED_UP}
@@ -151,7 +156,7 @@ async def test_a_class_ticket_lets_no_more_in_than_it_has_places_also_at_once(
 
 async def test_the_same_name_twice_at_once_is_one_pupil(office: Office, pupil: httpx.AsyncClient) -> None:
     word = office.class_word(3)
-    answers = await asyncio.gather(*(pupil.post("/come", data={"ticket": word, "name": "Dora"}) for _ in range(3)))
+    answers = await asyncio.gather(*(come_by_another_browser(pupil, ticket=word, name="Dora") for _ in range(3)))
     assert sorted(answer.status_code for answer in answers) == [303, 400, 400]
     assert office.passes.class_tickets.find(word).left == 2
 
@@ -177,3 +182,17 @@ async def test_without_an_account_the_class_is_closed(pupil: httpx.AsyncClient) 
     for path in ("/pupils", "/projector", "/pupil?name=Ada"):
         answer = await pupil.get(path)
         assert (answer.status_code, answer.headers["location"]) == (303, f"/login?next={quote(path)}")
+
+
+@pytest.mark.promise("A pupil leaves neither group, freeze nor take-over, by whatever door")
+async def test_who_is_signed_in_gets_no_second_account_by_the_class_ticket(
+    office: Office, pupil: httpx.AsyncClient
+) -> None:
+    word = office.class_word(5)
+    assert (await post(pupil, "/come", ticket=word, name="Dora")).status_code == 303
+    for answer in (await pupil.get(f"/come?ticket={word}"), await post(pupil, "/come", ticket=word, name="Dora 2")):
+        assert sentence(answer) == "Dora is signed in here: sign out first"
+    assert office.accounts.role_of("Dora 2") is None
+    assert office.passes.find_class(word).guests == 1
+    pupil.cookies.clear()
+    assert (await post(pupil, "/come", ticket=word, name="Emil")).status_code == 303

@@ -49,6 +49,16 @@ def add_ticket_forms(
         words = language_of(request).say(str(error))
         return page(request, "sign_in", "Sign in", wanted=AFTER, error=words, status=403)
 
+    def check_nobody_is_here(request: Request) -> None:
+        """A pupil whose program is held gets no second account at a press.
+
+        Raises:
+            SignInRefused: somebody is signed in with this browser.
+        """
+        session = request.scope["state"].get("session")
+        if session is not None:
+            raise SignInRefused(said("{name} is signed in here: sign out first", name=session.name))
+
     @router.get("/pass")
     async def show_pass(request: Request, word: str = "") -> Response:
         try:
@@ -67,6 +77,7 @@ def add_ticket_forms(
     @router.get("/come")
     async def show_class_ticket(request: Request, ticket: str = "") -> Response:
         try:
+            check_nobody_is_here(request)
             maker = passes.find_class(ticket).maker
         except SignInRefused as error:
             return refused(request, error)
@@ -77,6 +88,7 @@ def add_ticket_forms(
         form = await form_of(request)
         ticket, name = form.get("ticket", ""), form.get("name", "").strip()
         try:
+            check_nobody_is_here(request)
             # One place is taken before the password is hashed, so that not more come in than the ticket has places.
             maker = passes.find_class(ticket).maker
             passes.class_tickets.use(ticket)
