@@ -85,6 +85,11 @@ class Agent:
     arguments: str
     program: tuple[str, ...]
 
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is MsBOT, perhaps with arguments of its own."""
+        return "msbot" in self.program
+
 
 @dataclass(frozen=True)
 class Places:
@@ -166,7 +171,7 @@ class Run:
             for word in self.agent.arguments.split()
             for part in (where if word == "{where}" else [word.format(transport=transport)])
         ]
-        if self.agent.name == OURS and self.program.middleware:
+        if self.agent.is_ours and self.program.middleware:
             arguments += ["-m", self.program.middleware]
         home = self._folder / "home"
         home.mkdir(mode=0o700)
@@ -195,7 +200,7 @@ class Run:
         while time.monotonic() - start < START_S and agent.poll() is None:
             if self.transport != "serial":
                 is_ready = f":{self.program.port:04X} " in table.read_text()
-            elif self.agent.name == OURS:
+            elif self.agent.is_ours:
                 is_ready = b"agent on" in log.read_bytes()
             else:
                 is_ready = time.monotonic() - start > 1
