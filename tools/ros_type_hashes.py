@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from msbot.ros_forms import ROS_TYPES
+from msbot.ros2.forms import ROS_TYPES
 
 TARGET = Path(__file__).parent.parent / "packages/msbot-agent/src/msbot_agent/space/dds/ros_type_hashes.py"
 BESIDE = ("rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",)

@@ -30,7 +30,7 @@ from msbot.recording.recorder.batch import read_wish
 from msbot.recording.recordings.reading import Decoder, RecordingReader
 from msbot.recording.replay.acts import read_acts
 from msbot.registry import ProgramSource
-from msbot.ros_forms import RosForm, form_of
+from msbot.ros2.forms import RosForm, form_of
 from msbot.sim.arena import connection as wire
 from msbot.sim.arena.world_reader import parse_world
 from msbot.stop.asking import answer_in

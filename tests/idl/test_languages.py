@@ -33,7 +33,7 @@ THING = things()
 
 
 def test_the_shipped_ros_types_are_what_the_generator_writes() -> None:
-    path = Path(__file__).parents[2] / "packages/msbot/src/msbot/ros2.py"
+    path = Path(__file__).parents[2] / "packages/msbot/src/msbot/ros2/__init__.py"
     source = "packages/msbot-agent/src/msbot_agent/idl/ros2.idl"
     assert path.read_text() == to_python(ROS, "ros2.idl"), f"msbot idl to-python {source} --ros -o {path}"
 

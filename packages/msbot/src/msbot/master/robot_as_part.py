@@ -266,7 +266,7 @@ def _dds_topics(binding: Binding, library: Library, partition: str, robot: str) 
     partitions = (partition, EVERYBODY) if wish.export else None
     found = [DdsTopic(binding.topic, binding.type_name, partitions)]
     if wish.ros:
-        from msbot.ros_forms import form_of, topic_name  # with all messages of ROS 2, which few robots need
+        from msbot.ros2.forms import form_of, topic_name  # with all messages of ROS 2, which few robots need
 
         try:
             form = form_of(message_class(library.messages[binding.type_name]), wish.ros_type, dict(wish.ros_fields))

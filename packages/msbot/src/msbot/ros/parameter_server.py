@@ -43,7 +43,7 @@ from msbot.ros2 import (
     SetParametersAtomically_Response,
     SetParametersResult,
 )
-from msbot.ros_forms import MOST_BEHIND
+from msbot.ros2.forms import MOST_BEHIND
 from msbot_agent.ros.graph import EVERYBODY
 from msbot_agent.ros.node_names import NodeName
 from msbot_agent.space import Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer

@@ -142,7 +142,7 @@ def ros_metadata(shared: tuple[str, InDds], cls: type[Message]) -> dict[str, str
     Raises:
         ConfigError: ROS 2 has no form for it; a robot with such a blueprint does not start.
     """
-    from msbot.ros_forms import form_of  # with all messages of ROS 2, which few robots need
+    from msbot.ros2.forms import form_of  # with all messages of ROS 2, which few robots need
 
     name, wish = shared
     form = form_of(cls, wish.ros_type, dict(wish.ros_fields))

@@ -26,7 +26,7 @@ from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.part import Message
-    from msbot.ros_forms import RosFields
+    from msbot.ros2.forms import RosFields
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def _read(name: str, type_name: str, fields: str) -> _Shared | None:
     """What a channel says of its topic in ROS 2; None: it is not there, or what it says makes no sense."""
     if not (name and type_name and fields):
         return None
-    from msbot.ros_forms import ros_class
+    from msbot.ros2.forms import ros_class
 
     try:
         cls = ros_class(type_name)
@@ -108,7 +108,7 @@ def _as_ros(shared: _Shared, values: list[object], at_ns: int) -> bytes:
     Raises:
         RemoteProtocolError: a value does not fit.
     """
-    from msbot.ros_forms import recorded_as_ros
+    from msbot.ros2.forms import recorded_as_ros
 
     return ENCAPSULATION + recorded_as_ros(shared.cls, shared.fields, values, at_ns)
 

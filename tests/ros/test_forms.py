@@ -14,7 +14,7 @@ from msbot import HelloWorld, Message, ros2
 from msbot.part.messages import standard
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.part.messages.wire_types import float32, uint8
-from msbot.ros_forms import ROS_TYPES, USUAL, RosForm, form_of, ros_class, topic_name
+from msbot.ros2.forms import ROS_TYPES, USUAL, RosForm, form_of, ros_class, topic_name
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 
