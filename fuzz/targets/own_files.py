@@ -66,7 +66,7 @@ def _accounts() -> Accounts:
 def _sessions(octets: bytes) -> Iterable[str]:
     accounts = _accounts()
     path = file_of(octets, ".json", folder="sessions")
-    SessionFile(accounts, path).bring_back()
+    SessionFile(accounts, path, boot=lambda: "start", boot_clock=lambda: 100.0).bring_back()
     for session in accounts.sessions.kept(accounts.mark_of):
         _writable(session.name)
         yield f"{session.name in ('ada', 'bob')} {bool(session.guest_of)}"
@@ -252,8 +252,14 @@ _SESSION = json.dumps(
 
 OWN: dict[str, Parser] = {
     "sessions": Parser(
-        _sessions, lines('{"at": 1e12, "ticket_key": "' + "00" * 32 + '", "browsers": [["a", "bob"]], "sessions": ['
-                         + _SESSION + "]}")
+        _sessions,
+        lines(
+            '{"at": 1e12, "forward_s": 1e12, "boot": "start", "boot_s": 0.0, "ticket_key": "'
+            + "00" * 32
+            + '", "browsers": [["a", "bob"]], "sessions": ['
+            + _SESSION
+            + "]}"
+        ),
     ),
     "pass": Parser(_pass, lines("Ym9i.3b9ef000.abcdef", ".ffffffff.", "\u0661.\u0661.\u0661")),
     "stop_request": Parser(

@@ -47,7 +47,8 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("pass", b"\xff", id="a proof that is no text behind the right name and time"),
         pytest.param(
             "sessions",
-            b'{"at": 1e12, "ticket_key": "%s", "browsers": [["a", "bob"]], "sessions": [{"key": "a", '
+            b'{"at": 1e12, "forward_s": 1e12, "boot": "start", "boot_s": 0.0, "ticket_key": "%s", '
+            b'"browsers": [["a", "bob"]], "sessions": [{"key": "a", '
             b'"name": "bob", "csrf": "x", "age_s": "old", "idle_s": 1, "guest_of": ""}]}' % (b"00" * 32),
             id="an age in words",
         ),

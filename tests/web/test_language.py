@@ -2,120 +2,27 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from dataclasses import replace
 from pathlib import Path
 
+import polib
 import pytest
 from starlette.requests import HTTPConnection
 
-import msbot_agent
-import msbot_web
 from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
 from msbot.doctor import Finding
 from msbot.doctor.checks.robot import check_robot
-from msbot.operations.rights import Right, Role
-from msbot.part.join.plug import Refusal
-from msbot.pnp import PartState, packet_words
 from msbot.registry.maintenance.upkeep import check_backup
 from msbot_agent.text.sentence import counted, said
 from msbot_web.api.models import JournalLine
 from msbot_web.html import render
-from msbot_web.language import COOKIE, language_of, languages
-from msbot_web.pages.program_words import PART_SAYS
+from msbot_web.language import COOKIE, language_of, languages, read_catalogue
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.doctor.healthy import ROBOT
-from tools.sources import source_files
+from tools import catalogue
+from tools.catalogue import losses_of_the_links, sentences_of_the_robot, texts_of_the_library, texts_of_the_pages
 
-
-def texts_of_the_pages() -> set[str]:
-    """Every text that is handed to `say` as it stands, the titles of the menu and of the pages, and the help."""
-    found = set()
-    package = Path(str(msbot_web.__path__[0]))
-    for path in (path for path in package.rglob("*.py") if not path.is_relative_to(package / "cli")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if not isinstance(node, ast.Call):
-                continue
-            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if called == "say" and node.args:
-                found |= _strings(node.args[0])
-            elif called == "count" and len(node.args) > 2:
-                found |= {text for form in node.args[1:3] for text in _strings(form)}
-            elif called == "MenuEntry":
-                found |= _strings(node.args[2])
-            elif called == "page_frame":
-                found |= _strings(node.args[3])
-            elif called in ("PageHelp", "TourStep"):
-                found |= _strings(node.args[0])
-    found |= set(PART_SAYS)
-    for path in (Path(str(msbot_web.__path__[0])) / "templates").glob("*.html"):
-        found |= set(re.findall(r'\bsay\("([^"]+)"', path.read_text()))
-    return found
-
-
-def _strings(node: ast.AST) -> set[str]:
-    return {leaf.value for leaf in ast.walk(node) if isinstance(leaf, ast.Constant) and isinstance(leaf.value, str)}
-
-
-def sentences_of_the_robot() -> set[str]:
-    """Every form that rooms make sentences of, and the words of states, refusals, roles and rights."""
-    found = {word.value for word in PartState} | {refusal.words for refusal in Refusal}
-    found |= {refusal.name.lower().replace("_", " ") for refusal in Refusal}
-    found |= set(packet_words.FORMS)
-    found |= {words for role in Role for words in (role.word, role.one)} | {right.value for right in Right}
-    for path in source_files():
-        for node in ast.walk(ast.parse(path.read_text())):
-            called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-            if isinstance(node, ast.Call) and called in ("said", "counted"):
-                forms = node.args[:1] if called == "said" else node.args[1:]
-                found |= {text for form in forms for text in _forms(form)}
-    return {form for form in found if re.search("[A-Za-z]{2}", re.sub("{[^}]*}", "", form))}
-
-
-def _forms(node: ast.AST) -> set[str]:
-    """The text that stands there, or the two that are chosen from."""
-    if isinstance(node, ast.IfExp):
-        return _forms(node.body) | _forms(node.orelse)
-    return {node.value} if isinstance(node, ast.Constant) and isinstance(node.value, str) else set()
-
-
-def losses_of_the_links() -> set[str]:
-    """Why links drop packets, as far as it stands in their code."""
-    found: set[str] = set()
-    for path in (Path(str(msbot_agent.__path__[0])) / "link").rglob("*.py"):
-        tree = ast.parse(path.read_text())
-        names = {
-            target.id: node.value
-            for node in tree.body
-            if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
-            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-            if isinstance(target, ast.Name)
-        }
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("dropped.count"):
-                why = node.args[0]
-                for one in (why.body, why.orelse) if isinstance(why, ast.IfExp) else (why,):
-                    found |= _forms(names.get(one.id, one) if isinstance(one, ast.Name) else one)
-        found |= {text for name in ("NOT_SENT", "BUS_LEFT") if name in names for text in _forms(names[name])}
-    return found
-
-
-def texts_of_the_library() -> set[str]:
-    """What the library says of its part types, as far as it holds words."""
-    library = load_library()
-    found = {message.description for message in library.messages.values()}
-    for entry in library:
-        found |= {entry.name, entry.description, entry.resolution, entry.connector, entry.specification}
-        found |= {entry.driver.none}
-        found |= {port.description for port in entry.ports} | {pin.description for pin in entry.pins}
-        found |= {one.description for one in entry.parameters} | {wire.description for wire in entry.driver.pins}
-        if entry.simulator is not None:
-            found |= {one.words for one in entry.simulator.controls}
-    return {text for text in found if re.search("[a-z]{3}", text)} - OF_ANY_LANGUAGE
-
-
-OF_ANY_LANGUAGE = {"800 kbit/s", "9600 bit/s", "8 bit", "10 bit", "16 bit", "24 bit"}
 OTHERS = [language for code, language in languages().items() if code != "en"]
 
 
@@ -156,6 +63,25 @@ def test_the_whole_library_is_translated(code: str) -> None:
     found = texts_of_the_library()
     assert "Servo, 180 degrees" in found
     assert found - set(languages()[code].texts) == set()
+
+
+def test_a_language_is_one_file_that_translators_tools_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(catalogue, "FOLDER", tmp_path)
+    catalogue.main("--new", "fr")
+    made = polib.pofile(str(tmp_path / "fr.po"))
+    assert {"Arrivals", "Servo, 180 degrees", "heard again after {silence:.1f} s"} <= {entry.msgid for entry in made}
+    (entry,) = (entry for entry in made if entry.msgid == "Arrivals")
+    entry.msgstr = "Arriv\u00e9es"
+    made.metadata["X-Language-Name"] = "Fran\u00e7ais"
+    made.metadata["X-Decimal"] = ","
+    made.save()
+    french = read_catalogue(tmp_path / "fr.po")
+    assert (french.code, french.name, french.number(0.5)) == ("fr", "Fran\u00e7ais", "0,5")
+    assert (french.say("Arrivals"), french.say("Library")) == ("Arriv\u00e9es", "Library")
+    catalogue.main()
+    assert read_catalogue(tmp_path / "fr.po").texts == {"Arrivals": "Arriv\u00e9es"}, (
+        "an update keeps what is translated"
+    )
 
 
 @pytest.mark.parametrize("code", [language.code for language in OTHERS])

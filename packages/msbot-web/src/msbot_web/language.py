@@ -1,9 +1,9 @@
-"""The words of the pages in several languages: a catalogue that anybody can extend by a folder.
+"""The words of the pages in several languages: a catalogue that anybody can extend by a file.
 
 The key of a text is the English text itself, so English needs no catalogue, and what is not translated yet shows in
-English. `languages/de` holds German; a new language is one more folder there. What the robot says
-(`msbot_agent.text.sentence`) is looked up by its form, with the names of its values in braces; what a library says of
-its parts, by the text.
+English. `languages/de.po` is German, a gettext PO file as translators' tools read it; a new language is one more file
+there (`tools/catalogue.py` begins it). What the robot says (`msbot_agent.text.sentence`) is looked up by its form, with
+the names of its values in braces; what a library says of its parts, by the text.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from collections.abc import Mapping
 from dataclasses import field
 from functools import cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
 from string import Formatter
 from typing import Any
 
 from starlette.requests import HTTPConnection
 
-from msbot_agent.startup.kept_beside import carried_toml
+from msbot_agent.startup.kept_beside import kept_names
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -32,10 +34,6 @@ _WHOLE = re.compile(r"[+-]?[0-9]+")
 _GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}")
 """Whose sign may be one for decimals, or one between thousands."""
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-
-CATALOGUES = ("pages", "robot", "library", "doctor", "missions")
-"""The files of a language: words of the pages, sentences of the robot, texts of the part library, the doctor, the
-missions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,14 +124,37 @@ PLAIN = Language(ENGLISH, "English")
 @cache
 def languages() -> Mapping[str, Language]:
     """All languages by code, English first."""
-    known = {ENGLISH: PLAIN}
-    for folder in sorted((files("msbot_web") / "languages").iterdir(), key=lambda entry: entry.name):
-        if folder.is_dir():
-            files_of = [carried_toml(folder / f"{name}.toml") for name in CATALOGUES]
-            texts = {english: text for content in files_of for english, text in content["texts"].items()}
-            about = files_of[0]
-            known[folder.name] = Language(folder.name, about["name"], texts, about["decimal"], about["thousands"])
-    return known
+    found = [entry for entry in (files("msbot_web") / "languages").iterdir() if entry.name.endswith(".po")]
+    others = [read_catalogue(entry) for entry in sorted(found, key=lambda entry: entry.name)]
+    return {ENGLISH: PLAIN, **{language.code: language for language in others}}
+
+
+def read_catalogue(entry: Traversable) -> Language:
+    """A language of its PO file.
+
+    Raises:
+        OSError: the file cannot be read, or is no PO file.
+        KeyError: its head does not say what the language is called, or how it writes numbers.
+    """
+    if isinstance(entry, Path):
+        kept = kept_names(entry, _po_to_python, "PO 1")
+        about, texts = kept["about"], kept["texts"]
+    else:  # in an archive
+        about, texts = _read_po(entry.read_text("utf-8"))
+    name, decimal, thousands = about["X-Language-Name"], about["X-Decimal"], about["X-Thousands"]
+    return Language(entry.name.removesuffix(".po"), name, texts, decimal, thousands)
+
+
+def _po_to_python(octets: bytes) -> str:
+    about, texts = _read_po(octets.decode())
+    return f"about = {about!r}\ntexts = {texts!r}"
+
+
+def _read_po(text: str) -> tuple[dict[str, str], dict[str, str]]:
+    import polib  # what was read is kept, so most starts do without it
+
+    catalogue = polib.pofile(text)
+    return dict(catalogue.metadata), {entry.msgid: entry.msgstr for entry in catalogue.translated_entries()}
 
 
 def language_of(request: HTTPConnection) -> Language:

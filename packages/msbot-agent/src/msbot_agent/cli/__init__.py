@@ -84,7 +84,7 @@ BUILT_IN = {
     "router": "wide.router",
     "clients": "agent.clients",
     "extensions": "extension_list",
-    "completion": "options",
+    "completion": "completion",
 }
 """The commands of this distribution: the module below `msbot_agent.cli` that has it."""
 

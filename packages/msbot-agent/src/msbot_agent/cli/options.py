@@ -6,7 +6,6 @@ import math
 import re
 
 import click
-from click.shell_completion import get_completion_class
 
 from msbot_agent.cli.group import name_in_words
 from msbot_agent.space import SpaceAddress, parse_space
@@ -101,29 +100,3 @@ def described(low: float | None, high: float | None) -> str:
     if low is not None:
         return f"of {low} or more"
     return "" if high is None else f"of {high} or less"
-
-
-# `msbot completion`: what a shell needs to complete commands and options.
-
-
-SHELLS = ("bash", "zsh", "fish")
-VARIABLE = "_MSBOT_COMPLETE"
-
-
-@click.command("completion")
-@click.argument("shell", type=click.Choice(SHELLS))
-def command(shell: str) -> None:
-    """Print a script for SHELL; its first lines say what to do with it."""
-    from msbot_agent.cli import msbot
-
-    kind = get_completion_class(shell)
-    assert kind is not None
-    completion = kind(msbot, {}, "msbot", VARIABLE)
-    click.echo(f"# {INSTALL[shell]}\n{completion.source_template % completion.source_vars()}")
-
-
-INSTALL = {
-    "bash": 'Put into ~/.bashrc:  eval "$(msbot completion bash)"',
-    "zsh": 'Put into ~/.zshrc, behind compinit:  eval "$(msbot completion zsh)"',
-    "fish": "Once:  msbot completion fish > ~/.config/fish/completions/msbot.fish",
-}

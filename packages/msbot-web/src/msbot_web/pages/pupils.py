@@ -166,7 +166,7 @@ class _Everybody:
             with ui.element("div").classes("row"):
                 if one.hand_s is not None:
                     seen = partial(page.do, lambda session: _seen(page, session, one.name))
-                    ui.button(say("PageSources"), on_click=seen).props("flat dense")
+                    ui.button(say("Seen"), on_click=seen).props("flat dense")
                 look = f"/pupil?name={quote(one.name)}"
                 ui.button(say("Look"), on_click=partial(ui.navigate.to, look)).props("flat dense")
                 if one.taken_by:

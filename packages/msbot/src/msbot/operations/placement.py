@@ -110,9 +110,9 @@ class Placement:
         if holder is not None:
             raise ConfigError(
                 said(
-                    "slot {target} is held by {describe}: to change the two, `msbot swap {target} --to {part}`",
+                    "slot {target} is held by {holder}: to change the two, `msbot swap {target} --to {part}`",
                     target=target,
-                    describe=describe(holder),
+                    holder=describe(holder),
                     part=part,
                 )
             )
@@ -188,9 +188,9 @@ class Placement:
         if target is not None and (holder := self._running.holder(target)) is not None:
             raise ConfigError(
                 said(
-                    "slot {target} is held by {describe}: release it first, `msbot release {target}`",
+                    "slot {target} is held by {holder}: release it first, `msbot release {target}`",
                     target=target,
-                    describe=describe(holder),
+                    holder=describe(holder),
                 )
             )
         self._window.open(seconds, target, who, self._running.now())
@@ -331,9 +331,9 @@ class Placement:
             if twin is not None:
                 raise ConfigError(
                     said(
-                        "{part} shows the UID of {describe}: one of the two is a copy, pull it out",
+                        "{part} shows the UID of {holder}: one of the two is a copy, pull it out",
                         part=info.part,
-                        describe=describe(twin),
+                        holder=describe(twin),
                     )
                 )
 
@@ -342,12 +342,12 @@ class Placement:
             return
         raise ConfigError(
             said(
-                "{part} is a part {part_number}, and slot {slot} takes {slot2}: to let it in all the same, open the "
+                "{part} is a part {part_number}, and slot {slot} takes {expected}: to let it in all the same, open the "
                 "adoption window first, under Arrivals or with `msbot adopt --window 60`",
                 part=info.part,
                 part_number=info.part_number,
                 slot=slot,
-                slot2=self._inventory.slots.number_of(slot),
+                expected=self._inventory.slots.number_of(slot),
             )
         )
 

@@ -128,7 +128,7 @@ class StoredPlacement:
         if not there:
             raise ConfigError(said("no part belongs in slot {target}: there is nothing to release", target=target))
         newest = max(there, key=lambda one: one.changed_ns)
-        words = said("{newest} is released from slot {target}", newest=newest.name, target=target)
+        words = said("{part} is released from slot {target}", part=newest.name, target=target)
         return outcome_of(await self._stored.change(who, partial(places.put, uid=newest.uid, slot=None, words=words)))
 
     def _parts_of(self, slot: str) -> list[PartRecord]:
@@ -139,11 +139,11 @@ class StoredPlacement:
         if not matcher.fits(record.part_number, slot):
             raise ConfigError(
                 said(
-                    "{name} is a part {part_number}, and slot {slot} takes {slot2}: strangers can be adopted while the "
-                    "master runs only",
+                    "{name} is a part {part_number}, and slot {slot} takes {expected}: strangers can be adopted while "
+                    "the master runs only",
                     name=record.name,
                     part_number=record.part_number,
                     slot=slot,
-                    slot2=matcher.number_of(slot),
+                    expected=matcher.number_of(slot),
                 )
             )

@@ -220,7 +220,7 @@ class ActPlayer:
             self._schedule.go(now)
 
     async def _do(self, act: RecordedAct) -> None:
-        who = act.who if act.who.endswith(ACTS_REPLAYED) else f"{act.who}{REPLAYED}"
+        who = act.who if act.who.endswith(ACTS_REPLAYED) else f"{act.who}{ACTS_REPLAYED}"
         if act.operation == "go" and not self._said_stop:
             self._say("A recorded GO is left out: no STOP of this replay holds")
             return
