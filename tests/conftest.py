@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from msbot.stop.names import GROUP_VARIABLE
-from msbot_agent.startup.kept_beside import made_to_stay
+from msbot_agent.startup.bytecode_cache import made_to_stay
 from tests import few_reports, import_order, taking_turns, time_of_a_test
 from tests.effort import THOROUGH
 from tests.loop_guard import guard

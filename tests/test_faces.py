@@ -13,7 +13,7 @@ from tools.sources import dotted, source_files
 
 ROOT = Path(__file__).parent.parent
 ROOMS = ("msbot_agent.agent", "msbot_agent.link", "msbot_agent.space", "msbot_xrce")
-FOR_ALL = ("msbot_xrce.counting", "msbot_xrce.errors", "msbot_xrce.lazy", "msbot_xrce.same_object")
+FOR_ALL = ("msbot_xrce.counting", "msbot_xrce.errors", "msbot_xrce.lazy", "msbot_xrce.identity_cache")
 """Modules that are faces themselves."""
 LARGEST = 48
 """Names in one face: the submessages of DDS-XRCE with their numbers are that many."""

@@ -38,7 +38,7 @@ from msbot_school.classroom.rollout_run import RollOutLog
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.kept_sessions import SessionFile
-from msbot_web.access.passes import SignInTokens
+from msbot_web.access.passes import TicketCodes
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import LinkDown
 from tests.registry.hand import Hand
@@ -73,7 +73,7 @@ def _sessions(octets: bytes) -> Iterable[str]:
 
 
 def _pass(octets: bytes) -> Iterable[str]:
-    passes = SignInTokens(_accounts(), lambda: 5.0, lambda: 1e9)
+    passes = TicketCodes(_accounts(), lambda: 5.0, lambda: 1e9)
     text = octets.decode("utf-8", "surrogateescape")
     right = passes.make("bob", 3)
     for word in (text, right[: len(right) // 2] + text, f"{right.rpartition('.')[0]}.{text}"):

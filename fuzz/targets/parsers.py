@@ -335,11 +335,17 @@ def _relay(octets: bytes) -> Iterable[str]:
 def _relays() -> Iterable[bytes]:
     boot = bytes(relay.BOOT_SIZE)
     said: list[relay.Message] = [
-        relay.Hello(boot, "left", "can", 64, 500_000, True, False), relay.Up(3, "node 3", b"abc"),
-        relay.RelayBeat(1, 2, "why", (relay.Event(3, relay.Happened.CAME, "node 3"),)), relay.Room(((1, 2), (3, 4))),
-        relay.Bye(), relay.Welcome(boot, 5, 6), relay.Down(3, 4, b"abc"), relay.Heard(1, 2, 3, 4), relay.Who(),
+        relay.Hello(boot, "left", "can", 64, 500_000, True, False),
+        relay.Up(3, "node 3", b"abc"),
+        relay.RelayBeat(1, 2, "why", (relay.Event(3, relay.RelayEventKind.CAME, "node 3"),)),
+        relay.Room(((1, 2), (3, 4))),
+        relay.Bye(),
+        relay.Welcome(boot, 5, 6),
+        relay.Down(3, 4, b"abc"),
+        relay.Heard(1, 2, 3, 4),
+        relay.Who(),
         relay.Refused("no"),
-    ]  # fmt: skip
+    ]
     return [relay.encode(one) for one in said]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import Direction, PartType, Scalar
-from msbot.hardware import HardwarePart, Machine, PartWiring, Workbench, make_wiring
+from msbot.hardware import HardwarePart, HardwareParts, Machine, PartWiring, make_wiring
 from msbot.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.messages.message import fields_of
@@ -77,7 +77,7 @@ def play(
     part_type = LIBRARY.require(number)
 
     async def main() -> Bench:
-        workbench = Workbench(machine)
+        workbench = HardwareParts(machine)
         unit = workbench.make(part_type, wiring or make_wiring(part_type))
         unit.part.uid = b"the unit"
         desk = Part("DESK", uid=b"the desk", random=Random(2))

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from msbot.config import Blueprint, PartType, RobotProfile, Slot
-from msbot.hardware import PartsHost, Workbench, read_parts
+from msbot.hardware import HardwareParts, PartsHost, read_parts
 from msbot.master import Master
 from msbot.part import JoinState
 from msbot.pnp import MemoryStore
@@ -125,7 +125,7 @@ class Scene:
             hub = InprocHub()
             master.add_link(hub.server)
             self.master = master
-            bench = Workbench(machine_at(self.folder, self.bus))
+            bench = HardwareParts(machine_at(self.folder, self.bus))
             self.host = PartsHost(self.path, LIBRARY, lambda _: hub.connect(), bench=bench)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(master.run())

@@ -10,7 +10,7 @@ from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.kept_sessions import SessionFile
-from msbot_web.access.passes import SignInTokens
+from msbot_web.access.passes import TicketCodes
 from msbot_web.access.sessions import GUEST_S, IDLE_S, LONGEST_S
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import PlainHasher, user
@@ -92,7 +92,7 @@ async def test_who_signed_in_in_the_future_signs_in_again(computer: Computer) ->
 @pytest.mark.promise(PROMISE)
 async def test_a_printed_ticket_ends_when_it_should_while_a_master_runs_and_after(computer: Computer) -> None:
     accounts, file = computer.master()
-    passes = SignInTokens(accounts, accounts.clock, accounts.forward_clock.now)
+    passes = TicketCodes(accounts, accounts.clock, accounts.forward_clock.now)
     word = passes.make("ben", 1)
     computer.wall -= YEAR
     computer.passes(DAY / 2)
@@ -101,7 +101,7 @@ async def test_a_printed_ticket_ends_when_it_should_while_a_master_runs_and_afte
     computer.starts_anew()
     computer.wall -= YEAR
     accounts, file = computer.master()
-    passes = SignInTokens(accounts, accounts.clock, accounts.forward_clock.now)
+    passes = TicketCodes(accounts, accounts.clock, accounts.forward_clock.now)
     assert passes.find(word) == "ben", "printed tickets stay good when a computer without a clock starts"
     computer.passes(DAY / 2 + 1)
     with pytest.raises(SignInRefused):
@@ -109,7 +109,7 @@ async def test_a_printed_ticket_ends_when_it_should_while_a_master_runs_and_afte
     await file.keep()
     computer.starts_anew()
     accounts, _ = computer.master()
-    passes = SignInTokens(accounts, accounts.clock, accounts.forward_clock.now)
+    passes = TicketCodes(accounts, accounts.clock, accounts.forward_clock.now)
     with pytest.raises(SignInRefused):
         passes.find(word)
     fresh = passes.make("ben", 1)
@@ -119,7 +119,7 @@ async def test_a_printed_ticket_ends_when_it_should_while_a_master_runs_and_afte
 @pytest.mark.promise(PROMISE)
 async def test_the_right_time_that_comes_late_ends_what_is_over(computer: Computer) -> None:
     accounts, _ = computer.master()
-    passes = SignInTokens(accounts, accounts.clock, accounts.forward_clock.now)
+    passes = TicketCodes(accounts, accounts.clock, accounts.forward_clock.now)
     word = passes.make("ben", 30)
     computer.wall += 31 * DAY
     with pytest.raises(SignInRefused):

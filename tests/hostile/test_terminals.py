@@ -21,7 +21,7 @@ from msbot.cli.record.play import command as play
 from msbot.cli.record.plot import command as plot
 from msbot.config import Blueprint, RobotProfile
 from msbot.master import Master
-from msbot.master.fed_agent import FedAgent
+from msbot.master.fed_agent import AgentOfRemoteMaster
 from msbot.sim.arena.connection import RemoteWorldConnection
 from msbot.sim.arena.connection import to_line as world_line
 from msbot_agent.link import InprocHub
@@ -137,7 +137,7 @@ async def test_a_master_elsewhere() -> None:
     evil, hub, said = EVIL[:40], InprocHub(), list[str]()
     master = Master(Blueprint(RobotProfile(evil, evil, evil, evil, evil), ()), store(1), random=Random(1))
     master.add_link(hub.server)
-    agent = FedAgent(lambda _: InprocHub().server, hub.connect(), name="desk", say=said.append)
+    agent = AgentOfRemoteMaster(lambda _: InprocHub().server, hub.connect(), name="desk", say=said.append)
     tasks = [asyncio.create_task(master.run()), asyncio.create_task(agent.run())]
     try:
         async with asyncio.timeout(60):

@@ -6,7 +6,18 @@ import pytest
 
 from msbot_school.faults.kinds import NumberCondition, StateCondition
 from msbot_school.lessons.catalog import LessonCatalog
-from msbot_school.lessons.conditions import Condition, Exists, Holder, Now, SettingIs, Spans, Stopped, Turns, Was, Wired
+from msbot_school.lessons.conditions import (
+    Condition,
+    Exists,
+    Holder,
+    MovedBy,
+    Now,
+    RotatedBy,
+    SettingIs,
+    Stopped,
+    Was,
+    Wired,
+)
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
 from msbot_school.lessons.run import LessonRun
 from tests.lessons.made_up_robot import Robot
@@ -30,9 +41,9 @@ def let(robot: Robot, condition: Condition, phase: int, *, is_so: bool) -> None:
         case Now(plain=NumberCondition(source=source, operator=sign, limit=limit)):
             step = 0.01 * abs(limit) + 1e-6
             robot.numbers[source] = limit + step * (BEYOND if is_so else SHORT_OF)[sign]
-        case Spans(source=source, width=width):
+        case MovedBy(source=source, width=width):
             robot.numbers[source] = (phase % 2) * width * (1.0 if is_so else 0.99)
-        case Turns(source=source, width=width):
+        case RotatedBy(source=source, width=width):
             share = min(phase, PHASES - 1) / (PHASES - 1)
             robot.numbers[source] = share * width * (1.0 if is_so else 0.99) % 360
         case Wired(source=source, target=target):

@@ -13,7 +13,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from msbot_agent.startup.kept_beside import carried_toml, kept_names
+from msbot_agent.startup.bytecode_cache import carried_toml, kept_names
 
 CARRIED = sorted(Path(str(files("msbot"))).rglob("*.toml"))
 

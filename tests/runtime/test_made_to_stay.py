@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from msbot_agent.startup.kept_beside import made_to_stay
+from msbot_agent.startup.bytecode_cache import made_to_stay
 from msbot_xrce.errors import ConfigError
 
 

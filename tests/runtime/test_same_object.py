@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from msbot_xrce.same_object import ForSameObject
+from msbot_xrce.identity_cache import IdentityCache
 
 
 def test_the_same_object_is_asked_for_once_and_an_equal_one_anew() -> None:
@@ -16,7 +16,7 @@ def test_the_same_object_is_asked_for_once_and_an_equal_one_anew() -> None:
         asked.append(of)
         return sum(of)
 
-    kept = ForSameObject(total, 8)
+    kept = IdentityCache(total, 8)
     one, equal = [1, 2], [1, 2]
     assert [kept(one), kept(one), kept(equal), kept(equal)] == [3, 3, 3, 3]
     assert len(asked) == 2
@@ -25,7 +25,7 @@ def test_the_same_object_is_asked_for_once_and_an_equal_one_anew() -> None:
 
 
 def test_an_object_that_is_gone_is_never_taken_for_another() -> None:
-    kept: ForSameObject[list[int], int] = ForSameObject(lambda of: of[0], 4)
+    kept: IdentityCache[list[int], int] = IdentityCache(lambda of: of[0], 4)
     for number in range(1000):
         assert kept([number]) == number, "lists of that size lie where earlier ones lay"
 
@@ -40,7 +40,7 @@ def test_no_more_than_allowed_are_kept() -> None:
         def __del__(self) -> None:
             Thing.alive -= 1
 
-    kept = ForSameObject(id, 4)
+    kept = IdentityCache(id, 4)
     for _ in range(50):
         kept(Thing())
         assert Thing.alive <= 4
@@ -50,7 +50,7 @@ def test_no_more_than_allowed_are_kept() -> None:
 
 
 def test_what_it_raises_is_not_kept() -> None:
-    kept: ForSameObject[str, int] = ForSameObject(int, 4)
+    kept: IdentityCache[str, int] = IdentityCache(int, 4)
     for _ in range(2):
         with pytest.raises(ValueError, match="invalid literal"):
             kept("no number")

@@ -19,7 +19,7 @@ import pytest
 from msbot_school.classroom.access import RemoteAccess
 from msbot_school.classroom.remote_masters import (
     Answer,
-    Asking,
+    ParallelRequest,
     RemoteMasterConnection,
     RemoteMasterError,
     RemoteMasterRefusal,
@@ -172,7 +172,7 @@ def answers_when_one_is_noted(
 
         work(line, tell)
 
-    asking = Asking(accesses, telling, PATIENCE_S)
+    asking = ParallelRequest(accesses, telling, PATIENCE_S)
     assert noted.wait(2 * PATIENCE_S), "nothing is known of anybody"
     asking._until = time.monotonic()
     return asking.answers()
@@ -213,7 +213,7 @@ def test_stop_is_asked_after_until_all_parts_have_confirmed(stack: ExitStack) ->
                 taken.sendall(answer("200 OK", {"stopped": True, "told": 2, "not_confirmed": count}))
 
     there = somebody(stack, serve)
-    found = Asking([there.access], say_stop(""), PATIENCE_S).answers()[there.address]
+    found = ParallelRequest([there.access], say_stop(""), PATIENCE_S).answers()[there.address]
     assert isinstance(found, dict)
     assert found["not_confirmed"] == 0
     assert left == []
@@ -258,7 +258,7 @@ def test_without_a_thread_nobody_is_asked_and_each_is_named(monkeypatch: pytest.
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    asking = Asking([RemoteAccess("http://127.0.0.1:9", "t", "R", "1")], say_stop(""), PATIENCE_S)
+    asking = ParallelRequest([RemoteAccess("http://127.0.0.1:9", "t", "R", "1")], say_stop(""), PATIENCE_S)
     ((address, found),) = asking.answers().items()
     assert isinstance(found, RemoteMasterError)
     assert str(found) == f"{address}: this computer has no thread left to ask it"

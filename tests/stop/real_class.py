@@ -13,7 +13,7 @@ from unittest import mock
 from msbot.config import Blueprint, Library, load_blueprint, load_library
 from msbot_school.classroom.access import RemoteAccess
 from msbot_school.classroom.class_robots import ClassRobot, class_robots, far_robots
-from msbot_school.classroom.remote_masters import Asking, read_status
+from msbot_school.classroom.remote_masters import ParallelRequest, read_status
 from msbot_school.classroom.rollout import RollOut, plan_for, undo_job
 from msbot_school.classroom.rollout_run import RollOutLog, RollOutRun, StepState
 from msbot_web.access.passwords import Argon2Hasher
@@ -110,7 +110,7 @@ class RealClass:
 
         def look() -> bool:
             access = RemoteAccess(self.robots[0].page.removesuffix("/api"), TOKEN, "MSBOT_MASTER", "X1")
-            far = far_robots([access], Asking([access], read_status, PATIENCE_S))
+            far = far_robots([access], ParallelRequest([access], read_status, PATIENCE_S))
             here = (one for one in class_robots(None, ()) if one.serial_number == "X2")
             found[:] = [*far, *here]
             return len(found) == 2 and all(one.answers for one in found)

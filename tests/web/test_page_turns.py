@@ -25,7 +25,7 @@ from msbot_web.nicegui_internals.page_turns import (
     NOT_CONNECTED_S,
     OPEN,
     WAITING,
-    PageTurns,
+    PageAdmission,
 )
 
 EVE = Session("eve", Role.STUDENT, 0.0, 0.0, key="eve")
@@ -42,7 +42,7 @@ class Site:
     """An application that makes one page after another, and whose visitors may read slowly."""
 
     def __init__(self) -> None:
-        self.turns = PageTurns(self.make)
+        self.turns = PageAdmission(self.make)
         self.now_made = self.most_at_once = 0
         self.makes_s = 0.1
         self.reads = asyncio.Event()
@@ -143,7 +143,7 @@ def test_pages_that_have_to_be_made_anew_are_told_when_their_turn_is() -> None:
         site.makes_s = LONGEST_STEP_S
         for one in pupils[:20]:
             assert await site.ask(one) == 200
-        slow = PageTurns(site.make)
+        slow = PageAdmission(site.make)
         slow._made_s = site.turns._made_s
         given = [slow.turn_s(one, 0.0) for one in pupils]
         assert given[1] == pytest.approx(LONGEST_STEP_S, rel=0.1), "as long as making one has taken lately"
@@ -170,7 +170,7 @@ async def test_pages_that_no_browser_has_connected_to_make_room(monkeypatch: pyt
         await send({"type": "http.response.start", "status": 200})
 
     site = Site()
-    site.turns = PageTurns(answered)
+    site.turns = PageAdmission(answered)
     for _ in range(MOST_OPEN):
         assert await site.ask(EVE) == 200
     assert await site.ask(EVE) == 429, "all may still be loading"

@@ -24,12 +24,12 @@ from msbot_agent.link.relay.messages import (
     Bye,
     Down,
     Event,
-    Happened,
     Heard,
     Hello,
     Message,
     Refused,
     RelayBeat,
+    RelayEventKind,
     Room,
     Up,
     Welcome,
@@ -103,7 +103,7 @@ messages = st.one_of(
     ),
     st.builds(
         RelayBeat, numbers, numbers, texts,
-        st.lists(st.builds(Event, numbers, st.sampled_from(Happened), texts), max_size=16).map(tuple),
+        st.lists(st.builds(Event, numbers, st.sampled_from(RelayEventKind), texts), max_size=16).map(tuple),
     ),
     st.builds(Room, st.lists(st.tuples(numbers, numbers), max_size=100).map(tuple)),
     st.builds(Welcome, st.binary(min_size=8, max_size=8), st.integers(0, 2**32 - 1), numbers),
@@ -213,8 +213,8 @@ def test_so_many_parts_and_the_one_that_was_silent_for_the_longest_makes_room() 
 
 def test_what_happened_is_repeated_until_the_master_has_confirmed_it() -> None:
     made = welcomed()
-    made.part_event(3, Happened.CAME, "", 1.0)
-    made.part_event(3, Happened.GONE, "pulled out", 1.1)
+    made.part_event(3, RelayEventKind.CAME, "", 1.0)
+    made.part_event(3, RelayEventKind.GONE, "pulled out", 1.1)
     made.handle_timer(10.0)
     beats = [message for message in drain(made) if isinstance(message, RelayBeat)]
     assert [len(beat.events) for beat in beats] == [1, 2, 2]
@@ -241,15 +241,15 @@ def test_a_relay_asks_until_it_is_welcome_and_takes_no_welcome_of_another() -> N
 
 def test_a_confirmation_that_comes_twice_confirms_nothing_that_happened_since() -> None:
     made = welcomed()
-    made.part_event(3, Happened.CAME, "", 1.0)
+    made.part_event(3, RelayEventKind.CAME, "", 1.0)
     (beat,) = [message for message in drain(made) if isinstance(message, RelayBeat)]
     made.from_master(encode(Heard(beat.count, 0, 0, 0)), 1.0)
-    made.part_event(3, Happened.GONE, "pulled out", 1.1)
+    made.part_event(3, RelayEventKind.GONE, "pulled out", 1.1)
     later = [message for message in drain(made) if isinstance(message, RelayBeat)]
     made.from_master(encode(Heard(beat.count, 0, 0, 0)), 1.2)
     made.handle_timer(20.0)
     told = [message for message in (*later, *drain(made)) if isinstance(message, RelayBeat)]
-    assert [(one.what, one.words) for one in told[-1].events] == [(Happened.GONE, "pulled out")]
+    assert [(one.what, one.words) for one in told[-1].events] == [(RelayEventKind.GONE, "pulled out")]
 
 
 def test_all_that_waits_for_a_part_goes_to_it_in_order() -> None:

@@ -26,12 +26,12 @@ from msbot_agent.link.relay.messages import (
     Bye,
     Down,
     Event,
-    Happened,
     Heard,
     Hello,
     Message,
     Refused,
     RelayBeat,
+    RelayEventKind,
     Room,
     Up,
     Welcome,
@@ -110,11 +110,11 @@ class PlainRelay:
             part.up_turn = self.tick()
         part.up.append(packet)
 
-    def part_event(self, peer: Peer, what: Happened, words: str, now: float) -> None:
-        if what is Happened.GONE and peer not in [one.peer for one in self.parts]:
+    def part_event(self, peer: Peer, what: RelayEventKind, words: str, now: float) -> None:
+        if what is RelayEventKind.GONE and peer not in [one.peer for one in self.parts]:
             return
         number = self.part(peer).number
-        words = f"CAN node {peer}" if what is Happened.CAME else words
+        words = f"CAN node {peer}" if what is RelayEventKind.CAME else words
         self.unconfirmed = [*self.unconfirmed, (Event(number, what, words), 0)][-PARTS:]
         self.beat(now)
 
@@ -246,7 +246,7 @@ def test_whatever_happens_the_relay_says_and_does_what_the_plain_one_does(
     plain.timer(now)
     for step in range(400):
         now += random.choice((0.0, 0.1, 0.5, 2.5))
-        peer, what = random.randrange(6), random.choice([*Happened])
+        peer, what = random.randrange(6), random.choice([*RelayEventKind])
         number, packet = random.randrange(max(1, plain.number - 5), plain.number + 3), bytes((step % 251 + 1,))
         heard = Heard(plain.beats - random.choice((0, 0, 1)), plain.stops_said - random.choice((0, 0, 1)),
                       random.choice((0, 1, plain.stops_heard or 0)), step % 200)  # fmt: skip

@@ -8,12 +8,12 @@ from msbot_agent.link.relay.messages import (
     Bye,
     Down,
     Event,
-    Happened,
     Heard,
     Hello,
     Message,
     Refused,
     RelayBeat,
+    RelayEventKind,
     Room,
     Up,
     Welcome,
@@ -35,10 +35,10 @@ WIRE: list[tuple[Message, str]] = [
     (Up(0x0102, "n3", b"up"), "00ff52 02 0102 02 6e33 7570"),
     (RelayBeat(1, 0, ""), "00ff52 03 0001 0000 00 00"),
     (
-        RelayBeat(0x0102, 0x0304, "no", (Event(5, Happened.GONE, "x"), Event(6, Happened.BACK, ""))),
+        RelayBeat(0x0102, 0x0304, "no", (Event(5, RelayEventKind.GONE, "x"), Event(6, RelayEventKind.BACK, ""))),
         "00ff52 03 0102 0304 02 02 6e6f 0005 01 01 78 0006 02 00",
     ),
-    (RelayBeat(1, 0, "", (Event(5, Happened.CAME, "n5"),)), "00ff52 03 0001 0000 00 01 0005 03 02 6e35"),
+    (RelayBeat(1, 0, "", (Event(5, RelayEventKind.CAME, "n5"),)), "00ff52 03 0001 0000 00 01 0005 03 02 6e35"),
     (Room(()), "00ff52 04"),
     (Room(((1, 2), (3, 0xFFFF))), "00ff52 04 0001 0002 0003 ffff"),
     (Bye(), "00ff52 05"),
@@ -88,7 +88,7 @@ def test_long_texts_are_cut_off_and_events_beyond_16_are_not_read() -> None:
     assert decode(encode(Refused("x" * 500))) == Refused("x" * 120)
     assert decode(bytes.fromhex("00ff52 15 ff" + "78" * 255)) == Refused("x" * 120)
     assert decode(encode(Room(((1, 2),) * 100))) == Room(((1, 2),) * 100)
-    beat = decode(encode(RelayBeat(1, 0, "", (Event(5, Happened.GONE, ""),) * 17)))
+    beat = decode(encode(RelayBeat(1, 0, "", (Event(5, RelayEventKind.GONE, ""),) * 17)))
     assert isinstance(beat, RelayBeat)
     assert len(beat.events) == 16
 

@@ -14,11 +14,11 @@ from msbot_agent.link.relay.forwarder import COUNTS, SILENT_S, STOP_TIMES
 from msbot_agent.link.relay.messages import (
     Down,
     Event,
-    Happened,
     Heard,
     Hello,
     Message,
     RelayBeat,
+    RelayEventKind,
     Room,
     Up,
     Welcome,
@@ -246,7 +246,11 @@ def test_the_stop_after_65535_others_is_said_with_number_1_as_0_means_none() -> 
 def test_what_happens_to_a_part_is_told() -> None:
     async def scene(stage: Stage) -> None:
         stage.signals()
-        events = (Event(1, Happened.CAME, "node 1"), Event(1, Happened.GONE, "silent"), Event(1, Happened.BACK, "back"))
+        events = (
+            Event(1, RelayEventKind.CAME, "node 1"),
+            Event(1, RelayEventKind.GONE, "silent"),
+            Event(1, RelayEventKind.BACK, "back"),
+        )
         stage.hear(RelayBeat(1, 0, "", events))
         assert stage.signals() == [
             (Signal.PEER_JOINED, FIRST, "node 1"),

@@ -11,7 +11,7 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Peer, Signal
 from msbot_agent.link.relay import relayed_link
-from msbot_agent.link.relay.messages import Down, Event, Happened, Heard, Message, RelayBeat, Room, Up, Welcome
+from msbot_agent.link.relay.messages import Down, Event, Heard, Message, RelayBeat, RelayEventKind, Room, Up, Welcome
 from msbot_agent.link.relay.relayed_link import Behind, RelayedLink, RelayGreeting
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
@@ -20,7 +20,11 @@ from tests.link.relay.test_relayed_link import BOOT, HELLO, Way
 KNOWN, WINDOW = 4, 3
 """Small bounds, so that each is reached often."""
 Told = tuple[object, ...]
-SIGNALS = {Happened.CAME: Signal.PEER_JOINED, Happened.GONE: Signal.PEER_GONE, Happened.BACK: Signal.PEER_BACK}
+SIGNALS = {
+    RelayEventKind.CAME: Signal.PEER_JOINED,
+    RelayEventKind.GONE: Signal.PEER_GONE,
+    RelayEventKind.BACK: Signal.PEER_BACK,
+}
 
 
 @dataclass
@@ -83,7 +87,7 @@ class PlainLink:
                 self.report(number, count)
         elif isinstance(message, RelayBeat):
             for event in message.events:
-                if event.what is Happened.CAME:
+                if event.what is RelayEventKind.CAME:
                     self.note(event.number, event.words)
                 self.signal(SIGNALS[event.what], event.number, event.words, now)
             is_new = message.stops_said not in (0, self.stops_said)
@@ -161,7 +165,7 @@ async def story(seed: int) -> None:
         now, number = loop.time(), random.randrange(1, 7)
         part, packet = plain.find(number), bytes((step % 200,))
         counts = (part.handled, part.handled + 1, part.sent, part.sent + 1, part.handled - 1) if part else (0,)
-        event = Event(number, random.choice([*Happened]), f"at {step}")
+        event = Event(number, random.choice([*RelayEventKind]), f"at {step}")
         match random.choice("uurrrbsssssswxl"):
             case "u":
                 message: Message = Up(number, random.choice(("", f"n{step}")), packet)

@@ -32,7 +32,7 @@ from msbot.pnp.fed_agents.messages import (
     decode_from_master,
     encode,
 )
-from msbot.pnp.fed_agents.service import AgentsService, Sayings, goes_at_once
+from msbot.pnp.fed_agents.service import AgentsService, ReliableSendQueue, goes_at_once
 from msbot.pnp.services import LONGEST_BEST_EFFORT
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import LinkFull, LocalProtocolError
@@ -102,7 +102,7 @@ class Way:
 
 def test_what_finds_no_room_waits_in_order() -> None:
     way = Way(1)
-    sayings = Sayings(way.write)
+    sayings = ReliableSendQueue(way.write)
     for number in range(4):
         sayings.say(bytes((number,)))
     assert way.written == [b"\0"]
@@ -117,7 +117,7 @@ def test_what_finds_no_room_waits_in_order() -> None:
 
 def test_without_a_session_what_waits_is_worth_nothing() -> None:
     way = Way(0)
-    sayings = Sayings(way.write)
+    sayings = ReliableSendQueue(way.write)
     sayings.say(b"1")
     way.error, way.room = LocalProtocolError("no session"), 9
     sayings.say(b"2")

@@ -10,7 +10,7 @@ import pytest
 from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import SignInRefused
-from msbot_web.access.passes import CLASS_TICKET_S, LONGEST_DAYS, SignInTokens
+from msbot_web.access.passes import CLASS_TICKET_S, LONGEST_DAYS, TicketCodes
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import PlainHasher, user
@@ -25,7 +25,7 @@ class Office:
         self.now, self.wall = 0.0, 1e9
         people = [user("novak", Role.TEACHER), user("Äda B", Role.STUDENT), user("ben", Role.STUDENT)]
         self.accounts = Accounts(MemoryUsers(*people), clock=lambda: self.now, hasher=PlainHasher())
-        self.passes = SignInTokens(self.accounts, lambda: self.now, lambda: self.wall)
+        self.passes = TicketCodes(self.accounts, lambda: self.now, lambda: self.wall)
 
 
 def test_a_pass_signs_in_as_often_as_wanted_until_its_time_is_over() -> None:

@@ -16,7 +16,7 @@ from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import FREE_TRIES
 from msbot_web.access.guard import AccessGuard
-from msbot_web.access.passes import CLASS_TICKET_S, SignInTokens
+from msbot_web.access.passes import CLASS_TICKET_S, TicketCodes
 from msbot_web.access.sign_in_pages import make_forms
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
@@ -36,7 +36,7 @@ class Office:
         self.clock, self.wall = Clock(), 1e9
         people = [user("tom", Role.TEACHER), user("Ada <b>", Role.STUDENT)]
         self.accounts = Accounts(MemoryUsers(user("root"), *people), clock=self.clock, hasher=PlainHasher())
-        self.passes = SignInTokens(self.accounts, self.clock, lambda: self.wall)
+        self.passes = TicketCodes(self.accounts, self.clock, lambda: self.wall)
 
     def class_word(self, places: int) -> str:
         return self.passes.class_tickets.make("tom", "/program", places)[0]

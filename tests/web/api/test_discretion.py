@@ -12,8 +12,8 @@ from msbot_agent.text.sentence import from_json, said, to_json
 from msbot_web.access.sessions import Session
 from msbot_web.api.bus_lines import FrameLine
 from msbot_web.api.models import Done, EditLine
-from msbot_web.api.private_octets import PrivateOctets
 from msbot_web.api.session import done_for, edits_for, journal_for, parts_for, words_for
+from msbot_web.api.uid_redactor import UidRedactor
 from msbot_web.cards import part_line
 from msbot_web.records import journal_line
 from tests.pnp.robot import Rig
@@ -89,12 +89,12 @@ def test_a_frame_with_a_piece_of_a_uid_is_shown_without_its_data_to_all_but_teac
     row = FrameLine(number=1, age_s=0.0, sender="x", text=f"  {notation.partition('#')[0]}  [8] {notation[4:]}", node=1,
                     plain=[], about=["a claim"], words=[f"claim with UID {UID}"], notation=notation)  # fmt: skip
     other = row.model_copy(update={"notation": "101#C010000000000000", "text": "  101  [2] C0 10", "words": [UID]})
-    hidden, shown = PrivateOctets([UID, "0000000000000001", ""]).frames([row, other])
+    hidden, shown = UidRedactor([UID, "0000000000000001", ""]).frames([row, other])
     assert (hidden.text.split()[1:], hidden.notation, hidden.words) == (["…"], "", [])
     assert (shown.text, shown.notation, shown.words) == (other.text, other.notation, ["…"])
-    assert PrivateOctets([]).frames([row])[0].text == row.text
+    assert UidRedactor([]).frames([row])[0].text == row.text
     log = f"(1.000000) can0 {notation}\n(1.1) can0 101#C010\n"
-    assert PrivateOctets([UID]).lines(log) == "(1.1) can0 101#C010\n"
+    assert UidRedactor([UID]).lines(log) == "(1.1) can0 101#C010\n"
 
 
 def test_what_people_have_changed_and_what_went_wrong_names_no_uid_to_students() -> None:

@@ -12,7 +12,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from msbot_web.access.guard import STOP_PATH
-from msbot_web.api.late_routes import LateRoutes
+from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.stop_call import make_stop_api
 from msbot_web.service import Service
 
@@ -33,7 +33,7 @@ class _App:
         self.app = FastAPI()
         self.app.router.routes.append(Route("/{rest:path}", _page))
         self.app.router.routes.insert(0, Route(STOP_PATH, _answer, methods=["POST"]))
-        self.app.add_middleware(LateRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make, but=STOP_PATH)
+        self.app.add_middleware(LazyRoutes, of=self.app, paths=("/api", "/metrics"), make=self._make, but=STOP_PATH)
 
     def _make(self) -> list[BaseRoute]:
         self.may_go_on.wait()

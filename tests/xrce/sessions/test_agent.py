@@ -22,7 +22,7 @@ from msbot_xrce.sessions import (
     SessionReset,
     WindowOpened,
 )
-from msbot_xrce.streams.asking_again import GUESSES_MAX
+from msbot_xrce.streams.acknack_schedule import GUESSES_MAX
 
 KEY = 0xAABBCCDD
 MTU = 508

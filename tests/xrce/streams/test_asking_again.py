@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from msbot_xrce.messages.submessage import Envelope
-from msbot_xrce.streams.asking_again import AskingAgain
-from msbot_xrce.streams.overtaking import Overtaking
+from msbot_xrce.streams.acknack_schedule import AcknackSchedule
 from msbot_xrce.streams.receiving_in_order import ReliableInput
+from msbot_xrce.streams.reordering import ReorderingDetector
 from msbot_xrce.streams.session_output import SessionOutput
 from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
 
@@ -22,8 +22,8 @@ class Rig:
         if measured:
             self.sender.round_trip.measure(0.002)
         self.stream = ReliableInput(16, Memory(1 << 20), counters)
-        self.asking = AskingAgain(
-            self.sender, guesses=guesses, overtaking=Overtaking(self.sender.round_trip) if is_stock else None
+        self.asking = AcknackSchedule(
+            self.sender, guesses=guesses, overtaking=ReorderingDetector(self.sender.round_trip) if is_stock else None
         )
 
     def take(self, number: int, now: float) -> None:

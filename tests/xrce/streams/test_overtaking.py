@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_xrce.streams.overtaking import DELAY_MAX_S, MARGIN, MEMORY_S, Overtaking
 from msbot_xrce.streams.receiving_in_order import ReliableInput
+from msbot_xrce.streams.reordering import DELAY_MAX_S, MARGIN, MEMORY_S, ReorderingDetector
 from msbot_xrce.streams.round_trip import RoundTrip
 from msbot_xrce.streams.settings import Memory, SessionCounters
 
@@ -18,7 +18,7 @@ class Rig:
     def __init__(self) -> None:
         self.stream = ReliableInput(16, Memory(1 << 20), SessionCounters())
         self.round_trip = RoundTrip()
-        self.overtaking = Overtaking(self.round_trip)
+        self.overtaking = ReorderingDetector(self.round_trip)
 
     def take(self, number: int, now: float) -> None:
         self.overtaking.note(STREAM, self.stream, number, now)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
-from msbot_agent.agent import SessionWear
+from msbot_agent.agent import SessionFaultCounts
 from msbot_agent.text.sentence import said
 from msbot_web.api.models import (
     PartDeclaration,
@@ -38,7 +38,7 @@ SaidByHand = Callable[[], Mapping[tuple[str, str], Mapping[str, Scalar]]]
 """What people say to the ports that they drive by hand: `(slot, port)` -> fields."""
 
 
-def no_wear(_client_key: int) -> SessionWear | None:
+def no_wear(_client_key: int) -> SessionFaultCounts | None:
     """For who does not know how a session fared."""
     return None
 
@@ -67,7 +67,7 @@ class SlotCards:
         self, *, parts: Callable[[float], Sequence[PartInfo]], beat_s: Callable[[], float],
         blueprint: Callable[[], Blueprint], library: Library, live: Live, clock: Callable[[], float],
         ignored: Callable[[PartInfo], bool], stop: Callable[[], StopState], by_hand: SaidByHand,
-        plugged: Callable[[], Mapping[str, bool]] = dict, wear: Callable[[int], SessionWear | None] = no_wear,
+        plugged: Callable[[], Mapping[str, bool]] = dict, wear: Callable[[int], SessionFaultCounts | None] = no_wear,
         planted: Callable[[str], Sequence[str]] = lambda _: (),
     ) -> None:  # fmt: skip
         self.live = live

@@ -12,7 +12,7 @@ import jinja2
 from jinja2 import BaseLoader, Environment, StrictUndefined, Template, TemplateNotFound
 from markupsafe import Markup
 
-from msbot_agent.startup.kept_beside import kept_names
+from msbot_agent.startup.bytecode_cache import kept_names
 from msbot_web.root_path import root
 
 __all__ = ["Markup", "render"]

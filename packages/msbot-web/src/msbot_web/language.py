@@ -21,7 +21,7 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
-from msbot_agent.startup.kept_beside import kept_names
+from msbot_agent.startup.bytecode_cache import kept_names
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass

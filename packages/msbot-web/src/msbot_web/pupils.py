@@ -15,7 +15,7 @@ from msbot_school.lessons.progress import PersonInLesson
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.class_list import Newcomer, new_password, read_list
 from msbot_web.access.guest_tickets import Ticket
-from msbot_web.access.passes import SignInTokens
+from msbot_web.access.passes import TicketCodes
 from msbot_web.access.sessions import Session
 from msbot_web.api.models import Done
 from msbot_web.learning import Learning
@@ -106,7 +106,7 @@ class ClassController:
     """
 
     def __init__(
-        self, accounts: Accounts, operations: RunningOperations, passes: SignInTokens, shelf: ProgramStore,
+        self, accounts: Accounts, operations: RunningOperations, passes: TicketCodes, shelf: ProgramStore,
         learning: Learning,
     ) -> None:  # fmt: skip
         self._accounts = accounts

@@ -17,7 +17,7 @@ from msbot_school.classroom.remote_masters import (
     LOOK_S,
     STOP_S,
     Answer,
-    Asking,
+    ParallelRequest,
     RemoteMasterError,
     read_status,
     say_stop,
@@ -94,7 +94,7 @@ class RemoteRobots:
     def _look(self) -> Sequence[ClassRobot]:
         accesses = self._book.all()
         asked = [one for one in accesses if one.address not in self._still]
-        asking = Asking(asked, read_status, LOOK_S)
+        asking = ParallelRequest(asked, read_status, LOOK_S)
         found = list(far_robots(asked, asking))
         waiting = [one for one in accesses if one.address in self._still]
         self._still = set(asking.unfinished())  # those get a rest, so that their threads do not add up
@@ -102,7 +102,7 @@ class RemoteRobots:
 
     def _stop(self, reason: str) -> list[RemoteStop]:
         accesses = self._book.all()
-        answers = Asking(accesses, say_stop(reason), STOP_S).answers()
+        answers = ParallelRequest(accesses, say_stop(reason), STOP_S).answers()
         found = []
         for access in accesses:
             answer, name = answers[access.address], f"{access.robot} {access.serial_number}"

@@ -34,7 +34,7 @@ from msbot_agent.text.sentence import said
 from msbot_web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard, cookie_names
 from msbot_web.access.proxies import BehindProxies, Proxies
 from msbot_web.access.sign_in_pages import make_forms
-from msbot_web.api.late_routes import LateRoutes
+from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.problems import tell_problems
 from msbot_web.api.stop_call import make_stop_api
 from msbot_web.call_pace import CallPace
@@ -44,7 +44,7 @@ from msbot_web.known_addresses import KnownAddresses
 from msbot_web.nicegui_internals.application import LOGGER, LateWebSocket, serve_pages, set_ping, websocket_protocol
 from msbot_web.nicegui_internals.open_pages import OpenPages
 from msbot_web.nicegui_internals.page_sockets import PageSockets
-from msbot_web.nicegui_internals.page_turns import PageTurns
+from msbot_web.nicegui_internals.page_turns import PageAdmission
 from msbot_web.page_errors import say_errors_once
 from msbot_web.pages import register_pages
 from msbot_web.pages.help import picture_answer
@@ -222,7 +222,7 @@ class WebServer:
         cookies = cookie_names(self.mark)
         app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
         app.include_router(make_stop_api(service))
-        app.add_middleware(LateRoutes, of=app, paths=LATE_PATHS, make=partial(_late_routes, service), but=STOP_PATH)
+        app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_late_routes, service), but=STOP_PATH)
         add_browser_files(app)
         app.router.routes.append(PartSocket(self.parts, service.accounts).route())
         tell_problems(app)
@@ -240,7 +240,7 @@ class WebServer:
         pages = OpenPages(service.accounts)
         say_errors_once()
         guard = AccessGuard(
-            CallPace(PageSockets(PageTurns(app)), LATE_PATHS, STOP_PATH, time.monotonic),
+            CallPace(PageSockets(PageAdmission(app)), LATE_PATHS, STOP_PATH, time.monotonic),
             service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
             beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None, api=app,
             signed_in=self._known.note,

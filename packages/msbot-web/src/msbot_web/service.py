@@ -19,7 +19,7 @@ from msbot.sim.arena.running_arena import RunningArena
 from msbot_agent.text.sentence import counted, said
 from msbot_web.access.accounts import Accounts, NotAllowed
 from msbot_web.access.class_list import Newcomer
-from msbot_web.access.passes import SignInTokens
+from msbot_web.access.passes import TicketCodes
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import User
 from msbot_web.api.models import (
@@ -109,7 +109,7 @@ class Service:
         self.pupils = ClassController(
             accounts,
             operations,
-            SignInTokens(accounts, accounts.clock, accounts.forward_clock.now),
+            TicketCodes(accounts, accounts.clock, accounts.forward_clock.now),
             shelf,
             self.learning,
         )

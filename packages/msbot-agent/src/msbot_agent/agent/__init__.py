@@ -12,7 +12,14 @@ if TYPE_CHECKING:
     from msbot_agent.agent.gate import ClientInfo, Gate, OpenGate, client_key_in
     from msbot_agent.agent.reply_routing import client_key_of
     from msbot_agent.agent.server import Agent, AgentSignalHandler
-    from msbot_agent.agent.statistics import Acknowledgements, ClientView, ObjectView, SessionWear, StreamView, Worst
+    from msbot_agent.agent.statistics import (
+        Acknowledgements,
+        ClientView,
+        ObjectView,
+        SessionFaultCounts,
+        StreamView,
+        Worst,
+    )
     from msbot_agent.agent.status_reader import (
         MASTER,
         AgentStatus,
@@ -42,7 +49,7 @@ _NAMES = {
         "Acknowledgements",
         "ClientView",
         "ObjectView",
-        "SessionWear",
+        "SessionFaultCounts",
         "StreamView",
         "Worst",
     ),
@@ -84,7 +91,7 @@ __all__ = [
     "ObjectView",
     "OpenGate",
     "RunningProcess",
-    "SessionWear",
+    "SessionFaultCounts",
     "StatusServer",
     "StreamView",
     "Worst",

@@ -25,8 +25,8 @@ from msbot_agent.agent.stale_sessions import (
     DOUBLE_LOGIN_PATIENCE_S,
     PATIENCE_ON_A_BUS_S,
     KeyConflicts,
-    ResetBoards,
     SessionBudget,
+    StaleSessionProbe,
 )
 from msbot_agent.link import Link, Peer
 from msbot_agent.text.sentence import said
@@ -74,7 +74,7 @@ class Handshake:
 
     def __init__(
         self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: KeyConflicts,
-        predecessors: ResetBoards, queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
+        predecessors: StaleSessionProbe, queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
     ) -> None:  # fmt: skip
         self._clients = clients
         self._gate = gate

@@ -11,10 +11,10 @@ from msbot_agent.agent.agent_settings import AgentSettings
 from msbot_agent.agent.endpoints import DataReader, DataWriter, Endpoint, Replier, Requester
 from msbot_agent.agent.topic_attachment import EndpointHost
 from msbot_agent.space import Owner, Qos, Topic
+from msbot_xrce.identity_cache import IdentityCache
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import ObjectKind
 from msbot_xrce.objects import Definition, ParticipantDef, ReaderDef, ReplierDef, RequesterDef, TopicDef, WriterDef
-from msbot_xrce.same_object import ForSameObject
 
 KEPT = 256
 """Definitions whose quality of service is worked out once, and topics that are made once."""
@@ -96,7 +96,7 @@ class Creator:
         self.unquestioned = min(settings.max_objects, settings.max_objects_unsettled)
         """So many objects any client may have, whatever the gate says of it."""
         # Parts of one kind describe their objects alike, and equal descriptions give the same definition.
-        self._qos = ForSameObject(self._make_qos, KEPT)
+        self._qos = IdentityCache(self._make_qos, KEPT)
 
     def make(
         self, host: EndpointHost, object_id: int, definition: Definition, parent: ClientObject | None,

@@ -15,7 +15,7 @@ from msbot_agent.agent.gate import ClientInfo, SampleGuard
 from msbot_agent.agent.object_tree import ObjectTree
 from msbot_agent.agent.reply_routing import client_key_of, make_guid
 from msbot_agent.agent.shared_state import SharedAgentState
-from msbot_agent.agent.statistics import PUSHED_OUT, ClientView, SessionWear, TopicTraffic
+from msbot_agent.agent.statistics import PUSHED_OUT, ClientView, SessionFaultCounts, TopicTraffic
 from msbot_agent.agent.topic_attachment import ReadSide, Shape
 from msbot_agent.link import Peer
 from msbot_agent.space import Guid
@@ -252,11 +252,11 @@ class Proxy:
         """Why its endpoints do not match others in the space, each sentence once."""
         return tuple(dict.fromkeys(trouble for _, entity in self._tree.items() for trouble in entity.troubles))
 
-    def wear(self) -> SessionWear:
+    def wear(self) -> SessionFaultCounts:
         """See `Agent.wear`."""
         readers = (side.reader for end in self._endpoints.values() if (side := end.incoming) is not None)
         unread = self.dropped.get(PUSHED_OUT, 0) + sum(one.lost for one in readers if one is not None)
-        return SessionWear(self.session.counters.repeated, self.session.counters.resent, unread)
+        return SessionFaultCounts(self.session.counters.repeated, self.session.counters.resent, unread)
 
     def view(self, now: float) -> ClientView:
         """A view of the client, for people."""

@@ -26,8 +26,8 @@ from msbot_agent.agent.proxy import Proxy
 from msbot_agent.agent.relays import Relays, put_known_peers_first
 from msbot_agent.agent.reply_routing import ReplyExchange
 from msbot_agent.agent.shared_state import SharedAgentState
-from msbot_agent.agent.stale_sessions import KeyConflicts, ResetBoards, SessionBudget
-from msbot_agent.agent.statistics import ClientView, Latency, SessionWear, TopicTable
+from msbot_agent.agent.stale_sessions import KeyConflicts, SessionBudget, StaleSessionProbe
+from msbot_agent.agent.statistics import ClientView, Latency, SessionFaultCounts, TopicTable
 from msbot_agent.link import Link, Peer, Signal, Tap
 from msbot_agent.link.relay import MARK, RelayGreeting
 from msbot_agent.space import Space
@@ -72,7 +72,7 @@ class Agent:
         self._clients = ClientTable()
         self._budget = SessionBudget(self._gate, settings)
         self._rivals = KeyConflicts(self._clients, self._gate, self._call_at, self._end_session)
-        predecessors = ResetBoards(self._gate, self._call_at, self._end_session)
+        predecessors = StaleSessionProbe(self._gate, self._call_at, self._end_session)
         self._queue = JoinQueue(self._gate, places=settings.max_joining, most_waiting=settings.max_unsettled)
         self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), settings.max_outside_per_s)
         self._handshake = Handshake(
@@ -202,7 +202,7 @@ class Agent:
         port, peer = proxy.place
         return port.link, peer
 
-    def wear(self, client_key: int) -> SessionWear | None:
+    def wear(self, client_key: int) -> SessionFaultCounts | None:
         """What went wrong between agent and client in its present session; None: it has none."""
         proxy = self._clients.by_key(client_key)
         return None if proxy is None else proxy.wear()

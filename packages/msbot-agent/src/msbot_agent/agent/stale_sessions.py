@@ -29,7 +29,7 @@ PROBES = 3
 CallAt = Callable[[float, Callable[[], None]], object]
 
 
-class ResetBoards:
+class StaleSessionProbe:
     """Finds and ends such sessions (see the module's docstring).
 
     Args:

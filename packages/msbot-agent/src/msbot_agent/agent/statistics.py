@@ -121,7 +121,7 @@ PUSHED_OUT = "sample pushed out before the client read it"
 
 
 @dataclass(frozen=True, slots=True)
-class SessionWear:
+class SessionFaultCounts:
     """What went wrong between agent and client since its session was opened."""
 
     repeated: int = 0

@@ -13,8 +13,8 @@ from click.shell_completion import CompletionItem
 
 from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, package_of
 from msbot_agent.cli.first_page import SUMMARY, leave_output
+from msbot_agent.startup.bytecode_cache import made_to_stay
 from msbot_agent.startup.extensions import extensions
-from msbot_agent.startup.kept_beside import made_to_stay
 from msbot_agent.text.sentence import printable, whole
 from msbot_xrce.errors import MsbotError
 

@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from msbot_agent.ros import discovery_info
-from msbot_agent.ros.bare_parameters import BareParameters, missing_services
 from msbot_agent.ros.discovery_info import NodeInfo, decode, encode, gid_octets_of, usual_gid_octets
+from msbot_agent.ros.missing_parameters import MissingParameterService, missing_services
 from msbot_agent.ros.node_names import NodeName, node_named
 from msbot_agent.space import Guid, OwnEndpoint, Qos, Reader, Sample, SharedSpace, Topic, Writer
 from msbot_xrce.errors import RemoteProtocolError
@@ -64,7 +64,7 @@ class RosGraph:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._writers: dict[int, Writer] = {}
-        self._bare: dict[tuple[int, NodeName, str, str], BareParameters] = {}
+        self._bare: dict[tuple[int, NodeName, str, str], MissingParameterService] = {}
         """By domain, node, service and why it sets nothing."""
         self._readers: list[Reader] = []
         self._told: dict[int, bytes] = {}
@@ -152,7 +152,7 @@ class RosGraph:
         for key in wanted:
             if key not in self._bare:
                 domain, node, service, reason = key
-                self._bare[key] = BareParameters(self._space, node, domain, service, reason)
+                self._bare[key] = MissingParameterService(self._space, node, domain, service, reason)
 
     def _nodes(self) -> dict[int, list[NodeInfo]]:
         """The nodes in each domain, in the order in which they appeared."""

@@ -19,7 +19,7 @@ from msbot_agent.space.contract import THIS_PROGRAM, Deliver, Guid, Owner, Qos, 
 from msbot_agent.space.qos_matching import mismatch
 from msbot_agent.space.readers import Clock, History, MemoryReader, SelectiveReader, Store, is_selective
 from msbot_xrce.errors import LocalProtocolError
-from msbot_xrce.same_object import ForSameObject
+from msbot_xrce.identity_cache import IdentityCache
 
 FEEDBACK_LIMIT = 1000
 """Samples that call-backs may add to a topic while one sample is delivered; more means an endless loop."""
@@ -298,7 +298,7 @@ def _first_of_equal(qos: Qos) -> Qos:
     return qos
 
 
-_offer = ForSameObject(_offered, 256)
+_offer = IdentityCache(_offered, 256)
 """Writers of one kind have the same QoS."""
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from msbot_agent.startup.kept_beside import carried_toml
+from msbot_agent.startup.bytecode_cache import carried_toml
 from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.line_numbers import key_lines

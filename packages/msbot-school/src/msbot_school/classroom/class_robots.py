@@ -12,7 +12,7 @@ from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
 from msbot_agent.text.given_file import told_count
 from msbot_school.classroom.access import RemoteAccess
-from msbot_school.classroom.remote_masters import LOOK_S, Asking, RemoteMasterError, read_status
+from msbot_school.classroom.remote_masters import LOOK_S, ParallelRequest, RemoteMasterError, read_status
 from msbot_xrce.counting import amount
 from msbot_xrce.lazy import dataclass
 
@@ -184,7 +184,7 @@ def class_robots(
     Raises:
         RegistryError: the database cannot be used.
     """
-    asking = Asking(accesses, read_status, LOOK_S)
+    asking = ParallelRequest(accesses, read_status, LOOK_S)
     local = list(_local(path))
     found = {_key(robot.name, robot.serial_number, database_identity(robot.database)): robot for robot in local}
     for far in far_robots(accesses, asking):
@@ -199,7 +199,7 @@ def class_robots(
     )
 
 
-def far_robots(accesses: Sequence[RemoteAccess], asking: Asking[dict[str, object]]) -> Iterator[ClassRobot]:
+def far_robots(accesses: Sequence[RemoteAccess], asking: ParallelRequest[dict[str, object]]) -> Iterator[ClassRobot]:
     """The robots on other computers, as far as their masters answer."""
     answers = asking.answers()
     for access in accesses:

@@ -70,8 +70,8 @@ class RemoteMasterConnection:
         """Call the API; returns what is answered.
 
         Raises:
-            FarTrouble: nobody answers, or it is no master.
-            FarRefusal: it refuses.
+            RemoteMasterError: nobody answers, or it is no master.
+            RemoteMasterRefusal: it refuses.
         """
         content = self.octets(method, path, body)
         try:
@@ -83,8 +83,8 @@ class RemoteMasterConnection:
         """The same, for calls that answer with something else.
 
         Raises:
-            FarTrouble: nobody answers, or it is no master.
-            FarRefusal: it refuses.
+            RemoteMasterError: nobody answers, or it is no master.
+            RemoteMasterRefusal: it refuses.
         """
         where = self._access.address
         left = self._until - time.monotonic()
@@ -169,7 +169,7 @@ Work = Callable[[RemoteMasterConnection, Callable[[_R], None]], None]
 """What is done at one master; it notes what it knows, each time it knows more."""
 
 
-class Asking(Generic[_R]):
+class ParallelRequest(Generic[_R]):
     """One question to many masters, which begins at once.
 
     Args:
@@ -228,13 +228,13 @@ def ask_one(access: RemoteAccess, work: Callable[[RemoteMasterConnection], _R], 
     """Speak to one master.
 
     Raises:
-        FarTrouble: it does not answer in that time, or refuses.
+        RemoteMasterError: it does not answer in that time, or refuses.
     """
 
     def noted(line: RemoteMasterConnection, note: Callable[[_R], None]) -> None:
         note(work(line))
 
-    (answer,) = Asking([access], noted, limit_s).answers().values()
+    (answer,) = ParallelRequest([access], noted, limit_s).answers().values()
     if isinstance(answer, RemoteMasterError):
         raise answer
     return answer

@@ -106,7 +106,7 @@ def _far_plan(robot: ClassRobot, far: RemoteRobot, blueprint: Blueprint) -> Roll
     """What it would change there, as its own master says, by its own part library.
 
     Raises:
-        FarTrouble: it does not answer, or the blueprint does not fit its library.
+        RemoteMasterError: it does not answer, or the blueprint does not fit its library.
     """
     if far.trouble:
         return RollOutPlan(robot, None, obstacle=far.trouble)
@@ -136,7 +136,7 @@ def _change(far: RemoteRobot, method: str, path: str, body: dict[str, object]) -
     """The same, of a question that changes the robot.
 
     Raises:
-        FarRefusal: it has not changed.
+        RemoteMasterRefusal: it has not changed.
         NoAnswer: whether it has changed is not known.
     """
     try:

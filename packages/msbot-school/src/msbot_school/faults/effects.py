@@ -125,7 +125,7 @@ class ExtraPartLink:
         return self._hub.connect()
 
 
-class Guest(Effect):
+class UnexpectedPart(Effect):
     """A simulated part that should not be there.
 
     Args:

@@ -18,10 +18,10 @@ from msbot_school.faults.effects import (
     Distorted,
     Effect,
     ExtraPartLink,
-    Guest,
     PartsHere,
     PulledOut,
     Together,
+    UnexpectedPart,
 )  # fmt: skip
 from msbot_school.faults.engine import FOR_S, FaultSpec
 from msbot_school.faults.kinds import (
@@ -37,11 +37,11 @@ from msbot_school.faults.kinds import (
 from msbot_school.faults.numbers import Numbers
 from msbot_school.faults.treatments import (
     Drifting,
-    EdgeEffect,
     Frozen,
     Guarded,
     HeldBack,
     LinkInterceptors,
+    PacketFaultEffect,
     PacketTreatment,
     SlowlyTaken,
     Stuck,
@@ -167,16 +167,16 @@ class FaultFactory:
             case "unplug":
                 return self._cut(spec.at)
             case "master-frozen":
-                return EdgeEffect(self._edge, "", Frozen())
+                return PacketFaultEffect(self._edge, "", Frozen())
             case "database-gone":
                 registry, _ = self._running.database()
                 return DatabaseGone(registry)
-        return EdgeEffect(self._edge, spec.at, _core(spec))
+        return PacketFaultEffect(self._edge, spec.at, _core(spec))
 
     def _cut(self, slot: str) -> Effect:
         if slot in self._parts.names:
             return PulledOut(self._parts, slot)
-        return EdgeEffect(self._edge, slot, Disturbance(Random(0), drop=1.0))
+        return PacketFaultEffect(self._edge, slot, Disturbance(Random(0), drop=1.0))
 
     def _distorted(self, spec: FaultSpec) -> Effect:
         unit = self._parts.simulated(spec.at) if spec.at in self._parts.names else None
@@ -209,19 +209,19 @@ class FaultFactory:
         name = holder.local_name or holder.part
         if spec.kind.name == "duplicate-identity":
             unit = make_simulator(number, uid=holder.uid, local_name=name, library=library, random=Random(spec.seed))
-            return Guest(self._guests, unit)
+            return UnexpectedPart(self._guests, unit)
         if spec.kind.name == "wrong-number":
             wrong = spec.number or self._wrong_number()
             uid = Random(f"wrong number {spec.seed}").randbytes(8)
             unit = make_simulator(wrong, uid=uid, local_name=f"{name}?", library=library, random=Random(spec.seed))
-            return Together(self._cut(spec.at), Guest(self._guests, unit))
+            return Together(self._cut(spec.at), UnexpectedPart(self._guests, unit))
         if self._running.master.blueprint.options.authentication == "open":
             raise ConfigError(
                 said('this robot asks no part for a key (authentication = "open"): a wrong one would not be noticed')
             )
         unit = make_simulator(number, uid=holder.uid, local_name=name, library=library, random=Random(spec.seed))
         unit.part.key = WRONG_KEY
-        return Together(self._cut(spec.at), Guest(self._guests, unit))
+        return Together(self._cut(spec.at), UnexpectedPart(self._guests, unit))
 
     def _wrong_number(self) -> str:
         """A number of the library that no slot takes."""

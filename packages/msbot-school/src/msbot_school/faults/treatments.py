@@ -207,7 +207,7 @@ class LinkInterceptors:
         return place is link or place is self._disturbed.get(link)
 
 
-class EdgeEffect(Effect):
+class PacketFaultEffect(Effect):
     """A treatment of the packets of a part, wherever it is, or of all parts.
 
     Args:

@@ -125,7 +125,7 @@ class Was(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class Spans(Condition):
+class MovedBy(Condition):
     """A number has moved that far since the step began."""
 
     source: str
@@ -153,7 +153,7 @@ class Spans(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class Turns(Condition):
+class RotatedBy(Condition):
     """A direction in degrees has turned that far to one side since the step began; to and fro does not count."""
 
     source: str
@@ -330,11 +330,11 @@ _FORMS: Final[tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Condition]]
     (re.compile(r"(?P<kind>slot|type)\s+(?P<name>\S+)\s+exists"), lambda found: Exists(found["kind"], found["name"])),
     (
         re.compile(r"(?P<source>[^\s<>=]+)\s+spans\s+(?P<width>\d+(?:\.\d+)?)"),
-        lambda found: Spans(found["source"], float(found["width"])),
+        lambda found: MovedBy(found["source"], float(found["width"])),
     ),
     (
         re.compile(r"(?P<source>[^\s<>=]+)\s+turns\s+(?P<width>\d+(?:\.\d+)?)"),
-        lambda found: Turns(found["source"], float(found["width"])),
+        lambda found: RotatedBy(found["source"], float(found["width"])),
     ),
 )  # fmt: skip
 EXAMPLES: Final = (
@@ -379,7 +379,7 @@ def read_lesson_condition(text: str) -> Condition:
 def sources(condition: Condition) -> tuple[str, ...]:
     """The ports whose numbers the condition looks at."""
     match condition:
-        case Now(plain=NumberCondition(source=source)) | Spans(source=source):
+        case Now(plain=NumberCondition(source=source)) | MovedBy(source=source):
             return (source,)
         case Not(other=other):
             return sources(other)

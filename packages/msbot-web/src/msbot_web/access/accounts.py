@@ -20,7 +20,7 @@ from msbot.registry.reserved_names import check_name, check_reserved
 from msbot_agent.text.sentence import said
 from msbot_web.access.attempts import Attempts, SignInRefused
 from msbot_web.access.class_list import Newcomer
-from msbot_web.access.clocks import ForwardClock
+from msbot_web.access.clocks import NonDecreasingClock
 from msbot_web.access.guests import DEMO, Guests
 from msbot_web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
 from msbot_web.access.sessions import Ending, Session, Sessions, digest_of, told_octets
@@ -136,7 +136,7 @@ class Accounts:
     ) -> None:  # fmt: skip
         self._store = store
         self._clock = clock
-        self.forward_clock = ForwardClock(wall_clock, clock)
+        self.forward_clock = NonDecreasingClock(wall_clock, clock)
         """For what is printed with a date."""
         self._hasher = hasher or Argon2Hasher()
         self.sessions = Sessions(clock)

@@ -30,7 +30,7 @@ def boot_id() -> str:
         return ""
 
 
-class ForwardClock:
+class NonDecreasingClock:
     """The wall clock, which never goes back: when somebody sets it back, the seconds go on from where it was.
 
     Args:

@@ -29,7 +29,7 @@ _PROOF_OCTETS = 16
 _LONGEST = 400
 
 
-class SignInTokens:
+class TicketCodes:
     """See the module's docstring.
 
     Args:

@@ -14,7 +14,7 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.class_list import new_password
 from msbot_web.access.guard import CookieNames
-from msbot_web.access.passes import SignInTokens
+from msbot_web.access.passes import TicketCodes
 from msbot_web.access.sessions import GUEST_S, LONGEST_S, Session
 from msbot_web.html import render
 from msbot_web.language import language_of
@@ -31,7 +31,7 @@ AFTER = "/program"
 
 
 def add_ticket_forms(
-    router: APIRouter, accounts: Accounts, passes: SignInTokens, *, page: Callable[..., Response],
+    router: APIRouter, accounts: Accounts, passes: TicketCodes, *, page: Callable[..., Response],
     signed_in: Callable[..., Response], form_of: Callable[[Request], Awaitable[dict[str, str]]],
 ) -> None:  # fmt: skip
     """Add the two pages.
@@ -111,7 +111,7 @@ _DEVICE_S = 365 * 24 * 3600
 """How long a browser remembers who has signed in with it."""
 
 
-def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: SignInTokens | None = None) -> APIRouter:
+def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: TicketCodes | None = None) -> APIRouter:
     """The pages `/login`, `/setup`, `/enter`, `/join` and `/logout`; with tickets of pupils `/pass` and `/come`, too.
 
     Args:

@@ -12,7 +12,7 @@ from msbot_agent.text.sentence import said, without
 from msbot_web.access.accounts import SignedOut
 from msbot_web.access.sessions import Session
 from msbot_web.api.models import Done, EditLine, JournalLine, PartLine, Robot, SlotCard, TimelineLane
-from msbot_web.api.private_octets import PrivateOctets, without_uids
+from msbot_web.api.uid_redactor import UidRedactor, without_uids
 
 if TYPE_CHECKING:
     from msbot_web.service import Service
@@ -43,13 +43,13 @@ def words_for(session: Session, text: str) -> str:
     return text if session.may(Right.ARRANGE) else without_uids(without(text, PRIVATE, ELSEWHERE))
 
 
-def octets_for(session: Session, service: Service, robot: Robot | None = None) -> PrivateOctets:
+def octets_for(session: Session, service: Service, robot: Robot | None = None) -> UidRedactor:
     """What is left out of frames for somebody: what tells parts apart, of the robot now and of one of the past."""
     if session.may(Right.ARRANGE):
-        return PrivateOctets(())
+        return UidRedactor(())
     slots = () if robot is None else robot.slots
     parts = (*service.views.parts(), *(card.part for card in slots if card.part is not None))
-    return PrivateOctets({part.uid for part in parts})
+    return UidRedactor({part.uid for part in parts})
 
 
 def done_for(session: Session, done: Done) -> Done:

@@ -12,7 +12,7 @@ import click
 
 from msbot_agent.cli.options import WholeRange
 from msbot_agent.cli.services import Beside, CommandService
-from msbot_agent.startup.kept_beside import made_to_stay
+from msbot_agent.startup.bytecode_cache import made_to_stay
 from msbot_school.classroom import mdns
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass

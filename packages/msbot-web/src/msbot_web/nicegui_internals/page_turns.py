@@ -42,7 +42,7 @@ OPEN = "so many of your pages are open: close some of them"
 LATER = "so many pages are being made: ask again in a moment"
 
 
-class PageTurns:
+class PageAdmission:
     """ASGI middleware, see the module's docstring.
 
     Args:

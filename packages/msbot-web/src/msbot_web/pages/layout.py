@@ -22,8 +22,8 @@ from msbot_web.access.accounts import SignedOut
 from msbot_web.access.sessions import Session
 from msbot_web.api.bus_lines import FrameLine
 from msbot_web.api.models import Done, Scalar
-from msbot_web.api.private_octets import PrivateOctets
 from msbot_web.api.session import octets_for, words_for
+from msbot_web.api.uid_redactor import UidRedactor
 from msbot_web.html import render
 from msbot_web.language import COOKIE as LANGUAGE_COOKIE
 from msbot_web.language import Language, language_of, languages
@@ -98,7 +98,7 @@ class Page:
         """A text in the person's language; students read no addresses of parts in it."""
         return self.language.say(words_for(self.session, text), **values)
 
-    def private_octets(self) -> PrivateOctets:
+    def private_octets(self) -> UidRedactor:
         """What the person does not see of frames."""
         return octets_for(self.session, self.service, self.sight.robot())
 

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.identity_cache import IdentityCache
 from msbot_xrce.messages.cdr import CdrReader
 from msbot_xrce.messages.ids import Format, ObjectKind
 from msbot_xrce.messages.objects import KEPT, KEPT_OCTETS, ObjectVariant
@@ -28,7 +29,6 @@ from msbot_xrce.objects.definitions import (
 from msbot_xrce.objects.references import References, resolve
 from msbot_xrce.objects.xml import Element, parse_xml
 from msbot_xrce.objects.xml_profiles import DEFAULT_PARTICIPANT_NAME, define, locate, service_topics, topic_name
-from msbot_xrce.same_object import ForSameObject
 
 FLAG_RELIABLE = 0x01
 FLAG_KEEP_LAST = 0x02
@@ -77,8 +77,8 @@ def _parse(variant: ObjectVariant, *, little_endian: bool) -> Definition:
 
 
 # Equal descriptions are one object (`ObjectVariant` is kept by the octets of the CREATE).
-_kept_little = ForSameObject(partial(_parse, little_endian=True), KEPT)
-_kept_big = ForSameObject(partial(_parse, little_endian=False), KEPT)
+_kept_little = IdentityCache(partial(_parse, little_endian=True), KEPT)
+_kept_big = IdentityCache(partial(_parse, little_endian=False), KEPT)
 
 
 def _from_xml(kind: ObjectKind, text: str, domain_id: int) -> Definition:

@@ -8,7 +8,7 @@ messages of a burst, and ACKNACKs never overtake each other; if they did, a C cl
 DEVIATION: the genuine agent sends an ACKNACK for each message. An ACKNACK covers all messages before it, so of those
 that came at once the last one says it all, in a fraction of the packets.
 
-A gap is reported at once, and again after a while (`AskingAgain`). So repair on a lossy link takes a round trip, and
+A gap is reported at once and again after a while (`AcknackSchedule`). So repair on a lossy link takes a round trip, and
 need not wait for the peer's HEARTBEAT.
 """
 
@@ -25,9 +25,9 @@ from msbot_xrce.messages.message import Heartbeat
 from msbot_xrce.messages.streams import LAST_FRAGMENT, read_acknack
 from msbot_xrce.messages.submessage import HEADER_SIZE, MTU_MIN, SUBMESSAGE_HEADER, Envelope, end_of_empty
 from msbot_xrce.sessions.events import WindowOpened
-from msbot_xrce.streams.asking_again import AskingAgain
-from msbot_xrce.streams.overtaking import Overtaking
+from msbot_xrce.streams.acknack_schedule import AcknackSchedule
 from msbot_xrce.streams.receiving_in_order import GIVEN_UP, BestEffortInput, ReliableInput
+from msbot_xrce.streams.reordering import ReorderingDetector
 from msbot_xrce.streams.sequence_numbers import HALF, NOTHING_YET, StreamState, last_number
 from msbot_xrce.streams.session_output import STREAM_LIMIT, SessionOutput
 from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
@@ -96,9 +96,9 @@ class Session(ABC, Generic[Event]):
         self._sender = SessionOutput(envelope, self.counters, settings, unacked)
         # On a bus (no such short silence) silence means that others go first, and questions would make it worse.
         watches_order = settings.may_reorder and settings.peer_is_stock
-        self._overtaking = Overtaking(self._sender.round_trip) if watches_order else None
+        self._overtaking = ReorderingDetector(self._sender.round_trip) if watches_order else None
         guesses = settings.heartbeat_min_s < settings.heartbeat_s
-        self._asking = AskingAgain(self._sender, guesses=guesses, overtaking=self._overtaking)
+        self._asking = AcknackSchedule(self._sender, guesses=guesses, overtaking=self._overtaking)
 
     def receive_packet(self, packet: bytes, now: float) -> bool:
         """Take one packet of the peer; if the result is True, call `next_event` until it returns None, before packets

@@ -3,7 +3,7 @@
 from msbot.hardware.driver import Driver, Mount, Values, driver_class
 from msbot.hardware.faults import HardwareFault
 from msbot.hardware.hardware_part import HardwarePart
-from msbot.hardware.host import PartsHost, Workbench
+from msbot.hardware.host import HardwareParts, PartsHost
 from msbot.hardware.machine import Machine
 from msbot.hardware.scan import FoundThing, ScanResult, scan
 from msbot.hardware.wiring import HostedPart, PartWiring, make_wiring, read_parts
@@ -13,6 +13,7 @@ __all__ = [
     "FoundThing",
     "HardwareFault",
     "HardwarePart",
+    "HardwareParts",
     "HostedPart",
     "Machine",
     "Mount",
@@ -20,7 +21,6 @@ __all__ = [
     "PartsHost",
     "ScanResult",
     "Values",
-    "Workbench",
     "driver_class",
     "make_wiring",
     "read_parts",

@@ -70,7 +70,7 @@ class _Simulated:
         self.part.end()
 
 
-class Workbench:
+class HardwareParts:
     """Makes parts with hardware on one computer; owns the threads of its buses and the keeper of the outputs."""
 
     def __init__(self, machine: Machine | None = None) -> None:
@@ -131,14 +131,14 @@ class PartsHost:
         connect: Callable[[Part], Link],
         *,
         prepare: Callable[[Part, HostedPart], None] = lambda _part, _hosted: None,
-        bench: Workbench | None = None,
+        bench: HardwareParts | None = None,
         door: WorldConnection | None = None,
     ) -> None:
         self._path = path
         self._library = library
         self._connect = connect
         self._prepare = prepare
-        self._bench = bench or Workbench()
+        self._bench = bench or HardwareParts()
         self._door = door
         self._running: dict[str, _Running] = {}
         self._wanted: list[HostedPart] = []

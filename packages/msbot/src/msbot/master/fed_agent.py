@@ -2,7 +2,7 @@
 
 Sessions of parts end here: what is lost on their links is sent again from here, and parts of one agent hear each other
 without the network between them. Who is let in, and to which topics, the master says (`msbot.pnp.fed_agents`); the
-topics themselves are carried by `topic_bridge`. For the parts nothing is different: profile and inventory answer here
+topics themselves are carried by `TopicBridge`. For the parts nothing is different: profile and inventory answer here
 as they do at the master.
 """
 
@@ -24,7 +24,7 @@ from msbot.pnp import Profile
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.fed_agents.agent_end import AgentEnd
 from msbot.pnp.fed_agents.messages import FromAgent, OpenTopic, is_sendable
-from msbot.pnp.fed_agents.service import NAMES, Sayings, goes_at_once
+from msbot.pnp.fed_agents.service import NAMES, ReliableSendQueue, goes_at_once
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.services import LONGEST_BEST_EFFORT, MOST_ASKERS
 from msbot_agent.agent import Agent, AgentSettings, AgentSignalHandler, client_key_of
@@ -219,7 +219,7 @@ class _InventoryProxy:
             self.dropped.count(f"answer: {error}")  # the part asks again by itself
 
 
-class FedAgent:
+class AgentOfRemoteMaster:
     """An agent that brings parts to a master elsewhere. Must be made inside a running event loop.
 
     Args:
@@ -270,7 +270,7 @@ class FedAgent:
         self._in_order = self._client.create_requester(participant, NAMES)
         self._client.read(self._at_once, stream_id=STREAM_BEST_EFFORT)
         self._client.read(self._in_order, stream_id=STREAM_RELIABLE)
-        self._sayings = Sayings(partial(self._client.write, self._in_order))
+        self._sayings = ReliableSendQueue(partial(self._client.write, self._in_order))
         self.bridge = TopicBridge(space, self._client)
 
     @property

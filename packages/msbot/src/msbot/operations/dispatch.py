@@ -21,7 +21,7 @@ from msbot.operations.described_parts import DescribedParts
 from msbot.operations.operation import Kept, Operation, Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.pupils import ClassControl
-from msbot.operations.recording import Recording, Showing
+from msbot.operations.recording import PartQueries, Recording
 from msbot.operations.rights import Asker, user_of_computer
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.settings import SlotSettings, Wires
@@ -190,7 +190,7 @@ class RunningOperations(Operations):
             running,
             on_said=lambda operation, by, given, words: self._tell(PerformedOperation(by, operation, given, words)),
         )
-        self.showing = Showing(running)
+        self.showing = PartQueries(running)
         self.by_hand = ByHand(running)
         self.recording = Recording()
         self.faults = Faults(running)

@@ -83,7 +83,7 @@ STORED_S = 2.0
 _log = logging.getLogger(__name__)
 
 
-class Showing:
+class PartQueries:
     """Changes nothing that is stored."""
 
     def __init__(self, running: RunningRobot) -> None:

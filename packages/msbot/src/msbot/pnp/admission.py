@@ -18,7 +18,7 @@ from functools import partial
 
 from msbot.part.join.plug import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
-from msbot.pnp.inventory_record import Contest, InventoryRecord
+from msbot.pnp.inventory_record import DuplicateClaim, InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
 from msbot.pnp.model import MAX_TEXT, Claim, Configuration, PartStore, Verdict, identity_of
 from msbot.pnp.part_events import Evidence, PartState
@@ -162,7 +162,7 @@ class Admission:
         )
         contest = record.contest
         if contest is None or contest.rival is not rival:
-            contest = record.contest = Contest(rival, session.opened_at if is_probed else now)
+            contest = record.contest = DuplicateClaim(rival, session.opened_at if is_probed else now)
             if record.state is not PartState.CHECKING:
                 reason = said("shows the UID of {rival}: is that one still alive?", rival=rival.name)
                 self._changes.move(record, PartState.CHECKING, now, reason)

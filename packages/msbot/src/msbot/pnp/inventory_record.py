@@ -17,7 +17,7 @@ HISTORY = 32
 _MAX_DUPLICATES = 8
 
 
-class Contest:
+class DuplicateClaim:
     """A claim with the UID of a part that holds a slot in another session: not decided yet."""
 
     __slots__ = ("began_at", "rival")
@@ -103,7 +103,7 @@ class InventoryRecord:
         """What it answered."""
         self.spoke_unasked = False
         """It said what it is although nobody asked; noted once."""
-        self.contest: Contest | None = None
+        self.contest: DuplicateClaim | None = None
         self.heard_at = plugged_in_at
         """When it last claimed or sent a beat."""
         self.duplicates: deque[str] = deque(maxlen=_MAX_DUPLICATES)

@@ -12,7 +12,7 @@ from msbot_agent.link.can.protocol.bits import arbitration_rank, frame_bits, wir
 from msbot_agent.link.can.protocol.frames import Frame, pad_fd
 from msbot_agent.link.can.sim.model.arbitration import (
     Attempt,
-    Mail,
+    QueuedFrame,
     Rates,
     SimNode,
     arbitrate,
@@ -31,7 +31,7 @@ SLOW = RATES.bit_s
 
 def node(name: str, *frames: Frame, fd: bool = True, passive: bool = False) -> SimNode:
     made = SimNode(name, fd)
-    made.mailboxes = [Mail(0.0, arbitration_rank(frame), frame) for frame in frames]
+    made.mailboxes = [QueuedFrame(0.0, arbitration_rank(frame), frame) for frame in frames]
     if frames:
         made.choose(1.0)
     if passive:
@@ -289,8 +289,8 @@ def test_without_an_acknowledgement_the_flag_follows_the_ack_slot(passive: bool,
 
 def test_who_is_ready_when_the_first_bit_is_over_comes_too_late() -> None:
     slow, quick = node("A"), node("B")
-    slow.mailboxes = [Mail(4.0, 1, Frame(1)), Mail(3.9, 3, Frame(3))]
-    quick.mailboxes = [Mail(0.0, 2, Frame(2))]
+    slow.mailboxes = [QueuedFrame(4.0, 1, Frame(1)), QueuedFrame(3.9, 3, Frame(3))]
+    quick.mailboxes = [QueuedFrame(0.0, 2, Frame(2))]
     assert arbitrate([slow, quick], 4.0) == [quick]
     assert (slow.choice, quick.choice) == (slow.mailboxes[1], quick.mailboxes[0])
     assert arbitrate([slow, quick], 4.5) == [slow]

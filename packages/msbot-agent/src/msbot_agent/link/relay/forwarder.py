@@ -21,12 +21,12 @@ from msbot_agent.link.relay.messages import (
     Bye,
     Down,
     Event,
-    Happened,
     Heard,
     Hello,
     Message,
     Refused,
     RelayBeat,
+    RelayEventKind,
     Room,
     Up,
     Welcome,
@@ -168,12 +168,12 @@ class Forwarder:
             self._turns_up.append(part)
         part.up.append(packet)
 
-    def part_event(self, peer: Peer, what: Happened, words: str, now: float) -> None:
+    def part_event(self, peer: Peer, what: RelayEventKind, words: str, now: float) -> None:
         """A part has come, gone, or is back: the master hears of it at once."""
-        if what is Happened.GONE and peer not in self._by_peer:
+        if what is RelayEventKind.GONE and peer not in self._by_peer:
             return
         number = self._part(peer).number
-        if what is Happened.CAME:
+        if what is RelayEventKind.CAME:
             words = self._describe(peer)
         if len(self._events) >= MOST_PARTS:
             del self._events[0]  # what it is worth is known from the silence of the part, too

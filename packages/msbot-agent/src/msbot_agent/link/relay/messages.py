@@ -43,7 +43,7 @@ class RelayKind(IntEnum):
     REFUSED = 21
 
 
-class Happened(IntEnum):
+class RelayEventKind(IntEnum):
     """What has happened to a part at the relay's link."""
 
     GONE = 1
@@ -81,7 +81,7 @@ class Event:
     """A part has come, gone, or is back."""
 
     number: int
-    what: Happened
+    what: RelayEventKind
     words: str
 
 
@@ -263,7 +263,7 @@ def _beat(octets: bytes) -> RelayBeat:
     for _ in range(min(many, MOST_EVENTS)):
         number, what, size = _EVENT.unpack_from(octets, at)
         at += _EVENT.size + size
-        events.append(Event(number, Happened(what), _read_words(octets, at - size, at)))
+        events.append(Event(number, RelayEventKind(what), _read_words(octets, at - size, at)))
     return RelayBeat(count, stops_said, words, tuple(events))
 
 

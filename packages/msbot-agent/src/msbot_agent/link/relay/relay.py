@@ -17,7 +17,7 @@ from msbot_agent.link.relay.forwarder import (
     StopSaid,
     Welcomed,
 )
-from msbot_agent.link.relay.messages import BOOT_SIZE, Happened, Refused
+from msbot_agent.link.relay.messages import BOOT_SIZE, Refused, RelayEventKind
 from msbot_agent.process.end_signals import ungrouped
 from msbot_xrce.errors import ConfigError, LinkDown, LinkError, LinkFull
 
@@ -29,9 +29,9 @@ TOO_LONG: Final = "packet longer than the way to the master carries"
 NOT_SENT: Final = "packet that a link did not take"
 
 _HAPPENED: Final = {
-    Signal.PEER_JOINED: Happened.CAME,
-    Signal.PEER_GONE: Happened.GONE,
-    Signal.PEER_BACK: Happened.BACK,
+    Signal.PEER_JOINED: RelayEventKind.CAME,
+    Signal.PEER_GONE: RelayEventKind.GONE,
+    Signal.PEER_BACK: RelayEventKind.BACK,
 }
 
 

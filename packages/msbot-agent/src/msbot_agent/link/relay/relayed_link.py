@@ -18,11 +18,11 @@ from msbot_agent.link.relay.messages import (
     ENVELOPE,
     Down,
     Event,
-    Happened,
     Heard,
     Hello,
     Message,
     RelayBeat,
+    RelayEventKind,
     Room,
     Up,
     Welcome,
@@ -221,12 +221,12 @@ class RelayedLink(BaseLink):
     def _happened(self, event: Event, now: float) -> None:
         peer = self._behind(event.number)
         match event.what:
-            case Happened.CAME:
+            case RelayEventKind.CAME:
                 self._note(event.number).words = event.words
                 self._signal_handler(Signal.PEER_JOINED, peer, event.words, now)
-            case Happened.GONE:
+            case RelayEventKind.GONE:
                 self._signal_handler(Signal.PEER_GONE, peer, event.words, now)
-            case Happened.BACK:
+            case RelayEventKind.BACK:
                 self._signal_handler(Signal.PEER_BACK, peer, event.words, now)
 
     def _behind(self, number: int) -> Behind:

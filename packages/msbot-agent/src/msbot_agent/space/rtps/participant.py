@@ -16,7 +16,7 @@ from msbot_agent.space.contract import Guid, Qos
 from msbot_agent.space.qos_matching import mismatch
 from msbot_agent.space.rtps import descriptions, wire, wire_reader
 from msbot_agent.space.rtps.descriptions import Address, EndpointDescription, ParticipantDescription
-from msbot_agent.space.rtps.peers import ANNOUNCER, GONE, LEASE_S, MAX_ENDPOINTS, Others, Peers, RtpsOutbox
+from msbot_agent.space.rtps.peers import ANNOUNCER, GONE, LEASE_S, MAX_ENDPOINTS, ForeignEndpoints, Peers, RtpsOutbox
 from msbot_agent.space.rtps.reader import ReliableReader, Take
 from msbot_agent.space.rtps.wire import Inline, Prefix, RtpsData
 from msbot_agent.space.rtps.writer import ReliableWriter, RtpsEndpoint, RtpsSample
@@ -74,7 +74,7 @@ class RtpsParticipant:
         self._strangers = frozenset(strangers)
         me = ParticipantDescription(prefix, wire.VENDOR, addresses, addresses, LEASE_S, name)
         self._peers = Peers(me, (group, *peers), self._outbox, self.dropped, now)
-        self._others = Others()
+        self._others = ForeignEndpoints()
         self._ours: dict[Guid, RtpsEndpoint] = {}
         self._ours_by_topic: dict[str, dict[Guid, RtpsEndpoint]] = {}
         self._entities = 0

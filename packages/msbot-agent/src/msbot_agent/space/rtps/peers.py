@@ -24,7 +24,7 @@ MAX_ENDPOINTS = 8192
 """Endpoints that are remembered."""
 
 
-class Others:
+class ForeignEndpoints:
     """What is known of them, by GUID and by topic."""
 
     def __init__(self) -> None:

@@ -26,7 +26,7 @@ from msbot_agent.cli.options import json_option
 from msbot_agent.startup.extensions import own_version
 from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.class_robots import ClassRobot, class_robots
-from msbot_school.classroom.remote_masters import STOP_S, Answer, Asking, RemoteMasterError, say_stop
+from msbot_school.classroom.remote_masters import STOP_S, Answer, ParallelRequest, RemoteMasterError, say_stop
 from msbot_school.cli.classroom.joining import find, join, leave
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
@@ -136,7 +136,7 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
         accesses = RemoteAccessFile().all()
     except ConfigError as error:  # the robots here are stopped all the same
         accesses, trouble = [], str(error)
-    far = Asking(accesses, say_stop(reason, stop_group or ""), STOP_S)  # they are told while those here are
+    far = ParallelRequest(accesses, say_stop(reason, stop_group or ""), STOP_S)  # they are told while those here are
     answers, silent = _stop_here(reason, group)
     answers = sorted([*answers, *_stop_lines(accesses, far)], key=_in_order)
     if as_json:
@@ -204,7 +204,7 @@ def _in_order(answer: Answer) -> tuple[str, str]:
     return str(answer.get("robot")), str(answer.get("serial_number"))
 
 
-def _stop_lines(accesses: list[RemoteAccess], far: Asking[Answer]) -> list[Answer]:
+def _stop_lines(accesses: list[RemoteAccess], far: ParallelRequest[Answer]) -> list[Answer]:
     """How STOP stands at the robots elsewhere."""
     found = far.answers()
     lines: list[Answer] = []

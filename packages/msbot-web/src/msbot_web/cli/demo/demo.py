@@ -34,7 +34,7 @@ from msbot_agent.link.can.sim import SimBusServer, check_free
 from msbot_agent.process.end_signals import on_end_signal, run_to_end, ungrouped
 from msbot_agent.process.patient_output import patient_output
 from msbot_agent.space import SharedSpace, SpaceAddress
-from msbot_agent.startup.kept_beside import made_to_stay
+from msbot_agent.startup.bytecode_cache import made_to_stay
 from msbot_school.cli.teaching import lessons_option
 from msbot_school.demo import DemoRobot, Wire
 from msbot_school.faults.fault_lab import FaultLab

@@ -71,9 +71,11 @@ class Fed(AgentService[MasterElsewhere]):
 
     def agent(self, wanted: MasterElsewhere, plan: AgentPlan) -> tuple[Agent, Beside]:
         """An agent whose gate that master feeds."""
-        from msbot.master.fed_agent import FedAgent  # here, because an agent starts without all that a master needs
+        from msbot.master.fed_agent import (
+            AgentOfRemoteMaster,  # here, because an agent starts without all that a master needs
+        )
 
-        fed = FedAgent(
+        fed = AgentOfRemoteMaster(
             plan.open_for, open_link(wanted.address), name=wanted.name, say=plan.say, space=plan.space,
             settings=fed_settings(plan.settings), references=plan.references, on_signal=plan.on_signal,
         )  # fmt: skip

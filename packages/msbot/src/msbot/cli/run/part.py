@@ -140,13 +140,13 @@ def _run_real(
     quiet: bool,
 ) -> None:
     from msbot.cli.run.host import connect, identify, run_until_told
-    from msbot.hardware import HardwarePart, Workbench, make_wiring
+    from msbot.hardware import HardwarePart, HardwareParts, make_wiring
 
     part_type = library_here(folders).require(number)
     wiring = make_wiring(
         part_type, pins=wires["pins"], adc=wires["adc"], i2c=wires["i2c"], device=wires["device"], options=options
     )
-    bench = Workbench()
+    bench = HardwareParts()
 
     def make() -> tuple[HardwarePart, Coroutine[object, object, None]]:
         unit = bench.make(part_type, wiring, number=number, name=local_name)

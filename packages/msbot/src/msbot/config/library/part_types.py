@@ -52,7 +52,7 @@ class ParameterKind(Enum):
     FLOAT = "float"
     TEXT = "text"
     PART = "part"
-    """A part that is wired to this one, and how (`msbot.config.board`); a type with such a parameter is a board."""
+    """A part that is wired to this one, and how (see `board_wiring`); a type with such a parameter is a board."""
 
     @property
     def words(self) -> str:

@@ -67,7 +67,7 @@ def goes_at_once(message: FromAgent | FromMaster) -> bool:
     return isinstance(message, _AT_ONCE)
 
 
-class Sayings:
+class ReliableSendQueue:
     """What waits for room on the reliable stream of a client."""
 
     def __init__(self, write: Callable[[bytes], object]) -> None:
@@ -127,7 +127,7 @@ class AgentsService:
         """Key of an agent -> GUID of the requester whose answers come on its best-effort stream."""
         self._in_order: dict[int, bytes] = {}
         """The same for its reliable stream."""
-        self._sayings = Sayings(partial(self._client.write, self._replier))
+        self._sayings = ReliableSendQueue(partial(self._client.write, self._replier))
         self._awake_at = 0.0
         self._sooner = asyncio.Event()
 

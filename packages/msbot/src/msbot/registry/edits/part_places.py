@@ -17,7 +17,7 @@ from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 
-class Belonging(NamedTuple):
+class SlotMemory(NamedTuple):
     """Where a part belongs: two names of slots."""
 
     last: str | None = None
@@ -26,14 +26,14 @@ class Belonging(NamedTuple):
     """The slot that a person has put it into."""
 
 
-NOWHERE = Belonging()
+NOWHERE = SlotMemory()
 
 
 @dataclass(frozen=True, slots=True)
 class UndoablePlace:
     """Where some parts belong."""
 
-    parts: Mapping[str, Belonging]
+    parts: Mapping[str, SlotMemory]
     """UID -> place."""
 
     def as_json(self) -> dict[str, object]:
@@ -79,7 +79,7 @@ def put(
     """
     identity = check_known(connection, author.robot, uid)
     there = [] if slot is None else read_slot(connection, author.robot, slot)
-    after = dict.fromkeys(there, NOWHERE) | {identity: Belonging(slot, slot if by_hand else None)}
+    after = dict.fromkeys(there, NOWHERE) | {identity: SlotMemory(slot, slot if by_hand else None)}
     name = name_of(connection, author.robot, identity)
     words = words or (
         said("{name} belongs in no slot", name=name)
@@ -102,9 +102,9 @@ def swap(connection: Connection, author: Author, uid: bytes, slot: str, *, other
     if other:
         identity_there = check_known(connection, author.robot, other)
         goes_to = None if came_from == slot else came_from
-        after[identity_there] = Belonging(goes_to, goes_to)
+        after[identity_there] = SlotMemory(goes_to, goes_to)
         whose = said(" in place of {name_of}", name_of=name_of(connection, author.robot, identity_there))
-    after[identity] = Belonging(slot, slot)
+    after[identity] = SlotMemory(slot, slot)
     return _move(
         connection,
         author,
@@ -115,18 +115,18 @@ def swap(connection: Connection, author: Author, uid: bytes, slot: str, *, other
 
 
 def _move(
-    connection: Connection, author: Author, places: Mapping[str, Belonging], *, slot: str, words: str,
+    connection: Connection, author: Author, places: Mapping[str, SlotMemory], *, slot: str, words: str,
     told: Mapping[bytes, str | None] | None = None,
 ) -> EditRecord:  # fmt: skip
     after = UndoablePlace(places)
     before = after.as_it_is(connection, author.robot)
     if told:
-        before = UndoablePlace({**before.parts, **{uid.hex(): Belonging(where, where) for uid, where in told.items()}})
+        before = UndoablePlace({**before.parts, **{uid.hex(): SlotMemory(where, where) for uid, where in told.items()}})
     after.write(connection, author)
     return record(connection, author, EditKind.PLACE, words, slot=slot, before=before, after=after)
 
 
-def read(connection: Connection, robot_id: int, uids: Iterable[str] | None = None) -> dict[str, Belonging]:
+def read(connection: Connection, robot_id: int, uids: Iterable[str] | None = None) -> dict[str, SlotMemory]:
     """Where these parts belong, by UID (None: all that belong anywhere); only slots of the blueprint."""
     last, placed = slots.alias("last"), slots.alias("placed")
     query = (
@@ -137,10 +137,10 @@ def read(connection: Connection, robot_id: int, uids: Iterable[str] | None = Non
     )
     if uids is None:
         query = query.where(or_(last.c.id.is_not(None), placed.c.id.is_not(None)))
-        return {row.identity: Belonging(row.last, row.placed) for row in connection.execute(query)}
+        return {row.identity: SlotMemory(row.last, row.placed) for row in connection.execute(query)}
     wanted = list(uids)
     found = connection.execute(query.where(parts.c.identity.in_(wanted)))
-    return dict.fromkeys(wanted, NOWHERE) | {row.identity: Belonging(row.last, row.placed) for row in found}
+    return dict.fromkeys(wanted, NOWHERE) | {row.identity: SlotMemory(row.last, row.placed) for row in found}
 
 
 def read_slot(connection: Connection, robot_id: int, slot: str) -> list[str]:

@@ -15,7 +15,7 @@ from msbot.registry.database import statements as store
 from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import blocks, edits
 from msbot.registry.edits.edit_log import Author, UndoableChange, edits_of, record, words_of
-from msbot.registry.edits.part_places import Belonging, UndoablePlace
+from msbot.registry.edits.part_places import SlotMemory, UndoablePlace
 from msbot.registry.edits.slot_values import UndoableSetting
 from msbot.registry.edits.wires import UndoableTopic, UndoableTopics
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord, RobotRecord
@@ -109,7 +109,7 @@ def read_cell(content: Mapping[str, Any]) -> UndoableChange:
         case "value":
             return UndoableSetting(content["slot"], content["name"], content["value"])
         case "place":
-            return UndoablePlace({uid: Belonging(*place) for uid, place in content["parts"].items()})
+            return UndoablePlace({uid: SlotMemory(*place) for uid, place in content["parts"].items()})
         case "block":
             return UndoableBlock(content["kind"], content["key"], content["reason"])
         case "bind":

@@ -37,7 +37,7 @@ def write(connection: Connection, robot_id: int, record: StopRecord) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotMemory:
+class StoredRobotSnapshot:
     """A robot as its database had it at one moment."""
 
     newest_edit: int
@@ -52,7 +52,7 @@ class RobotMemory:
     """(`uid` or `number`, its value) -> why it is blocked."""
     keys: Mapping[str, bytes]
     """UID -> key."""
-    places: Mapping[str, places.Belonging]
+    places: Mapping[str, places.SlotMemory]
     """UID -> where that part belongs."""
     users: tuple[UserRecord, ...]
     groups: tuple[Group, ...]
@@ -66,9 +66,9 @@ def read_newest_edit(connection: Connection) -> int:
     return int(connection.execute(select(func.max(edits.c.id))).scalar() or 0)
 
 
-def read_memory(connection: Connection, robot_id: int) -> RobotMemory:
+def read_memory(connection: Connection, robot_id: int) -> StoredRobotSnapshot:
     """Read everything."""
-    return RobotMemory(
+    return StoredRobotSnapshot(
         newest_edit=read_newest_edit(connection),
         blueprint=blueprint_reader.read(connection, robot_id, by_hand=True),
         slots=list_slots(connection, robot_id),

@@ -19,7 +19,7 @@ from msbot.registry.database import statements as store
 from msbot.registry.database.writer import Writer
 from msbot.registry.records import RobotRecord, UserRecord, uid_text
 from msbot.registry.running import robot_memory as stop_record
-from msbot.registry.running.robot_memory import RobotMemory
+from msbot.registry.running.robot_memory import StoredRobotSnapshot
 from msbot_agent.link.can.protocol import MemoryNodeIds
 from msbot_xrce.errors import RegistryError
 
@@ -47,7 +47,12 @@ class RobotStore:
     """
 
     def __init__(
-        self, writer: Writer, database: str, robot: RobotRecord, memory: RobotMemory, epoch_ns: Callable[[], int]
+        self,
+        writer: Writer,
+        database: str,
+        robot: RobotRecord,
+        memory: StoredRobotSnapshot,
+        epoch_ns: Callable[[], int],
     ) -> None:
         self.robot = robot
         self._news_listeners: list[Callable[[], object]] = []
@@ -105,7 +110,7 @@ class RobotStore:
         """How many memories of parts the database has stored; for `use`."""
         return self._stored
 
-    def use(self, memory: RobotMemory, stored: int) -> None:
+    def use(self, memory: StoredRobotSnapshot, stored: int) -> None:
         """Take over the present content of the database.
 
         Args:

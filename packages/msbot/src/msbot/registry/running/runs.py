@@ -15,7 +15,7 @@ from msbot.registry.database.storage import Storage
 from msbot.registry.records import RobotRecord
 from msbot.registry.running import run_lock
 from msbot.registry.running.master_lease import MasterLease, wait_for_lease
-from msbot.registry.running.robot_memory import RobotMemory, read_memory, read_newest_edit
+from msbot.registry.running.robot_memory import StoredRobotSnapshot, read_memory, read_newest_edit
 from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS, RobotStore, StoredNodeIds
 from msbot_xrce.errors import RegistryError
 
@@ -62,7 +62,7 @@ class Runs:
 
         lock = self._locks[robot.id]
 
-        def begin(connection: Connection) -> RobotMemory:
+        def begin(connection: Connection) -> StoredRobotSnapshot:
             if isinstance(lock, MasterLease):
                 lock.fence(connection)
             store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)

@@ -38,7 +38,7 @@ _ARBITRATION = ("ID", "SRR", "IDE", "RTR", "RRS")
 
 
 @dataclass(slots=True, eq=False)
-class Mail:
+class QueuedFrame:
     """A frame in a controller."""
 
     ready_at: float
@@ -57,9 +57,9 @@ class SimNode:
     """Whether it understands CAN FD frames; a controller that does not destroys them."""
     node_id: int = 0
     """Its number on the bus."""
-    mailboxes: list[Mail] = field(default_factory=list)
+    mailboxes: list[QueuedFrame] = field(default_factory=list)
     """Frames to be sent, in the order they were handed over."""
-    choice: Mail | None = None
+    choice: QueuedFrame | None = None
     """The frame that it sends now or next."""
     counters: ErrorCounters = field(default_factory=ErrorCounters)
     plugged: bool = True
@@ -79,7 +79,7 @@ class SimNode:
         """When it can begin to send, apart from the bus; it must hold a frame."""
         return max(self.ready_at, min(mail.ready_at for mail in self.mailboxes))
 
-    def choose(self, by: float) -> Mail:
+    def choose(self, by: float) -> QueuedFrame:
         """Choose among the frames ready before `by`: the lowest identifier wins, and of equal ones the oldest frame."""
         self.choice = min((mail for mail in self.mailboxes if mail.ready_at < by), key=lambda mail: mail.rank)
         return self.choice

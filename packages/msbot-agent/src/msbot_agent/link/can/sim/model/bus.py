@@ -21,7 +21,7 @@ from msbot_agent.link.can.protocol.cost import LoadMeter
 from msbot_agent.link.can.protocol.frames import Frame, check_frame
 from msbot_agent.link.can.sim.model.arbitration import (
     Attempt,
-    Mail,
+    QueuedFrame,
     Rates,
     SimNode,
     arbitrate,
@@ -190,7 +190,7 @@ class SimBus:
         rank = arbitration_rank(frame)
         # While the bus catches up with the clock, its events are earlier than a frame submitted from outside.
         ready_at = max((mail.ready_at for mail in it.mailboxes if mail.rank == rank), default=now)
-        it.mailboxes.append(Mail(max(now, self._time, ready_at), rank, frame))
+        it.mailboxes.append(QueuedFrame(max(now, self._time, ready_at), rank, frame))
         if it.plugged:
             self._enlist(node, it, now)
 

@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 FIRST_PAGE = "/"
 
 
-class LateRoutes:
+class LazyRoutes:
     """ASGI middleware, see the module's docstring.
 
     Args:

@@ -24,7 +24,7 @@ def without_uids(text: str) -> str:
     return changed(text, lambda plain: _UID.sub(HIDDEN, plain))
 
 
-class PrivateOctets:
+class UidRedactor:
     """Knows the pieces of UIDs.
 
     Args:
@@ -63,7 +63,7 @@ class PrivateOctets:
     def _frame(row: FrameLine) -> FrameLine:
         identifier = row.text.strip().partition("  ")[0]
         hidden = row.model_copy(update={"text": f"{identifier}  {HIDDEN}", "notation": "", "words": []})
-        return PrivateOctets._words(hidden)
+        return UidRedactor._words(hidden)
 
     @staticmethod
     def _words(row: FrameLine) -> FrameLine:

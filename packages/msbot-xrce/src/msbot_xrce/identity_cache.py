@@ -9,7 +9,7 @@ Given = TypeVar("Given")
 Result = TypeVar("Result")
 
 
-class ForSameObject(Generic[Given, Result]):
+class IdentityCache(Generic[Given, Result]):
     """A function of one argument that never changes, whose latest results are kept by which object the argument is.
 
     For arguments that come again as the same object, where to hash all they consist of would cost as much as the result

@@ -52,7 +52,7 @@ class _Watched:
         self.copies = 0
 
 
-class Overtaking:
+class ReorderingDetector:
     """What is known of one session's network."""
 
     __slots__ = ("_numbers", "_round_trip", "_until", "delay_s")

@@ -42,7 +42,7 @@ def missing_services(node: NodeName, read: Container[str]) -> dict[str, str]:
     return {service: reason for service in _ANSWERS if requests_of(node, service) not in read}
 
 
-class BareParameters:
+class MissingParameterService:
     """One service of one node."""
 
     def __init__(self, space: Space, node: NodeName, domain: int, service: str, reason: str) -> None:

@@ -11,7 +11,7 @@ grow, up to the peer's own period.
 Bounds. A receiver with a gap says so with every message that arrives, and a stock client answers each time with
 everything it has. So over UDP the same gap is reported to it again only when the wait for an answer is over.
 
-Networks that reorder (`Overtaking`). There, the time that a packet may be late is left
+Networks that reorder (`ReorderingDetector`). There, the time that a packet may be late is left
 
 * before a missing message counts as missing: it may only be late;
 * between two ACKNACKs, because the first one would harm a stock client if it came last.
@@ -27,8 +27,8 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from msbot_xrce.streams.overtaking import Overtaking
 from msbot_xrce.streams.receiving_in_order import ALL_RIPE, ReliableInput
+from msbot_xrce.streams.reordering import ReorderingDetector
 from msbot_xrce.streams.round_trip import QUICK
 from msbot_xrce.streams.session_output import SessionOutput
 
@@ -74,12 +74,12 @@ class _Question:
         """The report that was counted last in `rounds`."""
 
 
-class AskingAgain:
+class AcknackSchedule:
     """The open questions of a session, one for each stream at most."""
 
     __slots__ = ("_guesses", "_overtaking", "_sender", "questions")
 
-    def __init__(self, sender: SessionOutput, *, guesses: bool, overtaking: Overtaking | None = None) -> None:
+    def __init__(self, sender: SessionOutput, *, guesses: bool, overtaking: ReorderingDetector | None = None) -> None:
         """Ask nothing yet.
 
         Args:
