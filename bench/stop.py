@@ -28,7 +28,7 @@ import httpx
 from bench.machine import describe_machine
 from msbot.registry.records import database_identity
 from msbot.stop.asking import ask_masters
-from msbot_agent.agent.status_server import find_files
+from msbot_agent.agent.status_files import find_files
 from tests.e2e.processes import Process
 from tests.hostile import test_stop as states
 from tests.hostile.robot import PATIENCE_S, Robot, frozen

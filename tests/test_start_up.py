@@ -87,9 +87,8 @@ def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
     assert not {name for name in loaded if name.startswith("websockets")}
 
 
-@pytest.mark.parametrize("command", ["parts", "why", "robots"])
-def test_a_look_at_a_robot_waits_for_no_large_library(command: str) -> None:
-    loaded = modules_after(f"import msbot.cli.look.{command}, msbot.cli.look")
+def test_a_look_at_a_robot_waits_for_no_large_library() -> None:
+    loaded = modules_after("import msbot.cli.look")
     assert not loaded & ((HEAVY | {"pydantic"}) - {"asyncio"})
 
 

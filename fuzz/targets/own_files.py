@@ -28,8 +28,8 @@ from msbot.pnp.emergency_stop import StopStatus
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance.upkeep import fault_of
+from msbot_agent.agent.status_files import FORMAT, PREFIX, find_files
 from msbot_agent.agent.status_reader import status_in
-from msbot_agent.agent.status_server import FORMAT, PREFIX, find_files
 from msbot_agent.link.can.sim import names as bus_names
 from msbot_agent.link.contract import Visitor
 from msbot_agent.link.net import SocketPeer, WebSocketServerLink

@@ -31,7 +31,7 @@ from msbot.recording.recordings.reading import Decoder, RecordingReader
 from msbot.recording.replay.acts import read_acts
 from msbot.registry import ProgramSource
 from msbot.ros2.forms import RosForm, form_of
-from msbot.sim.arena import connection as wire
+from msbot.sim.arena import wire
 from msbot.sim.arena.world_reader import parse_world
 from msbot.stop.asking import answer_in
 from msbot_agent.explain.datagrams import read_capture

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_agent.agent.status_server import find_files, leave_word, put_back, status_folder
+from msbot_agent.agent.status_files import find_files, leave_word, put_back, status_folder
 from msbot_xrce.errors import ConfigError
 
 

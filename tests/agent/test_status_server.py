@@ -16,7 +16,7 @@ import pytest
 
 from msbot_agent.agent import Agent, AgentStatus, StatusServer, read_statuses
 from msbot_agent.agent import status_server as status_module
-from msbot_agent.agent.status_server import StatusFile, find_files
+from msbot_agent.agent.status_files import StatusFile, find_files
 from msbot_agent.link import Signal
 from msbot_agent.space import MemorySpace
 from tests.agent.wiring import FakeLink, WiredClient, serving

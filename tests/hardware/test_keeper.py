@@ -49,9 +49,9 @@ PROGRAM = (
 import time
 from msbot.config import load_library
 from msbot.hardware import Machine, Mount, make_wiring, driver_class
-from msbot.hardware.output_guard import Keeper
+from msbot.hardware.output_guard import OutputGuard
 led = load_library().require("LED")
-keeper = Keeper([sys.executable, sys.argv[2], sys.argv[1]])
+keeper = OutputGuard([sys.executable, sys.argv[2], sys.argv[1]])
 driver = driver_class(led)(Mount(led, make_wiring(led), Machine()))
 keeper.hold("LED", led, make_wiring(led))
 driver.open()
@@ -68,8 +68,8 @@ import json, time
 from collections import defaultdict
 from msbot.config import load_library
 from msbot.hardware import Machine, Mount, make_wiring, driver_class
-from msbot.hardware.output_guard import Keeper
-keeper = Keeper([sys.executable, sys.argv[2], sys.argv[1]])
+from msbot.hardware.output_guard import OutputGuard
+keeper = OutputGuard([sys.executable, sys.argv[2], sys.argv[1]])
 library = load_library()
 for number, (pins, device) in json.loads(sys.argv[3]).items():
     part_type = library.require(number)

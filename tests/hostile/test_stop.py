@@ -19,7 +19,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from msbot_agent.agent.status_server import find_files
+from msbot_agent.agent.status_files import find_files
 from tests.e2e.processes import Process, run
 from tests.hostile.robot import Robot, until
 

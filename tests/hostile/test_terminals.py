@@ -22,8 +22,8 @@ from msbot.cli.record.plot import command as plot
 from msbot.config import Blueprint, RobotProfile
 from msbot.master import Master
 from msbot.master.fed_agent import AgentOfRemoteMaster
-from msbot.sim.arena.connection import RemoteWorldConnection
-from msbot.sim.arena.connection import to_line as world_line
+from msbot.sim.arena.remote_connection import RemoteWorldConnection
+from msbot.sim.arena.wire import to_line as world_line
 from msbot_agent.link import InprocHub
 from msbot_school.cli.classroom.joining import join
 from msbot_xrce.errors import ConfigError

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_agent.agent.status_server import find_files, leave_word, status_folder
+from msbot_agent.agent.status_files import find_files, leave_word, status_folder
 from msbot_agent.process.user_folders import (
     check_owner,
     is_running,

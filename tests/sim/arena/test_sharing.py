@@ -12,9 +12,10 @@ from msbot.cli.run.world import WorldOptions
 from msbot.sim import make_simulator
 from msbot.sim.arena import server as server_module
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.connection import LONGEST_LINE, RemoteWorldConnection, from_line, to_line, values_of
+from msbot.sim.arena.remote_connection import RemoteWorldConnection
 from msbot.sim.arena.running_arena import RunningArena
 from msbot.sim.arena.server import ArenaServer
+from msbot.sim.arena.wire import LONGEST_LINE, from_line, to_line, values_of
 from msbot.sim.arena.world_reader import open_world
 from msbot_xrce.errors import ConfigError, LinkDown
 

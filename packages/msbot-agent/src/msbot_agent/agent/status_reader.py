@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from msbot_agent.agent.statistics import ClientView, ObjectView, StreamView
-from msbot_agent.agent.status_server import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
+from msbot_agent.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
 from msbot_agent.text.given_file import read_told
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass

@@ -352,7 +352,7 @@ async def _run(robot: DemoRobot, options: _Options, notes: Notes, script: Script
 async def _run_live(robot: DemoRobot, notes: Notes) -> None:
     from rich.live import Live
 
-    from msbot_web.cli.demo.output import keys_of, live_view
+    from msbot_web.cli.demo.view import keys_of, live_view
 
     keys = keys_of(robot.names)
 

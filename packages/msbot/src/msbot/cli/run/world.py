@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from msbot.sim.arena.connection import is_name
+from msbot.sim.arena.wire import is_name
 from msbot_agent.cli.group import complain
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -54,7 +54,7 @@ def guest_door(world: str, place: str | None, say: Callable[[str], None]) -> Wor
     Raises:
         ConfigError: the address makes no sense.
     """
-    from msbot.sim.arena.connection import RemoteWorldConnection
+    from msbot.sim.arena.remote_connection import RemoteWorldConnection
 
     if not world.startswith(OTHER):
         raise ConfigError(

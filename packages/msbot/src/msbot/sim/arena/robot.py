@@ -9,7 +9,7 @@ from random import Random
 
 import pymunk
 
-from msbot.sim.arena.floor import Spot, place_of
+from msbot.sim.arena.places import Spot, place_of
 from msbot.sim.arena.wheels import Wheel, make_wheels
 from msbot.sim.arena.world import Outline, PartPlace, Point, RobotPlan
 from msbot_xrce.lazy import dataclass

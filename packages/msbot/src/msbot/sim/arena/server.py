@@ -8,7 +8,8 @@ import hmac
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from msbot.sim.arena.connection import (
+from msbot.sim.arena.running_arena import RunningArena, Sensed
+from msbot.sim.arena.wire import (
     LONGEST_LINE,
     MOST_SLOTS,
     VERSION,
@@ -18,7 +19,6 @@ from msbot.sim.arena.connection import (
     to_line,
     values_of,
 )
-from msbot.sim.arena.running_arena import RunningArena, Sensed
 from msbot_xrce.errors import ConfigError, LinkDown
 
 MOST_GUESTS = 40
