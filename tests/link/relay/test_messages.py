@@ -75,7 +75,7 @@ def test_a_message_that_was_cut_short_is_none(octets: str) -> None:
         (f"{HELLO} 00 02 {b'pi'.hex()} 00", "a relay has a name"),
         ("00ff52 04 0001", "a length that no report has"),
         ("00ff52 04" + "00010002" * 101, "a length that no report has"),
-        ("00ff52 03 0001 0000 00 01 0005 04 00", "4 is not a valid Happened"),
+        ("00ff52 03 0001 0000 00 01 0005 04 00", "4 is not a valid RelayEventKind"),
         ("00ff52 15 05 6e6f", "a text is cut off"),
     ],
 )
