@@ -118,7 +118,7 @@ class SignedOut(MsbotError):
 
 
 class Accounts:
-    """See the comment above.
+    """See the module's docstring.
 
     Args:
         store: where users are kept.

@@ -112,7 +112,7 @@ Headers: TypeAlias = dict[str, str]
 
 
 class AccessGuard:
-    """ASGI middleware: see the comment above.
+    """ASGI middleware: see the module's docstring.
 
     Args:
         app: everything behind it.

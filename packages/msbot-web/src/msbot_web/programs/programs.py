@@ -154,7 +154,7 @@ def _is_text(text: str) -> bool:
 
 
 class ProgramActions:
-    """See the comment above. Everybody has programs of their own; others see one only by its word.
+    """See the module's docstring. Everybody has programs of their own; others see one only by its word.
 
     Args:
         shelf: where they are kept.

@@ -176,7 +176,7 @@ Instruction = tuple[int, int, int, int]
 
 
 class StrangerFilter:
-    """See the comment above.
+    """See the module's docstring.
 
     Args:
         opened: a socket of UDP.

@@ -17,7 +17,7 @@ AGAIN_S = 1.0
 
 
 class RemoteWorldConnection:
-    """See the comment above.
+    """See the module's docstring.
 
     Args:
         host, port: where the world is.

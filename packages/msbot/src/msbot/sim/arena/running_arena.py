@@ -119,7 +119,7 @@ class ArenaPart:
 
 
 class RunningArena:
-    """See the comment above.
+    """See the module's docstring.
 
     Args:
         arena: the world.
