@@ -73,13 +73,17 @@ HEARTBEAT: Packets = [(False, bytes.fromhex("810000000b0105000700070080"))]
 THESIS_REQUEST = bytes.fromhex("0500000041424344000000000b000000414243442d6c6f63616c00").ljust(96, b"\0")
 THESIS_REPLY = bytes.fromhex("050000004142434400").ljust(96, b"\0")
 THESIS_BEAT: Packets = [
-    (True, _message(STREAM_RELIABLE, NUMBER, WriteData(FIRST_REQUEST + NUMBER, REQUESTER, THESIS_REQUEST),
-                    pad_end=True)),
+    (
+        True,
+        _message(STREAM_RELIABLE, NUMBER, WriteData(FIRST_REQUEST + NUMBER, REQUESTER, THESIS_REQUEST), pad_end=True),
+    ),
     acknowledged(up=False),
-    (False, _message(STREAM_RELIABLE, NUMBER, Data(FIRST_REQUEST + 1, REQUESTER, RELATED + THESIS_REPLY),
-                     pad_end=False)),
+    (
+        False,
+        _message(STREAM_RELIABLE, NUMBER, Data(FIRST_REQUEST + 1, REQUESTER, RELATED + THESIS_REPLY), pad_end=False),
+    ),
     acknowledged(up=True),
-]  # fmt: skip
+]
 """The same in the thesis' programs: 96 octets each way, on reliable streams."""
 
 MESSAGES: tuple[tuple[str, Packets], ...] = (

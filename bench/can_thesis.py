@@ -116,27 +116,54 @@ async def echo(size: int, *, lose: int = 0) -> Echo:
 def thesis_table(full: Outcome) -> list[str]:
     """The thesis' figures beside ours; `full` is the run with 120 parts at 500 kbit/s."""
     head = ["", "what", "thesis", "here", "how measured"]
-    return table(head, [_large(), *_set_up(), _frames(), _efficiency(), _largest(), _heartbeats(), _ring(), _loss(),
-                        _clients(full), _beats()])  # fmt: skip
+    return table(
+        head,
+        [
+            _large(),
+            *_set_up(),
+            _frames(),
+            _efficiency(),
+            _largest(),
+            _heartbeats(),
+            _ring(),
+            _loss(),
+            _clients(full),
+            _beats(),
+        ],
+    )
 
 
 def _large() -> list[str]:
     took_ms, frames = run_virtual(one_message(AT, THESIS_BYTES))
-    return ["H1", f"{THESIS_BYTES} bytes over classic CAN", "over a minute; its published code waits 30.0 s",
-            f"{took_ms:.1f} ms, {frames} frames",
-            "one message from a part to its master, from `send` to the packet handler"]  # fmt: skip
+    return [
+        "H1",
+        f"{THESIS_BYTES} bytes over classic CAN",
+        "over a minute; its published code waits 30.0 s",
+        f"{took_ms:.1f} ms, {frames} frames",
+        "one message from a part to its master, from `send` to the packet handler",
+    ]
 
 
 def _set_up() -> list[list[str]]:
     ours, legacy = (run_virtual(set_up(AT, framing)) for framing in (COMPRESSED, THESIS))
     tries = str(max(ours.logins, legacy.logins))
     return [
-        ["H2", "tries until the session is open", "8 to 10; 2 to 3 with its symbols", tries,
-         "CREATE_CLIENT messages that the agent gets; the same at every bit rate (table above)"],
-        ["H3", "all statuses OK within 1000 ms", "4 of 5 or 6, then given up",
-         f"{legacy.statuses} of {len(XML)} after {legacy.seconds * 1000:.1f} ms in its own framing, "
-         f"{ours.seconds * 1000:.1f} ms in ours", "`until_all_statuses` of the client, the same six objects by XML"],
-    ]  # fmt: skip
+        [
+            "H2",
+            "tries until the session is open",
+            "8 to 10; 2 to 3 with its symbols",
+            tries,
+            "CREATE_CLIENT messages that the agent gets; the same at every bit rate (table above)",
+        ],
+        [
+            "H3",
+            "all statuses OK within 1000 ms",
+            "4 of 5 or 6, then given up",
+            f"{legacy.statuses} of {len(XML)} after {legacy.seconds * 1000:.1f} ms in its own framing, "
+            f"{ours.seconds * 1000:.1f} ms in ours",
+            "`until_all_statuses` of the client, the same six objects by XML",
+        ],
+    ]
 
 
 def _frames() -> list[str]:
@@ -145,51 +172,82 @@ def _frames() -> list[str]:
         return " / ".join(str(len(frames_of(packets, mode))) for mode in modes)
 
     messages = (CREATE_CLIENT, STATUS_AGENT, HEARTBEAT, LARGE)
-    return ["H4", f"frames of CREATE_CLIENT, STATUS_AGENT, HEARTBEAT, {THESIS_BYTES} bytes", "4, 3, 2, 60",
-            ", ".join(map(counts, messages)), "classic / with header compression / CAN FD"]  # fmt: skip
+    return [
+        "H4",
+        f"frames of CREATE_CLIENT, STATUS_AGENT, HEARTBEAT, {THESIS_BYTES} bytes",
+        "4, 3, 2, 60",
+        ", ".join(map(counts, messages)),
+        "classic / with header compression / CAN FD",
+    ]
 
 
 def _efficiency() -> list[str]:
     payload = 8 * THESIS_BYTES
     on_classic = payload / bits(frames_of(LARGE, "classic")).nominal_bits
     on_fd = payload / (FAST.seconds(frames_of(LARGE, "FD")) * FAST.nominal)
-    return ["H5", "payload bits for each bit time", "0.59 ideal; 0.52 with its index byte",
-            f"{56 / 108:.2f} counted as the thesis does; {on_classic:.2f} with stuff bits and pauses; "
-            f"{on_fd:.2f} on {FAST.name}",
-            f"the frames of {THESIS_BYTES} bytes of noise"]  # fmt: skip
+    return [
+        "H5",
+        "payload bits for each bit time",
+        "0.59 ideal; 0.52 with its index byte",
+        f"{56 / 108:.2f} counted as the thesis does; {on_classic:.2f} with stuff bits and pauses; "
+        f"{on_fd:.2f} on {FAST.name}",
+        f"the frames of {THESIS_BYTES} bytes of noise",
+    ]
 
 
 def _largest() -> list[str]:
     for size in SIZES:
         run_virtual(one_message(AT, size))  # stops with an error unless the message arrives as it was sent
     large = run_virtual(echo(LARGE_SAMPLE))
-    return ["H6", "largest message", "1792 bytes; longer ones arrive as garbage",
-            f"{SIZES[-1]} bytes; samples of any size in pieces, {LARGE_SAMPLE:,} bytes tried; {large.wrong} wrong",
-            f"messages of {', '.join(map(str, SIZES))} bytes, octet by octet; a sample there and back"]  # fmt: skip
+    return [
+        "H6",
+        "largest message",
+        "1792 bytes; longer ones arrive as garbage",
+        f"{SIZES[-1]} bytes; samples of any size in pieces, {LARGE_SAMPLE:,} bytes tried; {large.wrong} wrong",
+        f"messages of {', '.join(map(str, SIZES))} bytes, octet by octet; a sample there and back",
+    ]
 
 
 def _heartbeats() -> list[str]:
     sent = run_virtual(echo(THESIS_BYTES))
-    return ["H7", f"XRCE HEARTBEATs while {THESIS_BYTES} bytes are sent", "300 or more", str(sent.heartbeats),
-            "a reliable sample to the agent and back, all packets looked at"]  # fmt: skip
+    return [
+        "H7",
+        f"XRCE HEARTBEATs while {THESIS_BYTES} bytes are sent",
+        "300 or more",
+        str(sent.heartbeats),
+        "a reliable sample to the agent and back, all packets looked at",
+    ]
 
 
 def _ring() -> list[str]:
-    return ["H8", "receive ring", "4096 bytes, full after 132 HEARTBEATs, then out of step for good",
-            f"{RING_FRAMES} frames; overflow is counted, and the next whole message is received",
-            "`tests/link/test_can_driver.py`; on the simulated bus there is no ring"]  # fmt: skip
+    return [
+        "H8",
+        "receive ring",
+        "4096 bytes, full after 132 HEARTBEATs, then out of step for good",
+        f"{RING_FRAMES} frames; overflow is counted, and the next whole message is received",
+        "`tests/link/test_can_driver.py`; on the simulated bus there is no ring",
+    ]
 
 
 def _loss() -> list[str]:
     sent = run_virtual(echo(24, lose=1))
-    return ["H9", "one frame lost", "a wrong message is delivered (17 of 24 bytes)",
-            f"{sent.wrong} wrong; noticed and sent again, there after {sent.seconds:.1f} s",
-            "the master is deaf for one frame of a reliable sample"]  # fmt: skip
+    return [
+        "H9",
+        "one frame lost",
+        "a wrong message is delivered (17 of 24 bytes)",
+        f"{sent.wrong} wrong; noticed and sent again, there after {sent.seconds:.1f} s",
+        "the master is deaf for one frame of a reliable sample",
+    ]
 
 
 def _clients(full: Outcome) -> list[str]:
-    return ["H10", "clients on one bus", "2 by its table, 1 by its fixed identifier", str(len(full.active_s)),
-            f"switched on together, all active after {full.last_s:.2f} s, {full.lost} lost (table above)"]  # fmt: skip
+    return [
+        "H10",
+        "clients on one bus",
+        "2 by its table, 1 by its fixed identifier",
+        str(len(full.active_s)),
+        f"switched on together, all active after {full.last_s:.2f} s, {full.lost} lost (table above)",
+    ]
 
 
 def _beats() -> list[str]:
@@ -197,6 +255,10 @@ def _beats() -> list[str]:
         sum(bits(frames_of(packets, mode)))
         for packets, mode in ((BEAT, "classic, compressed"), (THESIS_BEAT, "thesis"))
     )
-    return ["H14", "a component's request and reply each second", f"96 + 96 bytes (27 + 9 used), {theirs} bits: "
-            f"{theirs / AT.nominal:.2%} of the bus", f"4 + 4 bytes, {ours} bits: {ours / AT.nominal:.3%} of the bus",
-            "a beat and its answer; the thesis' with the acknowledgements of its reliable streams"]  # fmt: skip
+    return [
+        "H14",
+        "a component's request and reply each second",
+        f"96 + 96 bytes (27 + 9 used), {theirs} bits: {theirs / AT.nominal:.2%} of the bus",
+        f"4 + 4 bytes, {ours} bits: {ours / AT.nominal:.3%} of the bus",
+        "a beat and its answer; the thesis' with the acknowledgements of its reliable streams",
+    ]

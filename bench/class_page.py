@@ -86,8 +86,10 @@ def watch(page: Page, pid: int, address: str) -> None:
     received[0], used, began = 0, processor_s(pid), time.perf_counter()
     page.wait_for_timeout(WATCHED_S * 1000)
     seconds = time.perf_counter() - began
-    print(f"open: {received[0] / seconds:.0f} octets/s to the browser, "
-          f"{(processor_s(pid) - used) / seconds * 100:.1f} % of a processor for master and page")  # fmt: skip
+    print(
+        f"open: {received[0] / seconds:.0f} octets/s to the browser, "
+        f"{(processor_s(pid) - used) / seconds * 100:.1f} % of a processor for master and page"
+    )
     page.get_by_label("Search").fill("R42")
     began = time.perf_counter()
     page.wait_for_function("[...document.querySelectorAll('.slot')].filter(one => one.offsetParent).length == 1")

@@ -53,8 +53,9 @@ class Pupil:
     """One pupil's program, with what it measures."""
 
     def __init__(self, number: int) -> None:
-        self.part = Part("PILOT", local_name=f"P{number}", uid=(0x17_0000 + number).to_bytes(8, "big"),
-                         random=Random(number))  # fmt: skip
+        self.part = Part(
+            "PILOT", local_name=f"P{number}", uid=(0x17_0000 + number).to_bytes(8, "big"), random=Random(number)
+        )
         self.heard = 0
         self.sent_at: dict[int, float] = {}
         self.ways_ms: list[float] = []
@@ -89,8 +90,10 @@ class Site:
         one = parse_blueprint(GROUP_ROBOT_TOML, load_library())
         text = blueprint_toml(for_groups(one, self.names))
         for here, there in zip(self.names, [*self.names[1:], self.names[0]], strict=True):
-            text += (f'\n[[binding]]\ntopic = "ring_{here}"\ntype = "Level"\nfrom = "program_{here}.grip"\n'
-                     f'to = ["program_{there}.sound"]\n')  # fmt: skip
+            text += (
+                f'\n[[binding]]\ntopic = "ring_{here}"\ntype = "Level"\nfrom = "program_{here}.grip"\n'
+                f'to = ["program_{there}.sound"]\n'
+            )
         (folder / "class.toml").write_text(text)
         self.log = folder / "log"
         home = {**os.environ, "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
@@ -101,8 +104,11 @@ class Site:
         found = self._until(r"(http://\S+)/setup\?token=(\S+)")
         self.base, token = found[1], found[2]
         self.client = httpx.Client(base_url=self.base, timeout=120)
-        answer = self.client.post("/setup", data={"token": token, "name": "novak", "password": PASSWORD,
-                                                  "again": PASSWORD}, headers={"origin": self.base})  # fmt: skip
+        answer = self.client.post(
+            "/setup",
+            data={"token": token, "name": "novak", "password": PASSWORD, "again": PASSWORD},
+            headers={"origin": self.base},
+        )
         assert answer.status_code == 303, answer.text
         self.client.headers["x-csrf-token"] = self.client.get("/api/me").json()["csrf"]
 
@@ -290,9 +296,12 @@ def main() -> None:
                 figures = _in_thread(play(site, tokens, wishes.seconds, wishes.tabs))
         finally:
             site.close()
-    lines = [f"{describe_machine()}; load {load:.1f} before", "",
-             f"| {wishes.pupils} pupils, {5 * wishes.pupils} parts, {wishes.tabs} of the programs in real browsers | |",
-             "|---|---|"]  # fmt: skip
+    lines = [
+        f"{describe_machine()}; load {load:.1f} before",
+        "",
+        f"| {wishes.pupils} pupils, {5 * wishes.pupils} parts, {wishes.tabs} of the programs in real browsers | |",
+        "|---|---|",
+    ]
     if loads:
         figures["sign in until the page Program can be used, real browser"] = f"{max(loads):.1f} s at most"
     lines += [f"| {what} | {value} |" for what, value in figures.items()]

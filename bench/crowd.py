@@ -174,9 +174,15 @@ class _Robot:
     """The bus with its master, which can be started anew, and its parts."""
 
     def __init__(
-        self, rates: Rates, blueprint: Blueprint, registry: Registry, tasks: asyncio.TaskGroup, *,
-        codec: Codec | None, seed: int,
-    ) -> None:  # fmt: skip
+        self,
+        rates: Rates,
+        blueprint: Blueprint,
+        registry: Registry,
+        tasks: asyncio.TaskGroup,
+        *,
+        codec: Codec | None,
+        seed: int,
+    ) -> None:
         self.driver = SimBusDriver(rates.bus())
         # A bus needs two nodes before any frame is acknowledged.
         self.driver.attach("monitor")

@@ -86,8 +86,12 @@ def costs(runs: int) -> list[str]:
     """Writing and taking, in one process."""
     found = [asyncio.run(one_call(MemorySpace())) for _ in range(runs)], [asyncio.run(in_dds()) for _ in range(runs)]
     memory, dds = found
-    names = ("write, nobody reads", "write, one reader in this process", "write, one reader in another process",
-             "take and deliver, a batch of 64")  # fmt: skip
+    names = (
+        "write, nobody reads",
+        "write, one reader in this process",
+        "write, one reader in another process",
+        "take and deliver, a batch of 64",
+    )
     lines = ["| µs a sample of 64 octets | in memory | over DDS |", "|---|---|---|"]
     for name in names:
         cells = [said([one[name] for one in many], ".2f") if name in many[0] else "-" for many in (memory, dds)]

@@ -117,9 +117,22 @@ def sessions(drawn: list[Curve], numbers: tuple[int, ...], turns: int) -> list[s
 def _crowd(generator: Path, number: int, turns: int) -> Iterator[subprocess.Popen[str]]:
     """So many sessions with an agent, which ask when told to."""
     with agent() as (port, pid):
-        words = ["idle_heartbeat", "--even", "--clients", str(number), "--rate", str(TOGETHER / number),
-                 "--duration", str(TURN_S), "--turns", str(turns),
-                 "--agent", f"127.0.0.1:{port}", "--agent-pid", str(pid)]  # fmt: skip
+        words = [
+            "idle_heartbeat",
+            "--even",
+            "--clients",
+            str(number),
+            "--rate",
+            str(TOGETHER / number),
+            "--duration",
+            str(TURN_S),
+            "--turns",
+            str(turns),
+            "--agent",
+            f"127.0.0.1:{port}",
+            "--agent-pid",
+            str(pid),
+        ]
         with subprocess.Popen(
             [*pinned(1), str(generator), *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as crowd:
@@ -164,8 +177,11 @@ def _table_of_sessions(drawn: list[Curve], numbers: tuple[int, ...], rounds: lis
         cost.append((number, statistics.median(shares)))
         memory.append((number, middle["agent_rss_kb"] / 1024))
         waiting.append((number, middle["rtt_p50_us"]))
-    drawn += [Curve("processor time for a request, µs", cost), Curve("from request to reply, median, µs", waiting),
-              Curve("memory of the agent, MB", memory)]  # fmt: skip
+    drawn += [
+        Curve("processor time for a request, µs", cost),
+        Curve("from request to reply, median, µs", waiting),
+        Curve("memory of the agent, MB", memory),
+    ]
     least, most = min(value for _, value in cost), max(value for _, value in cost)
     middle_cost, together = statistics.median(value for _, value in cost), [statistics.mean(one) for one in costs]
     return [
@@ -195,8 +211,19 @@ def storms(numbers: tuple[int, ...]) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for number in numbers:
-        common = [*pinned(1), str(generator), "idle_heartbeat", "--agent", f"127.0.0.1:{STORM_PORT}", "--clients",
-                  str(number), "--count", "1", "--timeout", "60"]  # fmt: skip
+        common = [
+            *pinned(1),
+            str(generator),
+            "idle_heartbeat",
+            "--agent",
+            f"127.0.0.1:{STORM_PORT}",
+            "--clients",
+            str(number),
+            "--count",
+            "1",
+            "--timeout",
+            "60",
+        ]
         with start_agent(STORM_PORT) as first:
             try:
                 wait_for(STORM_PORT)
@@ -286,7 +313,7 @@ def robots(numbers: tuple[int, ...], seconds: float) -> list[str]:
         "| all masters, of a core | CPU µs a message, beats included | memory of a master "
         "| latency p50 / p99 / most ms | arrived |",
         "|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
+    ]
     for number in numbers:
         with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
             folder = Path(name)

@@ -27,14 +27,17 @@ def curves(drawn: Sequence[Curve], across: str = "sessions") -> str:
     """The picture."""
     width = PANEL * len(drawn)
     title = "; ".join(curve.title for curve in drawn)
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '
-        'font-family="sans-serif" font-size="11" role="img">',
-        f"<title>{escape(f'Growth with the number of {across}: {title}')}</title>",
-        f'<rect width="{width}" height="{HEIGHT}" rx="8" fill="#ffffff"/>',
-        *(line for number, curve in enumerate(drawn) for line in _panel(curve, number * PANEL, across)),
-        "</svg>", "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '
+            'font-family="sans-serif" font-size="11" role="img">',
+            f"<title>{escape(f'Growth with the number of {across}: {title}')}</title>",
+            f'<rect width="{width}" height="{HEIGHT}" rx="8" fill="#ffffff"/>',
+            *(line for number, curve in enumerate(drawn) for line in _panel(curve, number * PANEL, across)),
+            "</svg>",
+            "",
+        ]
+    )
 
 
 def _panel(curve: Curve, at: int, across: str) -> list[str]:

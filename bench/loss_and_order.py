@@ -131,8 +131,13 @@ def main() -> None:
     """Run all cells, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--client", help="a genuine client, with {host}, {port} and {direct}")
-    parser.add_argument("--agent", action="append", default=[], metavar="NAME=COMMAND",
-                        help="another agent, with {port}; may be repeated")  # fmt: skip
+    parser.add_argument(
+        "--agent",
+        action="append",
+        default=[],
+        metavar="NAME=COMMAND",
+        help="another agent, with {port}; may be repeated",
+    )
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--note", default="", help="what client and agents these are, for the page")
     parser.add_argument("--write", action="store_true", help="keep the table in bench/results")

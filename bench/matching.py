@@ -90,11 +90,13 @@ def _library(count: int) -> Library:
     period = Parameter("period_s", ParameterKind.FLOAT, 1.0, "s", 0.1, 10.0)
     return Library(
         PartType(
-            f"N{number:06}", f"Thing {number}", parameters=(period,) if number % 3 else (),
+            f"N{number:06}",
+            f"Thing {number}",
+            parameters=(period,) if number % 3 else (),
             compatible_with=(f"N{number - 1:06}", f"N{number - 2:06}") if number % 5 == 4 else (),
         )
         for number in range(count)
-    )  # fmt: skip
+    )
 
 
 def _blueprint(slots: int) -> Blueprint:

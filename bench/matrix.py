@@ -271,9 +271,20 @@ async def foreign(rounds: int, bus: str) -> Row:
     async with stage(bus, bus) as it:
         await it.start()
         noise = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "msbot", "bus", "send", it.robot.bus or "", FOREIGN,
-            "--repeat", "10000000", "--period", "0.002", env=it.robot.environment, stdout=asyncio.subprocess.DEVNULL,
-        )  # fmt: skip
+            sys.executable,
+            "-m",
+            "msbot",
+            "bus",
+            "send",
+            it.robot.bus or "",
+            FOREIGN,
+            "--repeat",
+            "10000000",
+            "--period",
+            "0.002",
+            env=it.robot.environment,
+            stdout=asyncio.subprocess.DEVNULL,
+        )
         try:
             for number in range(rounds):
                 row.times.append(await _cycle(it, "S0"))
@@ -308,10 +319,19 @@ async def equal(rounds: int, _bus: str) -> Row:
 async def _twin(it: Stage, slot: str) -> asyncio.subprocess.Process:
     member = it.robot.members[slot]
     return await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "bench.soaking.part_program", slot, "--uid", member.uid.hex(), "--link",
-        f"{member.kind}:127.0.0.1:{it.robot.link_port}", env=it.robot.environment, cwd=Path(__file__).parent.parent,
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
-    )  # fmt: skip
+        sys.executable,
+        "-m",
+        "bench.soaking.part_program",
+        slot,
+        "--uid",
+        member.uid.hex(),
+        "--link",
+        f"{member.kind}:127.0.0.1:{it.robot.link_port}",
+        env=it.robot.environment,
+        cwd=Path(__file__).parent.parent,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+    )
 
 
 def _samples(row: Row, it: Stage) -> list[str]:

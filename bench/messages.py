@@ -21,15 +21,27 @@ def main() -> None:
         "HelloWorld": HelloWorld(index=1, message="Publisher A(1) turn-on 3"),
         "Twist": Twist(linear=vector, angular=vector),
         "Imu": Imu(
-            header=header, orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0), orientation_covariance=[0.0] * 9,
-            angular_velocity=vector, angular_velocity_covariance=[0.0] * 9, linear_acceleration=vector,
+            header=header,
+            orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+            orientation_covariance=[0.0] * 9,
+            angular_velocity=vector,
+            angular_velocity_covariance=[0.0] * 9,
+            linear_acceleration=vector,
             linear_acceleration_covariance=[0.0] * 9,
         ),
         "LaserScan of 360": LaserScan(
-            header=header, angle_min=0.0, angle_max=6.28, angle_increment=0.0175, time_increment=0.0, scan_time=0.1,
-            range_min=0.1, range_max=12.0, ranges=ranges, intensities=[],
+            header=header,
+            angle_min=0.0,
+            angle_max=6.28,
+            angle_increment=0.0175,
+            time_increment=0.0,
+            scan_time=0.1,
+            range_min=0.1,
+            range_max=12.0,
+            ranges=ranges,
+            intensities=[],
         ),
-    }  # fmt: skip
+    }
     for name, message in messages.items():
         octets = message.encode()
         decode = _us(lambda m=message, o=octets: type(m).decode(o))

@@ -85,10 +85,14 @@ async def serve(parts: int, *, with_page: bool) -> None:
                     from msbot_web.server import WebSettings
 
                     room = RobotPages(
-                        master, RunningOperations(master, registry, record, library=library), library,
-                        database=Database(registry, record, address), seen=PageSources(FrameRing()),
-                        settings=WebSettings(port=0), entry_link=True,
-                    )  # fmt: skip
+                        master,
+                        RunningOperations(master, registry, record, library=library),
+                        library,
+                        database=Database(registry, record, address),
+                        seen=PageSources(FrameRing()),
+                        settings=WebSettings(port=0),
+                        entry_link=True,
+                    )
                     tasks.create_task(room.run())
                     await room.server.ready.wait()
                     print(room.server.link, flush=True)

@@ -88,8 +88,10 @@ def _talk(browser: httpx.Client, site: str, octets: int, over: Event, said: Any)
         if page.status_code != httpx.codes.OK or found is None or switch is None:
             over.wait(1.0)
             continue
-        query = (f"EIO=4&transport=websocket&client_id={found[1]}&implicit_handshake=true&next_message_id=0"
-                 f"&tab_id={found[1]}&document_id={found[1]}&old_tab_id=")  # fmt: skip
+        query = (
+            f"EIO=4&transport=websocket&client_id={found[1]}&implicit_handshake=true&next_message_id=0"
+            f"&tab_id={found[1]}&document_id={found[1]}&old_tab_id="
+        )
         address = f"{site.replace('http', 'ws', 1)}/_nicegui_ws/socket.io/?{query}"
         cookies = "; ".join(f"{name}={value}" for name, value in browser.cookies.items())
         value = json.dumps("x" * octets) if octets > 0 else "true"
@@ -97,7 +99,7 @@ def _talk(browser: httpx.Client, site: str, octets: int, over: Event, said: Any)
         try:
             with connect(
                 address, origin=Origin(site), additional_headers={"Cookie": cookies}, compression=None, max_size=None
-            ) as line:  # fmt: skip
+            ) as line:
                 line.recv()
                 line.send("40")
                 reading = threading.Thread(target=_read, args=(line,), daemon=True)
@@ -191,8 +193,10 @@ def main() -> None:
         time.sleep(2.0)  # the master looks once a second who may sign in
         ways = [robot.open_page(), on_the_page(site, BEN)]
         print(f"{describe_machine()}; {options.rounds} rounds by each way\n")
-        print("| Eve's browser | messages said | STOP by the API, ms | by the page, ms "
-              "| last confirmation, ms | master's CPU | load |\n|---|---|---|---|---|---|---|")  # fmt: skip
+        print(
+            "| Eve's browser | messages said | STOP by the API, ms | by the page, ms "
+            "| last confirmation, ms | master's CPU | load |\n|---|---|---|---|---|---|---|"
+        )
         for title, pages, octets in (
             ("says nothing", 0, 0),
             ("30 pages, says nothing", 30, -1),

@@ -35,14 +35,17 @@ def ring(parts: int) -> MemoryStore:
         slots=tuple(Slot(f"S{n}", f"T{n}") for n in range(parts)),
         configurations=tuple(
             Configuration(
-                1, f"S{n}",
-                (SlotBinding("out", f"topic{n}", "Text", publishes=True, reliable=False),
-                 SlotBinding("in", f"topic{(n - 1) % parts}", "Text", publishes=False, reliable=False)),
+                1,
+                f"S{n}",
+                (
+                    SlotBinding("out", f"topic{n}", "Text", publishes=True, reliable=False),
+                    SlotBinding("in", f"topic{(n - 1) % parts}", "Text", publishes=False, reliable=False),
+                ),
                 (),
             )
             for n in range(parts)
         ),
-    )  # fmt: skip
+    )
 
 
 async def play_parts(address: str, tokens: list[str], count: int, seconds: float) -> None:
@@ -90,9 +93,15 @@ async def measure(parts: int, seconds: float) -> None:
         tokens = [await site.token(name) for name in ("bob", "eve", "ada")]
         command = [sys.executable, __file__, "--address", site.address, "--tokens", ",".join(tokens)]
         process = await asyncio.create_subprocess_exec(
-            *command, "--parts", str(parts), "--seconds", str(seconds), stdout=subprocess.PIPE, limit=2**24,
+            *command,
+            "--parts",
+            str(parts),
+            "--seconds",
+            str(seconds),
+            stdout=subprocess.PIPE,
+            limit=2**24,
             env={**os.environ, "PYTHONPATH": ":".join(sys.path)},
-        )  # fmt: skip
+        )
         assert process.stdout is not None
         await process.stdout.readline()
         began, used, packets = time.perf_counter(), time.process_time(), site.link.counters.packets_in

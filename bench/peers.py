@@ -179,9 +179,13 @@ class Run:
         with log.open("wb") as out:
             # Some agents end when their standard input does.
             agent = subprocess.Popen(
-                [*self.agent.program, *arguments], stdin=subprocess.PIPE, stdout=out, stderr=subprocess.STDOUT,
-                cwd=self._folder, env={**os.environ, "XDG_RUNTIME_DIR": str(home)},
-            )  # fmt: skip
+                [*self.agent.program, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                cwd=self._folder,
+                env={**os.environ, "XDG_RUNTIME_DIR": str(home)},
+            )
         try:
             self._wait_for(agent, log)
             yield
@@ -228,9 +232,13 @@ class Run:
             words[0] = str(Path(self._places.of(self.program)) / words[0])
             with (place / "out").open("wb") as out:
                 one = subprocess.Popen(
-                    ["stdbuf", "-oL", *words], stdin=subprocess.PIPE, stdout=out, stderr=subprocess.STDOUT, cwd=place,
+                    ["stdbuf", "-oL", *words],
+                    stdin=subprocess.PIPE,
+                    stdout=out,
+                    stderr=subprocess.STDOUT,
+                    cwd=place,
                     env={**environment, "ROS_LOG_DIR": str(place)},
-                )  # fmt: skip
+                )
             running.append((one, process, place / "out"))
             if process.type:
                 threading.Thread(target=type_lines, args=(one, process.type)).start()

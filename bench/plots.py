@@ -92,8 +92,10 @@ def main() -> None:
                     time.sleep(SETTLE_S)
                     curves = page.locator("#ms-plot-figures tr[data-place]").count()
                     share, rate, busy, whole = drawing(browser, page, process.pid, seconds)
-                    print(f"{curves} curves, {span} s: the master {share:.1f} %, {rate:.1f} pictures/s, "
-                          f"the page's main thread {busy:.0f} %, the browser {whole:.0f} % of a processor")  # fmt: skip
+                    print(
+                        f"{curves} curves, {span} s: the master {share:.1f} %, {rate:.1f} pictures/s, "
+                        f"the page's main thread {busy:.0f} %, the browser {whole:.0f} % of a processor"
+                    )
                 browser.close()
         finally:
             process.terminate()

@@ -52,8 +52,24 @@ def main() -> int:
 def try_once(tests: list[str]) -> dict[str, Tally]:
     """One round of all tests with a promise."""
     with tempfile.NamedTemporaryFile(suffix=".json") as counted:
-        command = [sys.executable, "-m", "pytest", "-m", "promise", "-p", "tests.promises", "--promises", counted.name,
-                   "-n", "2", "--dist", "loadfile", "-q", "--no-header", *tests]  # fmt: skip
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-m",
+            "promise",
+            "-p",
+            "tests.promises",
+            "--promises",
+            counted.name,
+            "-n",
+            "2",
+            "--dist",
+            "loadfile",
+            "-q",
+            "--no-header",
+            *tests,
+        ]
         done = subprocess.run(
             command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
         )

@@ -64,17 +64,26 @@ class Tab:
             self.refusals += 1
             return False
         number = re.search(r"""["']next_message_id["']: ?(\d+)""", answer.text)
-        query = urlencode({
-            "client_id": found[1], "next_message_id": number[1] if number else 0, "implicit_handshake": "true",
-            "document_id": f"{random.random()}", "tab_id": f"{random.random()}", "old_tab_id": "",
-        })  # fmt: skip
+        query = urlencode(
+            {
+                "client_id": found[1],
+                "next_message_id": number[1] if number else 0,
+                "implicit_handshake": "true",
+                "document_id": f"{random.random()}",
+                "tab_id": f"{random.random()}",
+                "old_tab_id": "",
+            }
+        )
         if self._socket is not None:
             await self._socket.disconnect()
         self._socket = socketio.AsyncClient(reconnection=False)
         await self._socket.connect(
-            f"{self._site}?{query}", headers={"Cookie": self._cookie, "Origin": self._site},
-            socketio_path="/_nicegui_ws/socket.io", transports=["websocket"], wait_timeout=10,
-        )  # fmt: skip
+            f"{self._site}?{query}",
+            headers={"Cookie": self._cookie, "Origin": self._site},
+            socketio_path="/_nicegui_ws/socket.io",
+            transports=["websocket"],
+            wait_timeout=10,
+        )
         return True
 
     async def come_back(self) -> None:
@@ -198,11 +207,14 @@ async def measure(pupils: int, tabs: int, browsers: int) -> list[str]:
         return [
             "| tabs | half are back after | 90 % | all |",
             "|---|---|---|---|",
-            *(f"| {title} | {' | '.join(f'{share(times, part):.1f} s' for part in SHARES)} |"
-              for title, times in rows if times),
+            *(
+                f"| {title} | {' | '.join(f'{share(times, part):.1f} s' for part in SHARES)} |"
+                for title, times in rows
+                if times
+            ),
             "",
             f"{pupils} pupils with {tabs} tabs each. The clients loaded {loads} pages, {refusals} times in vain.",
-        ]  # fmt: skip
+        ]
 
 
 def share(times: list[float], part: float) -> float:

@@ -83,8 +83,12 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             os.environ |= {"XDG_STATE_HOME": folder, "XDG_RUNTIME_DIR": folder}
             lines = [f"{describe_machine()}; load {os.getloadavg()[0]:.1f}"]
-            for table in (partial(robots, Path(folder)), partial(database, Path(folder), chosen.robots), neighbours,
-                          partial(router, chosen.robots)):  # fmt: skip
+            for table in (
+                partial(robots, Path(folder)),
+                partial(database, Path(folder), chosen.robots),
+                neighbours,
+                partial(router, chosen.robots),
+            ):
                 made = ["", *table()]
                 print("\n".join(made), flush=True)
                 lines += made
@@ -102,9 +106,13 @@ def memory_mb(pid: int) -> float:
 def running(*command: str, folder: Path | None = None) -> Iterator[subprocess.Popen[str]]:
     """A process of this bench, ended with the block."""
     with subprocess.Popen(
-        [sys.executable, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder,
+        [sys.executable, *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)},
-    ) as process:  # fmt: skip
+    ) as process:
         try:
             yield process
         finally:
@@ -149,10 +157,11 @@ def robots(folder: Path) -> list[str]:
         load = [(cpu_s(master.pid) - was) / spent * 100 for master, was in zip(masters, before, strict=True)]
         memory = [memory_mb(master.pid) for master in masters]
     return [
-        f"| one robot of {PARTS} parts at rest ({SAMPLED} of them, least to most) | |", "|---|---|",
+        f"| one robot of {PARTS} parts at rest ({SAMPLED} of them, least to most) | |",
+        "|---|---|",
         f"| its master, of a core | {min(load):.2f} to {max(load):.2f} % |",
         f"| its master, memory (shared pages by their share) | {min(memory):.0f} to {max(memory):.0f} MB |",
-    ]  # fmt: skip
+    ]
 
 
 # The database.
@@ -173,14 +182,21 @@ def database(folder: Path, number: int) -> list[str]:
             columns.append(("one PostgreSQL", *found, ask(where, SIZE) - empty))
     changes = 3 * PARTS * number
     rows = [
-        [f"{number:,} robots of {PARTS} parts"], ["a blueprint put into force, the first 20 / the last 20"],
-        ["for each robot"], ["a change of state, kept (one writer)"],
+        [f"{number:,} robots of {PARTS} parts"],
+        ["a blueprint put into force, the first 20 / the last 20"],
+        ["for each robot"],
+        ["a change of state, kept (one writer)"],
         [f"all robots switched on at once: {changes:,} changes by one writer"],
-    ]  # fmt: skip
+    ]
     for name, applied, journal, size in columns:
         edges = statistics.median(applied[:20]) * 1e3, statistics.median(applied[-20:]) * 1e3
-        cells = (name, f"{edges[0]:.1f} / {edges[1]:.1f} ms", f"{size / number / 1024:.1f} kB",
-                 f"{journal * 1e6:.0f} µs, {1 / journal:,.0f} a second", f"{changes * journal:.1f} s")  # fmt: skip
+        cells = (
+            name,
+            f"{edges[0]:.1f} / {edges[1]:.1f} ms",
+            f"{size / number / 1024:.1f} kB",
+            f"{journal * 1e6:.0f} µs, {1 / journal:,.0f} a second",
+            f"{changes * journal:.1f} s",
+        )
         for row, cell in zip(rows, cells, strict=True):
             row.append(cell)
     lines = [f"| {' | '.join(row)} |" for row in rows]
@@ -258,7 +274,7 @@ def neighbours() -> list[str]:
         f"| programs in one DDS domain, {PARTS} topics each | all know all after | memory of one | at rest, of a core, "
         "all together |",
         "|---|---|---|---|",
-    ]  # fmt: skip
+    ]
     me = str(Path(__file__).resolve())
     for number in PARTICIPANTS:
         with contextlib.ExitStack() as stack:
@@ -291,8 +307,9 @@ async def be_site(first: int, count: int) -> None:
     with ZenohSpace([HERE]) as space:
         writers = [
             space.writer(Topic(f"part_{part}", "Level"), Qos(depth=16, partitions=(f"R{robot}",)), os.urandom(16))
-            for robot in range(first, first + count) for part in range(PARTS)
-        ]  # fmt: skip
+            for robot in range(first, first + count)
+            for part in range(PARTS)
+        ]
         while not writers[-1].outlets[0]._declared:  # type: ignore[attr-defined]  # noqa: ASYNC110
             await asyncio.sleep(0.05)
         for writer in writers:
@@ -356,12 +373,13 @@ def router(number: int) -> list[str]:
         everything.undeclare()
     topics = HOSTS * each * PARTS
     return [
-        f"| one router, {topics:,} topics of {HOSTS * each:,} robots at {HOSTS} sites | |", "|---|---|",
+        f"| one router, {topics:,} topics of {HOSTS * each:,} robots at {HOSTS} sites | |",
+        "|---|---|",
         f"| all writers made; the router at rest again | after {known:.0f} s; {settled:.0f} s |",
         f"| memory, empty / with them | {empty:.0f} / {full:.0f} MB, {(full - empty) * 1024 / topics:.1f} kB each |",
         f"| samples carried to one reader, of {sent:,} and repeats | {got:,}, {sent / took:,.0f} a second |",
         f"| its processor time | {spent / took * 100:.0f} % of a core, {spent / sent * 1e6:.1f} µs a sample |",
-    ]  # fmt: skip
+    ]
 
 
 if __name__ == "__main__":

@@ -49,8 +49,11 @@ async def soak(options: argparse.Namespace, folder: Path) -> dict[str, object]:
     authentication = AUTHENTICATIONS[options.seed % len(AUTHENTICATIONS)]
     without = MASTER_ACTS if options.calm_master else frozenset()
     scene = Scene(folder, kinds, authentication, options.seed, lambda words: print(words, flush=True))
-    print(f"seed {options.seed}, {options.minutes:g} minutes, {len(kinds)} parts on {', '.join(kinds)}; "
-          f"authentication {authentication}; {describe_machine()}; everything in {folder}", flush=True)  # fmt: skip
+    print(
+        f"seed {options.seed}, {options.minutes:g} minutes, {len(kinds)} parts on {', '.join(kinds)}; "
+        f"authentication {authentication}; {describe_machine()}; everything in {folder}",
+        flush=True,
+    )
     acts = Acts(scene)
     watching: asyncio.Task[None] | None = None
     try:
@@ -130,11 +133,18 @@ def figures(scene: Scene, options: argparse.Namespace, authentication: str, seco
         "edits": len(scene.acknowledged),
         "violations": dict(Counter(one.rule for one in scene.violations)),
         "back": dict(scene.back),
-        "growth": None if grown is None else {
-            "minutes": grown.seconds / 60, "first_mb": grown.first_mb, "last_mb": grown.last_mb,
-            "mb_per_hour": grown.mb_per_hour, "tasks": grown.tasks, "threads": grown.threads, "files": grown.files,
+        "growth": None
+        if grown is None
+        else {
+            "minutes": grown.seconds / 60,
+            "first_mb": grown.first_mb,
+            "last_mb": grown.last_mb,
+            "mb_per_hour": grown.mb_per_hour,
+            "tasks": grown.tasks,
+            "threads": grown.threads,
+            "files": grown.files,
         },
-    }  # fmt: skip
+    }
 
 
 def table(runs: list[dict[str, object]]) -> str:
@@ -165,8 +175,10 @@ def table(runs: list[dict[str, object]]) -> str:
     lines += ["| what was wrong | times | active again after its end: median, 95 %, longest |", "|---|---|---|"]
     for what, times in sorted(back.items(), key=lambda one: -len(one[1])):
         ordered = sorted(times)
-        lines.append(f"| {what} | {len(times)} | {statistics.median(ordered):.1f} s, "
-                     f"{ordered[math.ceil(0.95 * len(ordered)) - 1]:.1f} s, {ordered[-1]:.1f} s |")  # fmt: skip
+        lines.append(
+            f"| {what} | {len(times)} | {statistics.median(ordered):.1f} s, "
+            f"{ordered[math.ceil(0.95 * len(ordered)) - 1]:.1f} s, {ordered[-1]:.1f} s |"
+        )
     return "\n".join(lines)
 
 

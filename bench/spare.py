@@ -48,9 +48,14 @@ async def _measure(folder: Path, preset: str, wire: Wire, bitrate: int, seed: in
     with open_registry(folder / "robot.db") as registry:
         record = registry.robots.apply_blueprint(blueprint, library)
         robot = DemoRobot(
-            blueprint, registry.runs.begin(record), wire=wire, bitrate=bitrate, spares={"DD": "BB"},
-            random=Random(seed), epoch_ns=lambda: 0,
-        )  # fmt: skip
+            blueprint,
+            registry.runs.begin(record),
+            wire=wire,
+            bitrate=bitrate,
+            spares={"DD": "BB"},
+            random=Random(seed),
+            epoch_ns=lambda: 0,
+        )
         operations = RunningOperations(robot.master, registry, record, library=library)
         clock = asyncio.get_running_loop().time
         async with asyncio.TaskGroup() as tasks:

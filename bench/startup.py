@@ -80,9 +80,12 @@ def robot(until: Callable[[Started], None], *command: str) -> Taken:
         slots = tuple(slot.name for slot in open_blueprint(folder / "robot.toml")[0].slots)
         start = time.perf_counter()
         with subprocess.Popen(
-            [*COMMAND, *command, "--db", database, "--port", "0"], cwd=folder, stdout=subprocess.PIPE, text=True,
+            [*COMMAND, *command, "--db", database, "--port", "0"],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            text=True,
             env={**compiled(), "XDG_STATE_HOME": name},
-        ) as running:  # fmt: skip
+        ) as running:
             try:
                 until(Started(running, database, slots))
                 real_s, used_s = time.perf_counter() - start, cpu_s(running.pid)

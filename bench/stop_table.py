@@ -38,9 +38,12 @@ from tests.stop.work import DEEDS, SAYERS, work_story
 TITLE = "STOP: nothing is heard after all have confirmed"
 HEAD = ["| parts | meanwhile | all confirmed after, ms | samples on the way | heard | |", "|---|---|---|---|---|---|"]
 NAMES = {
-    "cpython": "Python", "c": "C (firmware)", "micropython-can": "MicroPython, CAN",
-    "micropython-serial": "MicroPython, serial", "browser": "in the browser",
-}  # fmt: skip
+    "cpython": "Python",
+    "c": "C (firmware)",
+    "micropython-can": "MicroPython, CAN",
+    "micropython-serial": "MicroPython, serial",
+    "browser": "in the browser",
+}
 
 
 Told = Iterator[tuple[str, str, Verdict]]

@@ -107,10 +107,18 @@ def row(title: str, robot: Robot, master: Process, page: httpx.Client, floods: l
     time.sleep(CALM_S if floods else 0.0)
     said = ", ".join(f"{name} {rate:,.0f}" for name, rate in rates.items()) or "nothing"
     cells = (
-        title, said, words(socket_ms), words(page_ms), words(confirmed), f"{missing} of {2 * rounds}",
-        f"{joins_s:.1f}", f"{share:.0%}", f"{before}, {during}, {memory_mb(master.pid)}",
-        str(len(master.lines) + master.waiting() - lines), f"{load:.1f}",
-    )  # fmt: skip
+        title,
+        said,
+        words(socket_ms),
+        words(page_ms),
+        words(confirmed),
+        f"{missing} of {2 * rounds}",
+        f"{joins_s:.1f}",
+        f"{share:.0%}",
+        f"{before}, {during}, {memory_mb(master.pid)}",
+        str(len(master.lines) + master.waiting() - lines),
+        f"{load:.1f}",
+    )
     return f"| {' | '.join(cells)} |"
 
 
@@ -174,11 +182,19 @@ def measure(options: argparse.Namespace, *, has_tls: bool) -> list[str]:
         scale = options.scale
         one = [udp(links[1], UDP_S * scale), tcp(links[0], TCP_S * scale)]
         if has_tls:
-            mixtures = [("TLS, no flood", []), ("TLS", [tls(port, TLS_S * scale)]),
-                        ("TLS, all together", [*one, tls(port, TLS_S * scale)])]  # fmt: skip
+            mixtures = [
+                ("TLS, no flood", []),
+                ("TLS", [tls(port, TLS_S * scale)]),
+                ("TLS, all together", [*one, tls(port, TLS_S * scale)]),
+            ]
         else:
-            mixtures = [("no flood", []), ("UDP", one[:1]), ("TCP", one[1:]), ("HTTP", [http(port, HTTP_S * scale)]),
-                        ("all together", [*one, http(port, HTTP_S * scale)])]  # fmt: skip
+            mixtures = [
+                ("no flood", []),
+                ("UDP", one[:1]),
+                ("TCP", one[1:]),
+                ("HTTP", [http(port, HTTP_S * scale)]),
+                ("all together", [*one, http(port, HTTP_S * scale)]),
+            ]
         for title, floods in mixtures:
             if options.only is None or options.only in title:
                 page.get("/robot")  # the connection is open before the trouble begins

@@ -38,8 +38,11 @@ def measure(rounds: int) -> dict[str, list[Taken]]:
             for fault, found in taken.items():
                 one: Taken = getattr(robot, fault)()
                 found.append(one)
-                print(f"{number + 1:3} {fault:7} serves after {one.serving_s:.2f} s, all parts active after "
-                      f"{one.active_s:.2f} s, told by two: {one.stale}", flush=True)  # fmt: skip
+                print(
+                    f"{number + 1:3} {fault:7} serves after {one.serving_s:.2f} s, all parts active after "
+                    f"{one.active_s:.2f} s, told by two: {one.stale}",
+                    flush=True,
+                )
     return taken
 
 

@@ -114,9 +114,14 @@ def measure(words: Sequence[str], count: int, rate: float, seconds: float) -> li
     missing = max(0, told["sent"] - len(took))
     costs = [f"{one / len(took) * 1e6:.0f}" for one in spent]
     return [
-        f"{active_s * 1e3:.0f}", f"{len(took) / seconds:.0f}", f"{took[len(took) // 2]:.2f}",
-        f"{took[int(len(took) * 0.99)]:.2f}", str(missing), costs[1] if words else "-", costs[0],
-    ]  # fmt: skip
+        f"{active_s * 1e3:.0f}",
+        f"{len(took) / seconds:.0f}",
+        f"{took[len(took) // 2]:.2f}",
+        f"{took[int(len(took) * 0.99)]:.2f}",
+        str(missing),
+        costs[1] if words else "-",
+        costs[0],
+    ]
 
 
 def main() -> None:
@@ -134,11 +139,12 @@ def main() -> None:
         return
     lines = [
         f"{describe_machine()}; load {os.getloadavg()[0]:.1f}; {chosen.parts} parts, {chosen.rate:g} messages a second "
-        "each", "",
+        "each",
+        "",
         "| between part and master | all active, ms | messages/s | on the way, p50 ms | p99 ms | on their way at the "
         "end | its CPU, µs a message | the master's |",
         "|---|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
+    ]
     for name, words in WAYS.items():
         cells = measure(words, chosen.parts, chosen.rate, chosen.seconds)
         lines.append(f"| {name.replace('the master itself', 'nothing')} | {' | '.join(cells)} |")

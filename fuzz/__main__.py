@@ -30,9 +30,13 @@ def main(arguments: list[str] | None = None) -> int:
     found = 0
     for name in names:
         report = fuzz(
-            TARGETS[name], seed=options.seed, findings=options.findings, seconds=options.seconds / len(names),
-            executions=options.executions, told=lambda so_far: print(so_far, flush=True) if options.verbose else None,
-        )  # fmt: skip
+            TARGETS[name],
+            seed=options.seed,
+            findings=options.findings,
+            seconds=options.seconds / len(names),
+            executions=options.executions,
+            told=lambda so_far: print(so_far, flush=True) if options.verbose else None,
+        )
         print(report, flush=True)
         for path in report.files:
             print(f"    python -m fuzz --replay {path}", flush=True)

@@ -94,8 +94,14 @@ class AgentWorld:
         self.gate = MoodyGate()
         self.space = MemorySpace()
         references = REFERENCES if random.random() < 0.3 else None
-        self.agent = Agent(self.space, gate=self.gate, settings=SETTINGS, references=references,
-                           epoch_ns=lambda: 1_700_000_000_000_000_000, agent_id=b"agent-id")  # fmt: skip
+        self.agent = Agent(
+            self.space,
+            gate=self.gate,
+            settings=SETTINGS,
+            references=references,
+            epoch_ns=lambda: 1_700_000_000_000_000_000,
+            agent_id=b"agent-id",
+        )
         self.fast = BurstyLink("fast:")
         self.slow = FakeLink("slow:", mtu=128, bits_per_second=125_000)
         self.seen: set[str] = set()

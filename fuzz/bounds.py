@@ -96,9 +96,11 @@ def check_session(session: AgentSession | ClientSession, *, statuses: int) -> No
         raise Violation(f"{held} octets held and {pieces} in pieces, counted {session._memory.used}")
     hold("octets held", session._memory.used, settings.max_message)
     for name, streams in (
-        ("inputs", session._best_effort), ("reliable inputs", session._reliable),
-        ("outputs", sender.best_efforts), ("reliable outputs", sender.reliables),
-    ):  # fmt: skip
+        ("inputs", session._best_effort),
+        ("reliable inputs", session._reliable),
+        ("outputs", sender.best_efforts),
+        ("reliable outputs", sender.reliables),
+    ):
         hold(name, len(streams), settings.max_streams)
     for output in sender.reliables.values():
         _check_output(output, settings.window, statuses)

@@ -58,9 +58,14 @@ class Report:
 
 
 def fuzz(
-    target: Target, *, seed: int, findings: Path, seconds: float | None = None, executions: int | None = None,
+    target: Target,
+    *,
+    seed: int,
+    findings: Path,
+    seconds: float | None = None,
+    executions: int | None = None,
     told: Callable[[Report], None] = lambda _: None,
-) -> Report:  # fmt: skip
+) -> Report:
     """Fuzz one target for some real seconds or a number of cases, whichever ends first.
 
     Args:

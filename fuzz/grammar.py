@@ -218,8 +218,15 @@ def from_agent(random: Random) -> Submessage:
         case 7:
             locators = tuple(_locator(random) for _ in range(random.randrange(3)))
             number = random.choice((10, 10, request_id(random)))
-            return Info(number, OBJECT_AGENT, 0, random.randrange(2), random.random() < 0.8,
-                        random.choice((None, 1, 0, -1)), locators)  # fmt: skip
+            return Info(
+                number,
+                OBJECT_AGENT,
+                0,
+                random.randrange(2),
+                random.random() < 0.8,
+                random.choice((None, 1, 0, -1)),
+                locators,
+            )
         case 8:
             at = random.choice((0, 10**18, 2**31 * 10**9))
             return TimestampReply(at, random.choice((at, 0)), random.choice((0, at)))

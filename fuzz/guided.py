@@ -56,8 +56,14 @@ def _run(atheris: Any, options: argparse.Namespace, target: Any, right: tuple[by
     most = max(MOST_OCTETS, *map(len, right), 0)
     for number, octets in enumerate((*right, *made)):
         (corpus / str(number)).write_bytes(octets[:most])
-    words = [f"-max_total_time={options.seconds}", f"-max_len={most}", f"-timeout={SLOW_S}", "-verbosity=1",
-             f"-seed={options.seed}", "-print_final_stats=1"]  # fmt: skip
+    words = [
+        f"-max_total_time={options.seconds}",
+        f"-max_len={most}",
+        f"-timeout={SLOW_S}",
+        "-verbosity=1",
+        f"-seed={options.seed}",
+        "-print_final_stats=1",
+    ]
     atheris.Setup([sys.argv[0], *words, str(corpus)], _trier(target, options))
     atheris.Fuzz()
 

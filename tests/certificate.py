@@ -23,11 +23,16 @@ class Certificate:
         now = datetime.datetime.now(datetime.UTC)
         day = datetime.timedelta(days=1)
         made = (
-            x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
-            .serial_number(1).not_valid_before(now - day).not_valid_after(now + day)
+            x509.CertificateBuilder()
+            .subject_name(name)
+            .issuer_name(name)
+            .public_key(key.public_key())
+            .serial_number(1)
+            .not_valid_before(now - day)
+            .not_valid_after(now + day)
             .add_extension(x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False)
             .sign(key, hashes.SHA256())
-        )  # fmt: skip
+        )
         pem, form = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
         self.certificate.write_bytes(made.public_bytes(pem))
         self.key.write_bytes(key.private_bytes(pem, form, serialization.NoEncryption()))

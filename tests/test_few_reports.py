@@ -54,13 +54,24 @@ def test_a_pass_is_one_report_and_whatever_did_not_go_well_is_told(tmp_path: Pat
     done = subprocess.run(command, cwd=root, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "1 failed, 2 passed, 1 skipped, 1 xfailed, 2 errors" in done.stdout
-    for said in ("ERROR at setup of test_broken", "OSError: before", "ERROR at teardown of test_breaking",
-                 "OSError: afterwards", "for want of time", "::test_good"):  # fmt: skip
+    for said in (
+        "ERROR at setup of test_broken",
+        "OSError: before",
+        "ERROR at teardown of test_breaking",
+        "OSError: afterwards",
+        "for want of time",
+        "::test_good",
+    ):
         assert said in done.stdout
     assert (tmp_path / "conftest.py.heard").read_text().splitlines() == [
-        "test_good call", "test_bad call", "test_broken setup", "test_breaking call", "test_breaking teardown",
-        "test_skipped setup", "test_known call",
-    ]  # fmt: skip
+        "test_good call",
+        "test_bad call",
+        "test_broken setup",
+        "test_breaking call",
+        "test_breaking teardown",
+        "test_skipped setup",
+        "test_known call",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -72,9 +83,7 @@ def test_a_pass_is_one_report_and_whatever_did_not_go_well_is_told(tmp_path: Pat
         (None, None, {"xdist", "tests.cost"}, False),
     ],
 )
-def test_who_reads_all_gets_all(
-    durations: int | None, xmlpath: str | None, plugins: set[str], wanted: bool
-) -> None:  # fmt: skip
+def test_who_reads_all_gets_all(durations: int | None, xmlpath: str | None, plugins: set[str], wanted: bool) -> None:
     manager = SimpleNamespace(hasplugin=plugins.__contains__)
     option = SimpleNamespace(durations=durations, xmlpath=xmlpath)
     node: Any = SimpleNamespace(workerinput={}, config=SimpleNamespace(option=option, pluginmanager=manager))

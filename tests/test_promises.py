@@ -46,8 +46,23 @@ def test_tries_are_counted(tmp_path: Path) -> None:
     (tmp_path / "test_tried.py").write_text(TESTS)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = promise(sentence): tries a promise\n")
     root = Path(__file__).parent.parent
-    command = [sys.executable, "-m", "pytest", "-q", "-m", "promise", "-p", "tests.promises", "-p", "no:cacheprovider",
-               "--promises", "counted.json", "--rootdir", ".", "test_tried.py"]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-m",
+        "promise",
+        "-p",
+        "tests.promises",
+        "-p",
+        "no:cacheprovider",
+        "--promises",
+        "counted.json",
+        "--rootdir",
+        ".",
+        "test_tried.py",
+    ]
     done = subprocess.run(
         command, cwd=tmp_path, env={"PYTHONPATH": str(root)}, capture_output=True, text=True, check=False
     )

@@ -30,8 +30,12 @@ def test_a_folder_with_an_umlaut_is_found_in_the_locale_c_too(tmp_path: Path) ->
     assert pointer.read_text().isascii()
     started = subprocess.run(
         [home / ".venv" / "bin" / "python", "-c", "import msbot; print(msbot.here)"],
-        env={**os.environ, "LC_ALL": "C"}, cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        env={**os.environ, "LC_ALL": "C"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (started.stdout, started.stderr) == ("found\n", "")
 
 

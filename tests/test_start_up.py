@@ -53,14 +53,34 @@ def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_ne
     loaded = all_modules_after("import msbot_web.cli.demo.demo, msbot_web.assembly, msbot_web.simulated.demo_controls")
     # Names of parts of libraries: socket.io and uvicorn import the libraries themselves, which does no harm.
     foreign = {
-        "aiohttp.client", "requests.api", "urllib3", "matplotlib", "plotly", "pandas", "polars", "numpy", "altair",
-        "httpx", "markdown2", "docutils", "pygments.lexers", "alembic", "prometheus_client",
-        "pydantic.v1.main", "rich.console", "segno", "websockets.server", "sqlalchemy.connectors.asyncio",
-    }  # fmt: skip
+        "aiohttp.client",
+        "requests.api",
+        "urllib3",
+        "matplotlib",
+        "plotly",
+        "pandas",
+        "polars",
+        "numpy",
+        "altair",
+        "httpx",
+        "markdown2",
+        "docutils",
+        "pygments.lexers",
+        "alembic",
+        "prometheus_client",
+        "pydantic.v1.main",
+        "rich.console",
+        "segno",
+        "websockets.server",
+        "sqlalchemy.connectors.asyncio",
+    }
     own = {
-        "msbot_web.api.routes", "msbot_web.api.admin", "msbot.doctor.examination", "msbot_agent.space.dds.space",
+        "msbot_web.api.routes",
+        "msbot_web.api.admin",
+        "msbot.doctor.examination",
+        "msbot_agent.space.dds.space",
         "msbot.ros2",
-    }  # fmt: skip
+    }
     assert not loaded & (foreign | own)
     assert len(loaded) < MOST_MODULES
 

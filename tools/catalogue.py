@@ -43,10 +43,15 @@ def main(*arguments: str) -> int:
             sys.exit(f"{path} is there already")
         catalogue = polib.POFile(wrapwidth=0)
         catalogue.metadata = {
-            "Project-Id-Version": "msbot", "Language": chosen.new, "MIME-Version": "1.0",
-            "Content-Type": "text/plain; charset=UTF-8", "Content-Transfer-Encoding": "8bit",
-            "X-Language-Name": chosen.new, "X-Decimal": ".", "X-Thousands": ",",
-        }  # fmt: skip
+            "Project-Id-Version": "msbot",
+            "Language": chosen.new,
+            "MIME-Version": "1.0",
+            "Content-Type": "text/plain; charset=UTF-8",
+            "Content-Transfer-Encoding": "8bit",
+            "X-Language-Name": chosen.new,
+            "X-Decimal": ".",
+            "X-Thousands": ",",
+        }
         catalogue.save(str(path))
     for path in sorted(FOLDER.glob("*.po")):
         added, left = update(path)

@@ -102,9 +102,14 @@ def _asked(question: str, legend: str) -> prometheus.Dataquery:
 
 def _variable(name: str, question: str) -> dashboard.QueryVariable:
     return (
-        dashboard.QueryVariable(name).label(name).datasource(SOURCE).query(question).multi(True).include_all(True)
+        dashboard.QueryVariable(name)
+        .label(name)
+        .datasource(SOURCE)
+        .query(question)
+        .multi(True)
+        .include_all(True)
         .all_value(".+")
-    )  # fmt: skip
+    )
 
 
 if __name__ == "__main__":

@@ -22,8 +22,10 @@ from pathlib import Path
 
 PACKAGE = re.compile(r"^\s*(?:Collecting|Requirement already satisfied:) ([\w.-]+)")
 HASH = re.compile(r" \\\n\s*--hash=\S+")
-PHASES = {"Installing collected packages": "installing them, which takes half of the time",
-          "Successfully installed": "they are installed"}  # fmt: skip
+PHASES = {
+    "Installing collected packages": "installing them, which takes half of the time",
+    "Successfully installed": "they are installed",
+}
 DISTRIBUTIONS = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-web")
 COMPILING = "compiling MsBOT, so that its first start is as quick as the next one"
 WRONG_HASH = "DO NOT MATCH THE HASHES"

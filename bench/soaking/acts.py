@@ -215,10 +215,22 @@ class Acts:
     async def fill_bus(self, _name: str) -> None:
         with self._trouble("bus filled", *self._bus_slots()):
             process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "msbot", "bus", "send", str(self.robot.bus), "001#DEADBEEF01020304",
-                "--repeat", str(FRAMES), "--period", "0.002", cwd=self.robot.folder, env=self.robot.environment,
-                stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
-            )  # fmt: skip
+                sys.executable,
+                "-m",
+                "msbot",
+                "bus",
+                "send",
+                str(self.robot.bus),
+                "001#DEADBEEF01020304",
+                "--repeat",
+                str(FRAMES),
+                "--period",
+                "0.002",
+                cwd=self.robot.folder,
+                env=self.robot.environment,
+                stdout=asyncio.subprocess.DEVNULL,
+                stderr=asyncio.subprocess.DEVNULL,
+            )
             await Robot.end(process, signal.SIGCONT, 30.0)
 
     # The database.

@@ -67,10 +67,14 @@ def growth(samples: Sequence[Sample], warm_s: float = WARM_S, least_s: float = L
         return found[0], found[1]
 
     return Growth(
-        found[-1].at - found[0].at, found[0].rss_mb, found[-1].rss_mb,
+        found[-1].at - found[0].at,
+        found[0].rss_mb,
+        found[-1].rss_mb,
         _slope([one.at for one in found], [one.rss_mb for one in found]) * 3600.0,
-        usual("tasks"), usual("threads"), usual("files"),
-    )  # fmt: skip
+        usual("tasks"),
+        usual("threads"),
+        usual("files"),
+    )
 
 
 def _slope(xs: Sequence[float], ys: Sequence[float]) -> float:

@@ -224,9 +224,18 @@ class Robot:
             return
         with (self.folder / "bus.log").open("ab") as log:
             self.bus_process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "msbot", "bus", "serve", self.bus.removeprefix("sim:"),
-                cwd=self.folder, env=self.environment, stdout=log, stderr=log, stdin=asyncio.subprocess.DEVNULL,
-            )  # fmt: skip
+                sys.executable,
+                "-m",
+                "msbot",
+                "bus",
+                "serve",
+                self.bus.removeprefix("sim:"),
+                cwd=self.folder,
+                env=self.environment,
+                stdout=log,
+                stderr=log,
+                stdin=asyncio.subprocess.DEVNULL,
+            )
 
     async def start_part(self, slot: str) -> None:
         """Start the part of that slot."""
@@ -238,9 +247,16 @@ class Robot:
             words += ["--period", "0.5", "--large", "600"]
         with (self.folder / f"{slot}.log").open("ab") as log:
             member.process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "bench.soaking.part_program", *words, cwd=ROOT, env=self.environment,
-                stdout=asyncio.subprocess.PIPE, stderr=log, stdin=asyncio.subprocess.DEVNULL,
-            )  # fmt: skip
+                sys.executable,
+                "-m",
+                "bench.soaking.part_program",
+                *words,
+                cwd=ROOT,
+                env=self.environment,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=log,
+                stdin=asyncio.subprocess.DEVNULL,
+            )
         member.boot = ""
         self._read(slot, member.process)
 
@@ -258,9 +274,16 @@ class Robot:
             words += ["--keys"] if self.authentication != "open" else []
             with (self.folder / "intruders.log").open("ab") as log:
                 process = await asyncio.create_subprocess_exec(
-                    sys.executable, "-m", "bench.soaking.intruder_program", *words, cwd=ROOT, env=self.environment,
-                    stdout=asyncio.subprocess.PIPE, stderr=log, stdin=asyncio.subprocess.DEVNULL,
-                )  # fmt: skip
+                    sys.executable,
+                    "-m",
+                    "bench.soaking.intruder_program",
+                    *words,
+                    cwd=ROOT,
+                    env=self.environment,
+                    stdout=asyncio.subprocess.PIPE,
+                    stderr=log,
+                    stdin=asyncio.subprocess.DEVNULL,
+                )
             self.intruders.append(process)
             self._read(f"intruders {link}", process)
 

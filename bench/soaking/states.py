@@ -63,8 +63,13 @@ class StateOracle:
             words = f"{slot} should be active with {part.uid} for {long:g} s, and is shown as {state} {uid}"
             self._judge(now, "state", slot, due and (state, uid) != ("active", part.uid), words)
             gone = part.absent is not None and now - max(part.absent, master_since) > GONE_S
-            self._judge(now, "gone", slot, gone and state in ("active", "late") and uid == part.uid,
-                        f"{slot} has been away for more than {GONE_S:g} s, and is shown as {state}")  # fmt: skip
+            self._judge(
+                now,
+                "gone",
+                slot,
+                gone and state in ("active", "late") and uid == part.uid,
+                f"{slot} has been away for more than {GONE_S:g} s, and is shown as {state}",
+            )
         if self.stop is not None:
             wrong = stopped != self.stop[0] and now - max(self.stop[1], master_since) > 1.0
             self._judge(now, "stop", "master", wrong, f"the robot says stopped = {stopped}, the script {self.stop[0]}")
@@ -78,12 +83,22 @@ class StateOracle:
             since = max(clear, part.joined)
             if self.stop is not None:
                 due = now - max(since, self.stop[1]) > TOLD_S
-                self._judge(now, "stop", slot, due and part.told_stop != self.stop[0],
-                            f"{slot}: stopped is {part.told_stop}, should be {self.stop[0]}")  # fmt: skip
+                self._judge(
+                    now,
+                    "stop",
+                    slot,
+                    due and part.told_stop != self.stop[0],
+                    f"{slot}: stopped is {part.told_stop}, should be {self.stop[0]}",
+                )
             if part.note is not None:
                 due = now - max(since, part.note[1]) > TOLD_S
-                self._judge(now, "setting", slot, due and part.told_note != part.note[0],
-                            f"{slot} has the setting {part.told_note!r}, should have {part.note[0]!r}")  # fmt: skip
+                self._judge(
+                    now,
+                    "setting",
+                    slot,
+                    due and part.told_note != part.note[0],
+                    f"{slot} has the setting {part.told_note!r}, should have {part.note[0]!r}",
+                )
 
     def page(self, now: float, trouble: str, clear: float | None) -> None:
         """The page was asked: what was wrong with its answer (empty: nothing); since when the master is well."""

@@ -13,7 +13,7 @@ from msbot_xrce.objects import (
     subscriber_variant,
     topic_variant,
     writer_variant,
-)  # fmt: skip
+)
 from msbot_xrce.sessions import Connected, DataReceived, StatusReceived
 
 PARTICIPANT, TOPIC, PUBLISHER, SUBSCRIBER, WRITER, READER = 0x11, 0x12, 0x13, 0x14, 0x15, 0x16

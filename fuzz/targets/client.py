@@ -36,10 +36,15 @@ class ClientWorld:
         self.link = FakeLink("fake:", mtu=512)
         self.link.remote = AGENT
         self.session_id = random.choice(SESSIONS)
-        self.client = Client(self.link, key=KEY, settings=ClientSettings(session_id=self.session_id),
-                             epoch_ns=lambda: 1_700_000_000_000_000_000, random=Random(1),
-                             on_state=lambda state, reason: self.seen.add(f"{state.value}: {reason[:50]}"),
-                             on_topic=lambda _object, _request, payload: self.samples.append(payload))  # fmt: skip
+        self.client = Client(
+            self.link,
+            key=KEY,
+            settings=ClientSettings(session_id=self.session_id),
+            epoch_ns=lambda: 1_700_000_000_000_000_000,
+            random=Random(1),
+            on_state=lambda state, reason: self.seen.add(f"{state.value}: {reason[:50]}"),
+            on_topic=lambda _object, _request, payload: self.samples.append(payload),
+        )
         self.samples: list[bytes] = []
         self.seen: set[str] = set()
         self.tasks: list[asyncio.Task[None]] = []
@@ -265,12 +270,18 @@ def _step(random: Random) -> Step:
         case 11:
             return Step("signal", b"", (random.randrange(len(Signal)),))
         case 12:
-            return Step(random.choice(("ping", "sync", "check", "reconnect", "create", "delete", "read")), b"",
-                        (random.randrange(4),))  # fmt: skip
+            return Step(
+                random.choice(("ping", "sync", "check", "reconnect", "create", "delete", "read")),
+                b"",
+                (random.randrange(4),),
+            )
         case 13 | 14:
             size = random.choice((0, 4, 40, 40, 600, 3000))
-            return Step(random.choice(("write", "write", "request", "reply")), random.randbytes(size),
-                        (random.choice((0, 0, 0, 1, 2, 3)),))  # fmt: skip
+            return Step(
+                random.choice(("write", "write", "request", "reply")),
+                random.randbytes(size),
+                (random.choice((0, 0, 0, 1, 2, 3)),),
+            )
         case 15:
             session_id = random.choice((0x80, 0x81, 0x82, 0x00, 0x01, 0x02, 0xFF))
             header = Header(session_id, random.choice(grammar.STREAMS), random.choice((0, 1, 2, 16, 0x8000)), KEY)

@@ -124,10 +124,22 @@ def _variant(data: bytes) -> Iterable[str]:
 def _cdr(data: bytes) -> Iterable[str]:
     reader = CdrReader(data, len(data) and data[0] % 3, little_endian=bool(len(data) & 1))
     verbs: tuple[Callable[[], object], ...] = (
-        reader.u8, reader.i8, reader.u16, reader.i16, reader.u32, reader.i32, reader.u64, reader.i64, reader.f32,
-        reader.f64, reader.boolean, reader.string, reader.octet_sequence, lambda: reader.octets(3),
+        reader.u8,
+        reader.i8,
+        reader.u16,
+        reader.i16,
+        reader.u32,
+        reader.i32,
+        reader.u64,
+        reader.i64,
+        reader.f32,
+        reader.f64,
+        reader.boolean,
+        reader.string,
+        reader.octet_sequence,
+        lambda: reader.octets(3),
         lambda: reader.align(8),
-    )  # fmt: skip
+    )
     for octet in data[-20:]:
         verbs[octet % len(verbs)]()
         if reader.offset > len(data) + 7:

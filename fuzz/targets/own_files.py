@@ -241,10 +241,21 @@ def _backups() -> tuple[bytes, ...]:
         return ((Path(folder) / "backup.db").read_bytes(),)
 
 
-_STATUS = json.dumps(
-    {"format": FORMAT, "what": "agent", "name": "a", "details": {}, "up_s": 1.5, "links": [], "topics": [],
-     "dropped": {}}
-) + '\n{"end": 0}'  # fmt: skip
+_STATUS = (
+    json.dumps(
+        {
+            "format": FORMAT,
+            "what": "agent",
+            "name": "a",
+            "details": {},
+            "up_s": 1.5,
+            "links": [],
+            "topics": [],
+            "dropped": {},
+        }
+    )
+    + '\n{"end": 0}'
+)
 _SESSION = json.dumps(
     {"key": "ab", "name": "bob", "csrf": "x", "age_s": 5.0, "idle_s": 1.0, "guest_of": "",
      "mark": _accounts().mark_of("bob")}

@@ -102,9 +102,13 @@ class _Site:
         """Making it takes longer than forty requests."""
         self.sessions = {role: rig.session(role) for role in ROLES}
         self.app: ASGIApp = AccessGuard(
-            self.calls, rig.accounts, ("127.0.0.1", "::1"), cookies=COOKIES, owns=lambda *_: False,
+            self.calls,
+            rig.accounts,
+            ("127.0.0.1", "::1"),
+            cookies=COOKIES,
+            owns=lambda *_: False,
             beat=lambda: b"{}",
-        )  # fmt: skip
+        )
 
     async def ask(self, step: Step) -> Iterable[str]:
         """One request; returns what was seen."""
@@ -154,11 +158,20 @@ class _Site:
             answer.append(message)
 
         scope: dict[str, Any] = {
-            "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": method, "scheme": "http",
-            "path": unquote(raw), "raw_path": raw.encode(), "query_string": query.encode(), "root_path": "",
-            "headers": list({**sent, **headers}.items()), "client": ("127.0.0.1", 5), "server": ("127.0.0.1", 8080),
+            "type": "http",
+            "asgi": {"version": "3.0"},
+            "http_version": "1.1",
+            "method": method,
+            "scheme": "http",
+            "path": unquote(raw),
+            "raw_path": raw.encode(),
+            "query_string": query.encode(),
+            "root_path": "",
+            "headers": list({**sent, **headers}.items()),
+            "client": ("127.0.0.1", 5),
+            "server": ("127.0.0.1", 8080),
             "state": {},
-        }  # fmt: skip
+        }
         await self.app(scope, receive, send)
         octets = b"".join(message.get("body", b"") for message in answer)
         return answer[0]["status"], octets
@@ -204,8 +217,11 @@ def _step(random: Random) -> Step:
     who = (random.choice((0, 1, 1, 2, 2)),)
     if kind < 0.15:
         lines = [mutate_octets(random, one) if random.random() < 0.3 else one for one in random.sample(HEADERS, 2)]
-        return Step(f"head {random.choice(('GET', 'POST'))} {random.choice((*FORMS, '/api/me', '/metrics'))}",
-                    b"\n".join(line.replace(b"\n", b"") for line in lines), who)  # fmt: skip
+        return Step(
+            f"head {random.choice(('GET', 'POST'))} {random.choice((*FORMS, '/api/me', '/metrics'))}",
+            b"\n".join(line.replace(b"\n", b"") for line in lines),
+            who,
+        )
     if kind < 0.3:
         body = b"name=ada&password=correct+horse&next=/x&token=a&again=b&ticket=YWRh.ffffffff.x&word=YQ.1.x"
         return Step(

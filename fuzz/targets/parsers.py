@@ -198,8 +198,16 @@ def _foreign_logs(suffix: str) -> Callable[[], Iterable[bytes]]:
         path = file_of(b"", suffix)
         with can.Logger(path) as logger:
             for number in range(4):
-                logger(can.Message(timestamp=1.5 + number, arbitration_id=number + 0x100, data=bytes(2 * number),
-                                   is_extended_id=number == 2, is_fd=number == 3, channel=0))  # fmt: skip
+                logger(
+                    can.Message(
+                        timestamp=1.5 + number,
+                        arbitration_id=number + 0x100,
+                        data=bytes(2 * number),
+                        is_extended_id=number == 2,
+                        is_fd=number == 3,
+                        channel=0,
+                    )
+                )
         return [path.read_bytes()]
 
     return write
@@ -263,10 +271,18 @@ def _recordings() -> Iterable[bytes]:
         for number in range(8):
             cdr = bytes.fromhex("000100000000803f01000000020000006100")
             note = {
-                "slot": "S0", "word": "x", "who": "ada", "operation": "stop", "arguments": {"a": 1}, "began_ms": 5,
-                "at_s": number, "what": "act", "number": 1, "text": None,
+                "slot": "S0",
+                "word": "x",
+                "who": "ada",
+                "operation": "stop",
+                "arguments": {"a": 1},
+                "began_ms": 5,
+                "at_s": number,
+                "what": "act",
+                "number": 1,
+                "text": None,
                 "head": {"number": 1, "mission": "fuzz", "toml": _mission(), "seed": 1, "began_ms": 5},
-            }  # fmt: skip
+            }
             for channel in channels:
                 data = cdr if channel == channels[-1] else json.dumps(note).encode()
                 writer.add_message(channel, number * 10**9, data, number * 10**9)

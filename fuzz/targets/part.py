@@ -309,12 +309,14 @@ def _large(random: Random) -> bytes:
     topics = ("", "two", "x" * 254) if count <= MOST_BINDINGS else ("t",)
     bindings = [
         PortBinding(
-            port=random.choice(("out", "in", f"p{number}", f"q{number}")), topic=random.choice(topics),
-            topic_type=random.choice(("", "HelloWorld")), direction=random.choice((0, 1, 2, 255)),
+            port=random.choice(("out", "in", f"p{number}", f"q{number}")),
+            topic=random.choice(topics),
+            topic_type=random.choice(("", "HelloWorld")),
+            direction=random.choice((0, 1, 2, 255)),
             reliable=random.choice((0, 1, 77)),
         )
         for number in range(count)
-    ]  # fmt: skip
+    ]
     names = ("", "a", "a" * 3000, "period_s", "in.safe.index", "in.safe.x", ".safe.", "out.safe.message")
     values = ("", "x", "1", "-1", "nan", "1e400", "9" * 5000)
     settings = [

@@ -160,9 +160,11 @@ def _step(random: Random) -> Step:
         case 10 | 11:
             return Step("prove", b"", (key, random.randrange(4), random.randrange(2), random.choice((0, 0, 0, 12))))
     claim = plug.ClaimMessage(
-        part_number=_number(random), local_name=random.choice(("", "AA", "AA2", "x" * 254)),
-        uid=uid(random.randrange(5)), session_nonce=random.randrange(2),
-    ).encode()  # fmt: skip
+        part_number=_number(random),
+        local_name=random.choice(("", "AA", "AA2", "x" * 254)),
+        uid=uid(random.randrange(5)),
+        session_nonce=random.randrange(2),
+    ).encode()
     return Step("compact", mutate_octets(random, claim) if random.random() < 0.4 else claim, (key,))
 
 

@@ -141,9 +141,13 @@ class SocketCanWorld:
     def __init__(self) -> None:
         self.kernel = Kernel()
         adapter = SocketCanAdapter(
-            Wanted("can0", fd=True), CanBusInfo("can:can0", 500_000, None, fd=True), filters=(),
-            find=self.kernel.find, connect=self.kernel.connect, restart=self.kernel.restart,
-        )  # fmt: skip
+            Wanted("can0", fd=True),
+            CanBusInfo("can:can0", 500_000, None, fd=True),
+            filters=(),
+            find=self.kernel.find,
+            connect=self.kernel.connect,
+            restart=self.kernel.restart,
+        )
         self.driver = CanDriver(adapter, ring_frames=RING)
         self.frames: list[Frame] = []
         self.seen: set[str] = set()

@@ -44,10 +44,33 @@ VALUES = (
     "[" * 2000 + "]" * 2000, '{"a":' * 2000 + "1" + "}" * 2000, '"' + "x" * 3000 + '"', '"LISTENER4"',
     '"LISTENER5"', '"LISTENER6"', '"LISTENER7"', '"LISTENER8"',
 )  # fmt: skip
-FIELDS = ("id", "listener_id", "args", "tab_id", "document_id", "next_message_id", "old_tab_id", "request_id", "result",
-          "level", "message")  # fmt: skip
-EVENTS = ("event", "event", "event", "handshake", "ack", "log", "javascript_response", "left", "connect", "disconnect",
-          "nothing", "*")  # fmt: skip
+FIELDS = (
+    "id",
+    "listener_id",
+    "args",
+    "tab_id",
+    "document_id",
+    "next_message_id",
+    "old_tab_id",
+    "request_id",
+    "result",
+    "level",
+    "message",
+)
+EVENTS = (
+    "event",
+    "event",
+    "event",
+    "handshake",
+    "ack",
+    "log",
+    "javascript_response",
+    "left",
+    "connect",
+    "disconnect",
+    "nothing",
+    "*",
+)
 RAW = (
     b"2", b"3", b"40", b"41", b"5", b"6", b"1", b"0", b"9", b"", b"b", b"bAAAA", b"b@", b"4", b"42", b"42[", b"42[]",
     b"42{}", b"42[1]", b'42["event"]', b'42["event",1,2]', b'42[["event"]]', b'42[{"a":1}]', b"40/foo,", b'40{"a":1}',
@@ -127,10 +150,13 @@ class _Browser:
         self.reads = asyncio.Event()
         self.reads.set()
         scope: dict[str, Any] = {
-            "type": "websocket", "path": f"{PATH}/socket.io/", "root_path": PATH,
+            "type": "websocket",
+            "path": f"{PATH}/socket.io/",
+            "root_path": PATH,
             "headers": [(b"connection", b"Upgrade"), (b"upgrade", b"websocket")],
-            "query_string": f"EIO=4&transport=websocket&{query}".encode(), "state": {"session": session},
-        }  # fmt: skip
+            "query_string": f"EIO=4&transport=websocket&{query}".encode(),
+            "state": {"session": session},
+        }
         self.task = asyncio.get_running_loop().create_task(app(scope, self._inbox.get, self._hear))
 
     async def _hear(self, message: Message) -> None:

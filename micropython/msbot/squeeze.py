@@ -26,20 +26,24 @@ def _join(bodies):
     return bytes(out)
 
 
-_OBJECTS = _join((
-    create_message(10, 0x11, b"\0\0", 0),
-    create_message(11, 0x14, b"\0\0", 0x11),
-    create_message(12, 0x12, topic_blob("msbot_masterTopic", "msbot_master"), 0x11),
-    create_message(13, 0x16, endpoint_blob(0x12, True, b"\0\0"), 0x14),
-    create_message(14, 0x17, service_blob("msbot_inventory"), 0x11),
-))  # fmt: skip
-_PORTS = _join((
-    create_message(15, 0x22, topic_blob("/", ""), 0x11),
-    create_message(16, 0x13, b"\0\0", 0x11),
-    create_message(17, 0x15, endpoint_blob(0x22, True, b"\0"), 0x13),
-    create_message(18, 0x32, topic_blob("/", ""), 0x11),
-    create_message(19, 0x26, endpoint_blob(0x32, True, b"\0\0"), 0x14),
-))  # fmt: skip
+_OBJECTS = _join(
+    (
+        create_message(10, 0x11, b"\0\0", 0),
+        create_message(11, 0x14, b"\0\0", 0x11),
+        create_message(12, 0x12, topic_blob("msbot_masterTopic", "msbot_master"), 0x11),
+        create_message(13, 0x16, endpoint_blob(0x12, True, b"\0\0"), 0x14),
+        create_message(14, 0x17, service_blob("msbot_inventory"), 0x11),
+    )
+)
+_PORTS = _join(
+    (
+        create_message(15, 0x22, topic_blob("/", ""), 0x11),
+        create_message(16, 0x13, b"\0\0", 0x11),
+        create_message(17, 0x15, endpoint_blob(0x22, True, b"\0"), 0x13),
+        create_message(18, 0x32, topic_blob("/", ""), 0x11),
+        create_message(19, 0x26, endpoint_blob(0x32, True, b"\0\0"), 0x14),
+    )
+)
 _READS = [read_message(*read) for read in ((0x16, RELIABLE, ENDLESS), (0x17, RELIABLE, ENDLESS))]
 _MORE_READS = [read_message(*read) for read in ((0x17, BEST_EFFORT, ENDLESS), (0x26, RELIABLE, ENDLESS))]
 DICTIONARY = _OBJECTS + _join(_READS) + _PORTS + _join(_MORE_READS)

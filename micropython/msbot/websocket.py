@@ -108,10 +108,16 @@ class WebSocketLink(Link):
             self._try_at = now + _AGAIN
             return
         lines = (
-            "GET {} HTTP/1.1".format(self._path), "Host: " + self._host, "Upgrade: websocket", "Connection: Upgrade",
-            "Sec-WebSocket-Key: " + b2a_base64(_random(16)).decode().strip(), "Sec-WebSocket-Version: 13",
-            "Authorization: Bearer " + self._token, "", "",
-        )  # fmt: skip
+            "GET {} HTTP/1.1".format(self._path),
+            "Host: " + self._host,
+            "Upgrade: websocket",
+            "Connection: Upgrade",
+            "Sec-WebSocket-Key: " + b2a_base64(_random(16)).decode().strip(),
+            "Sec-WebSocket-Version: 13",
+            "Authorization: Bearer " + self._token,
+            "",
+            "",
+        )
         self._rest = "\r\n".join(lines).encode()
         self.step(now)
 

@@ -40,9 +40,12 @@ Scenario = Callable[[Agent, FakeLink], Awaitable[None]]
 
 
 def play(
-    scenario: Scenario, *, gate: OpenGate | None = None, settings: AgentSettings | None = None,
+    scenario: Scenario,
+    *,
+    gate: OpenGate | None = None,
+    settings: AgentSettings | None = None,
     signal: AgentSignalHandler | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Run a scenario with an agent on one fake link, in virtual time."""
 
     async def main() -> None:

@@ -152,8 +152,9 @@ def test_a_reader_is_made_as_asked() -> None:
 def test_a_requester_needs_no_topic_objects() -> None:
     maker = Maker(domain_id=4)
     assert [topic for topic, _ in maker.endpoint(RequesterDef("s", "Q", "A", "rq", "rr"))] == [
-        Topic("rq", "Q", 4), Topic("rr", "A", 4)
-    ]  # fmt: skip
+        Topic("rq", "Q", 4),
+        Topic("rr", "A", 4),
+    ]
 
 
 def test_publishers_and_subscribers_only_stand_there() -> None:

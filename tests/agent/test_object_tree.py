@@ -75,9 +75,15 @@ def test_all_kinds_are_made() -> None:
     assert len(tree) == 8
     assert sorted(tree.endpoints) == [WRITER, READER, REQUESTER, REPLIER]
     assert [(f"{object_id:04x}", entity.topic_name) for object_id, entity in tree.items()] == [
-        ("0011", None), ("0012", "light"), ("0013", None), ("0014", None),
-        ("0015", "light"), ("0016", "light"), ("0017", "rq"), ("0018", "rr"),
-    ]  # fmt: skip
+        ("0011", None),
+        ("0012", "light"),
+        ("0013", None),
+        ("0014", None),
+        ("0015", "light"),
+        ("0016", "light"),
+        ("0017", "rq"),
+        ("0018", "rr"),
+    ]
 
 
 @pytest.mark.parametrize("object_id", ALL, ids=lambda object_id: f"{object_id:04x}")
@@ -252,8 +258,12 @@ def test_a_refused_object_costs_nothing() -> None:
 
 
 def test_with_ced_any_text_names_a_topic_and_without_it_is_refused() -> None:
-    kinds = ((PARTICIPANT, ObjectKind.PARTICIPANT, 0), (TOPIC, ObjectKind.TOPIC, PARTICIPANT),
-             (PUBLISHER, ObjectKind.PUBLISHER, PARTICIPANT), (WRITER, ObjectKind.DATAWRITER, PUBLISHER))  # fmt: skip
+    kinds = (
+        (PARTICIPANT, ObjectKind.PARTICIPANT, 0),
+        (TOPIC, ObjectKind.TOPIC, PARTICIPANT),
+        (PUBLISHER, ObjectKind.PUBLISHER, PARTICIPANT),
+        (WRITER, ObjectKind.DATAWRITER, PUBLISHER),
+    )
     named, strict = Tree(AgentSettings(any_text_is_a_name=True)), Tree()
     for object_id, kind, parent_id in kinds:
         variant = ObjectVariant(kind, Format.REFERENCE, text="any name", parent_id=parent_id)
@@ -274,10 +284,13 @@ def test_every_refusal_is_counted_with_its_reason_and_said_once(caplog: pytest.L
         ("CREATE without its parent", Status.ERR_UNKNOWN_REFERENCE, other, writer_variant(TOPIC, 0x0993), False),
         ("CREATE of a kind that cannot be created", Status.ERR_DDS_ERROR, 0x0069, ObjectVariant(9, 2, text="x"), False),
         (
-            "CREATE for a topic that its participant does not have", Status.ERR_DDS_ERROR, other,
-            writer_variant(0x0772, PUBLISHER), False,
+            "CREATE for a topic that its participant does not have",
+            Status.ERR_DDS_ERROR,
+            other,
+            writer_variant(0x0772, PUBLISHER),
+            False,
         ),
-    ]  # fmt: skip
+    ]
     for reason, status, object_id, variant, reuse in refused:
         for _ in range(2):
             assert tree.make(object_id, variant, reuse=reuse) is status, reason

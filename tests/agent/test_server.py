@@ -87,8 +87,10 @@ def test_what_people_see_of_a_client() -> None:
         await client.write(writer, b"y", stream_id=STREAM_BEST_EFFORT)
         (view,) = agent.clients()
         assert [(stream.stream_id, stream.outgoing, stream.unacked) for stream in view.streams] == [
-            (0x01, False, 0), (0x80, False, 0), (0x80, True, 0)
-        ]  # fmt: skip
+            (0x01, False, 0),
+            (0x80, False, 0),
+            (0x80, True, 0),
+        ]
         assert (view.published, view.delivered, view.resent, view.repeated) == (2, 2, 0, 0)
         assert view.streams[0].last == 0
         assert reader in {seen.object_id for seen in view.objects}

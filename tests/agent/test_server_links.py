@@ -159,8 +159,10 @@ def test_a_gate_may_end_other_sessions_when_one_leaves() -> None:
             link.break_down()
             await asyncio.sleep(0.1)
             assert sorted(gate.events) == [
-                "1 left: link first: has ended", "2 left: with the others", "3 left: with the others"
-            ]  # fmt: skip
+                "1 left: link first: has ended",
+                "2 left: with the others",
+                "3 left: with the others",
+            ]
 
     run_virtual(main())
 

@@ -223,8 +223,11 @@ def test_with_another_session_id_a_client_that_was_gone_begins_anew() -> None:
         await again.connect()
         (view,) = agent.clients()
         assert (view.session_id, view.objects, view.gone) == (0x82, (), None)
-        assert gate.events == ["1 joined from peer 1", "1 left: gone: connection closed",
-                               "1 joined from peer a new connection"]  # fmt: skip
+        assert gate.events == [
+            "1 joined from peer 1",
+            "1 left: gone: connection closed",
+            "1 joined from peer a new connection",
+        ]
 
     play(scenario, gate=gate)
 

@@ -18,9 +18,13 @@ from msbot_xrce.errors import ConfigError
 @asynccontextmanager
 async def shown(folder: Path, control: Control | None = None) -> AsyncIterator[RunningProcess]:
     server = StatusServer(
-        Agent(MemorySpace()), what="master", name="ROBOT V1", folder=folder,
-        details=lambda: {"robot": "ROBOT"}, control=control,
-    )  # fmt: skip
+        Agent(MemorySpace()),
+        what="master",
+        name="ROBOT V1",
+        folder=folder,
+        details=lambda: {"robot": "ROBOT"},
+        control=control,
+    )
     task = asyncio.create_task(server.run())
     while server.path is None:  # noqa: ASYNC110 - a file makes no sound
         await asyncio.sleep(0)

@@ -45,9 +45,14 @@ class FakeLink(BaseLink):
     """A link to peers that are plain functions; it can be told to be full and to break."""
 
     def __init__(
-        self, name: str = "fake:", mtu: int = 65535, bits_per_second: int | None = None, *, in_bursts: bool = False,
+        self,
+        name: str = "fake:",
+        mtu: int = 65535,
+        bits_per_second: int | None = None,
+        *,
+        in_bursts: bool = False,
         keeps_order: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         super().__init__(LinkInfo(name, mtu, bits_per_second, keeps_order=keeps_order, in_bursts=in_bursts))
         self.sent: list[tuple[Peer, bytes]] = []
         """Everything the agent sent, oldest first."""
@@ -139,9 +144,16 @@ class WiredClient:
     """A client session whose packets go to the agent and whose timers run in the loop."""
 
     def __init__(
-        self, link: FakeLink, *, key: int, peer: Peer | None = None, session_id: int = 0x81, mtu: int = 512,
-        settings: ClientSessionSettings | None = None, lose: Callable[[bytes], bool] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        link: FakeLink,
+        *,
+        key: int,
+        peer: Peer | None = None,
+        session_id: int = 0x81,
+        mtu: int = 512,
+        settings: ClientSessionSettings | None = None,
+        lose: Callable[[bytes], bool] | None = None,
+    ) -> None:
         """`lose` decides for every packet in either direction whether it is lost."""
         self.session = ClientSession(
             key, session_id=session_id, mtu=mtu, settings=settings or ClientSessionSettings(), epoch_ns=lambda: 0
@@ -201,27 +213,37 @@ class WiredClient:
         """Create a writer of that topic and what it needs; returns its object id."""
         topic_id = make_object_id(number, ObjectKind.TOPIC)
         object_id = make_object_id(number, ObjectKind.DATAWRITER)
-        await self._create_all({
-            PARTICIPANT: participant_variant("test"),
-            topic_id: topic_variant(topic, type_name, PARTICIPANT),
-            PUBLISHER: publisher_variant(PARTICIPANT),
-            object_id: writer_variant(topic_id, PUBLISHER, qos),
-        })  # fmt: skip
+        await self._create_all(
+            {
+                PARTICIPANT: participant_variant("test"),
+                topic_id: topic_variant(topic, type_name, PARTICIPANT),
+                PUBLISHER: publisher_variant(PARTICIPANT),
+                object_id: writer_variant(topic_id, PUBLISHER, qos),
+            }
+        )
         return object_id
 
     async def add_reader(
-        self, topic: str, *, number: int = 1, type_name: str = "T", qos: EndpointQos = RELIABLE_QOS,
-        stream_id: int | None = STREAM_RELIABLE, control: DeliveryControl = UNLIMITED,
-    ) -> int:  # fmt: skip
+        self,
+        topic: str,
+        *,
+        number: int = 1,
+        type_name: str = "T",
+        qos: EndpointQos = RELIABLE_QOS,
+        stream_id: int | None = STREAM_RELIABLE,
+        control: DeliveryControl = UNLIMITED,
+    ) -> int:
         """Create a reader of that topic and what it needs, and read on that stream; returns its object id."""
         topic_id = make_object_id(number, ObjectKind.TOPIC)
         object_id = make_object_id(number, ObjectKind.DATAREADER)
-        await self._create_all({
-            PARTICIPANT: participant_variant("test"),
-            topic_id: topic_variant(topic, type_name, PARTICIPANT),
-            SUBSCRIBER: subscriber_variant(PARTICIPANT),
-            object_id: reader_variant(topic_id, SUBSCRIBER, qos),
-        })  # fmt: skip
+        await self._create_all(
+            {
+                PARTICIPANT: participant_variant("test"),
+                topic_id: topic_variant(topic, type_name, PARTICIPANT),
+                SUBSCRIBER: subscriber_variant(PARTICIPANT),
+                object_id: reader_variant(topic_id, SUBSCRIBER, qos),
+            }
+        )
         if stream_id is not None:
             await self.read(object_id, stream_id, control)
         return object_id
@@ -230,9 +252,9 @@ class WiredClient:
         """Create a requester of that service and read its replies; returns its object id."""
         object_id = make_object_id(number, ObjectKind.REQUESTER)
         names = (service, "Q", "A", f"{service}_Request", f"{service}_Reply")
-        await self._create_all({
-            PARTICIPANT: participant_variant("test"), object_id: requester_variant(*names, PARTICIPANT)
-        })  # fmt: skip
+        await self._create_all(
+            {PARTICIPANT: participant_variant("test"), object_id: requester_variant(*names, PARTICIPANT)}
+        )
         if stream_id is not None:
             await self.read(object_id, stream_id)
         return object_id
@@ -241,9 +263,9 @@ class WiredClient:
         """Create a replier of that service and read its requests; returns its object id."""
         object_id = make_object_id(number, ObjectKind.REPLIER)
         names = (service, "Q", "A", f"{service}_Request", f"{service}_Reply")
-        await self._create_all({
-            PARTICIPANT: participant_variant("test"), object_id: replier_variant(*names, PARTICIPANT)
-        })  # fmt: skip
+        await self._create_all(
+            {PARTICIPANT: participant_variant("test"), object_id: replier_variant(*names, PARTICIPANT)}
+        )
         if stream_id is not None:
             await self.read(object_id, stream_id)
         return object_id

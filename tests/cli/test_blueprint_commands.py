@@ -115,8 +115,9 @@ def test_a_new_robot_is_shown_asked_for_and_made(run: Run) -> None:
     assert not Path("robot.db").exists()
     result = run("diff")
     assert (result.exit_code, result.output.splitlines()[0]) == (
-        1, "there is no database robot.db yet; `msbot apply robot.toml` would make it, with this robot:",
-    )  # fmt: skip
+        1,
+        "there is no database robot.db yet; `msbot apply robot.toml` would make it, with this robot:",
+    )
     with pytest.raises(ConfigError, match="nobody is there to ask: add --yes"):
         run("apply")
     lines = run("apply", "--yes").output.splitlines()
@@ -138,9 +139,11 @@ def test_a_change_is_shown_made_and_taken_back(run: Run) -> None:
         "  1 changed.",
     ]
     assert run("apply", "--yes").output.splitlines() == [
-        "robot.toml changes in robot.db:", shown, "  1 changed.",
+        "robot.toml changes in robot.db:",
+        shown,
+        "  1 changed.",
         "robot MSBOT_MASTER is as robot.toml says; `msbot undo` takes it back",
-    ]  # fmt: skip
+    ]
     with open_registry("robot.db") as registry:
         (robot,) = registry.robots.all()
         (edit,) = registry.edits.latest(robot)
@@ -157,9 +160,14 @@ def test_for_programs(run: Run) -> None:
     told = json.loads(run("diff", "--json").output)
     assert (told["new"], told["by_hand"]) == (False, [])
     assert told["apply"] == [
-        {"change": "changed", "where": "options, explain", "before": "true", "after": "false",
-         "consequence": "holds from the master's next start on"}
-    ]  # fmt: skip
+        {
+            "change": "changed",
+            "where": "options, explain",
+            "before": "true",
+            "after": "false",
+            "consequence": "holds from the master's next start on",
+        }
+    ]
     assert "--json does not ask: add --yes" in run("apply", "--json").output
 
 
@@ -225,8 +233,9 @@ def test_the_robots_of_a_database(run: Run) -> None:
     run("apply", "--yes")
     rows = json.loads(run("robots", "--json").output)
     assert [(row["serial_number"], row["slots"], row["filled"], row["running"]) for row in rows] == [
-        ("2", 3, 0, False), ("X100Y100Z100", 3, 0, False),
-    ]  # fmt: skip
+        ("2", 3, 0, False),
+        ("X100Y100Z100", 3, 0, False),
+    ]
     assert "MSBOT_MASTER" in run("robots").output
     with pytest.raises(ConfigError, match="has several robots: say which with --robot; MSBOT_MASTER"):
         run("export")

@@ -40,12 +40,23 @@ NOT_ONE_ROBOT = {
     **dict.fromkeys(("master", "diff", "apply", "slot add", "service install"), BLUEPRINT),
     **dict.fromkeys(("robots", "db backup", "db check", "db migrate", "db restore"), WHOLE),
     **dict.fromkeys(("class list", "class stop", "class apply", "class undo"), "is about all robots of the class"),
-    **dict.fromkeys(("user add", "user list", "user passwd", "user remove", "user revoke", "user role", "user ticket",
-                     "user token"),
-                    "people may sign in at every robot of the database"),
-    **dict.fromkeys(("key board", "key new", "key list", "key remove"),
-                    "a key is its part's, whichever robot that joins"),
-}  # fmt: skip
+    **dict.fromkeys(
+        (
+            "user add",
+            "user list",
+            "user passwd",
+            "user remove",
+            "user revoke",
+            "user role",
+            "user ticket",
+            "user token",
+        ),
+        "people may sign in at every robot of the database",
+    ),
+    **dict.fromkeys(
+        ("key board", "key new", "key list", "key remove"), "a key is its part's, whichever robot that joins"
+    ),
+}
 """Commands with `--db` and without `--robot`, and why."""
 
 

@@ -22,12 +22,15 @@ def run(*arguments: str, **variables: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize(("words", "wanted"), [
-    ("msbot se", {"set", "service"}),
-    ("msbot ", set(COMMANDS)),
-    ("msbot library s", {"search", "show"}),
-    ("msbot parts --js", {"--json"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("msbot se", {"set", "service"}),
+        ("msbot ", set(COMMANDS)),
+        ("msbot library s", {"search", "show"}),
+        ("msbot parts --js", {"--json"}),
+    ],
+)
 def test_commands_and_options_are_completed(words: str, wanted: set[str]) -> None:
     number = str(words.count(" "))
     lines = run(MSBOT, _MSBOT_COMPLETE="bash_complete", COMP_WORDS=words, COMP_CWORD=number).splitlines()

@@ -130,8 +130,9 @@ def test_a_capture_of_a_can_bus(tmp_path: Path) -> None:
     assert told["words"][0].startswith("node 3 to master")
 
 
-@pytest.mark.skipif(shutil.which("tshark") is None and not os.environ.get("MSBOT_NEED_TSHARK"),
-                    reason="apt install tshark")  # fmt: skip
+@pytest.mark.skipif(
+    shutil.which("tshark") is None and not os.environ.get("MSBOT_NEED_TSHARK"), reason="apt install tshark"
+)
 @pytest.mark.parametrize("name", CAPTURES)
 def test_wireshark_reads_the_same_fields(name: str, tmp_path: Path) -> None:
     file, lua = tmp_path / "session.pcap", tmp_path / "xrce.lua"
@@ -141,8 +142,11 @@ def test_wireshark_reads_the_same_fields(name: str, tmp_path: Path) -> None:
     asked = [word for field in names for word in ("-e", f"xrce.{field}")]
     done = subprocess.run(
         ["tshark", "-X", f"lua_script:{lua}", "-r", str(file), "-T", "fields", "-E", "separator=;", *asked],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     assert "Lua: Error" not in done.stderr + done.stdout
     rows = done.stdout.splitlines()
     assert len(rows) == len(messages)

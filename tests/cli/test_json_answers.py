@@ -60,13 +60,17 @@ def test_where_a_database_has_several_robots_one_is_named_or_all_are_told_apart(
     ("command", "file", "text", "key"),
     [
         (("library", "check"), "lux.toml", 'number = "LUX"\n', "name"),
-        (("mission", "check"), "moods.toml", '[mission]\nstory = "Why?"\n[[fault]]\nkind = "unplug"\nat = ["fan"]\n',
-         "mission.title"),
+        (
+            ("mission", "check"),
+            "moods.toml",
+            '[mission]\nstory = "Why?"\n[[fault]]\nkind = "unplug"\nat = ["fan"]\n',
+            "mission.title",
+        ),
         (("arena", "check"), "hall.toml", '[world]\nname = "Hall"\nwidth_m = 4\n', "robot"),
         (("check",), "robot.toml", '[robot]\nname = "Rex"\n', "slot"),
         (("lesson", "check"), "bits.md", "+++\n[lesson]\nnumber = 1\n+++\n# Bits\n", "title"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_in_a_file_that_is_checked_are_told_as_json(
     command: tuple[str, ...], file: str, text: str, key: str
 ) -> None:

@@ -120,8 +120,19 @@ def two_boards(folder: Path) -> Path:
     library, uid = load_library(), bytes.fromhex(BOARD)
     with open_registry(folder / "robot.db") as registry:
         store = registry.runs.begin(registry.robots.apply_blueprint(parse_blueprint(BOARDS, library=library), library))
-        store.journal(PartEvent(1.0, "rear board", None, None, PartState.REFUSED, "no key", part_number="BOARD-8",
-                                local_name="rear board", uid=uid))  # fmt: skip
+        store.journal(
+            PartEvent(
+                1.0,
+                "rear board",
+                None,
+                None,
+                PartState.REFUSED,
+                "no key",
+                part_number="BOARD-8",
+                local_name="rear board",
+                uid=uid,
+            )
+        )
     return folder
 
 

@@ -80,8 +80,9 @@ def test_what_needs_no_database_makes_none(name: str, tmp_path: Path) -> None:
 def test_a_new_slot_makes_a_database_beside_its_blueprint_only(tmp_path: Path) -> None:
     before = (tmp_path / "robot.toml").read_bytes()
     with pytest.raises(ConfigError, match=r"^there is no database misspelt\.db"):
-        CliRunner().invoke(msbot, ["slot", "add", "claw", "ABCD", "--db", "misspelt.db"], catch_exceptions=False,
-                           standalone_mode=False)  # fmt: skip
+        CliRunner().invoke(
+            msbot, ["slot", "add", "claw", "ABCD", "--db", "misspelt.db"], catch_exceptions=False, standalone_mode=False
+        )
     assert (tmp_path / "robot.toml").read_bytes() == before
     assert "claw is now in robot.toml; robot MSBOT_MASTER is in the database now" in said("slot", "add", "claw", "ABCD")
     assert (tmp_path / "robot.db").exists()

@@ -47,8 +47,11 @@ def test_a_name_that_is_too_long_is_said_in_short(tmp_path: Path) -> None:
     name = "x" * 5000
     done = subprocess.run(
         [sys.executable, "-m", "msbot", "export", "--db", name],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2
     assert done.stderr == f"msbot: {'x' * LONGEST_NAME}... (5000 letters): File name too long\n"
 
@@ -56,8 +59,11 @@ def test_a_name_that_is_too_long_is_said_in_short(tmp_path: Path) -> None:
 def test_a_name_that_is_no_utf8_is_said(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "msbot", "library", "search", b"caf\xe9"],
-        env={**os.environ, "PYTHONIOENCODING": "utf-8"}, cwd=tmp_path, capture_output=True, check=False,
-    )  # fmt: skip
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+        cwd=tmp_path,
+        capture_output=True,
+        check=False,
+    )
     assert done.returncode == 2
     assert done.stderr == b"msbot: caf? is not UTF-8, as names and texts must be\n"
 

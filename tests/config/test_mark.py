@@ -11,9 +11,12 @@ SAMPLE = parse_blueprint(SAMPLE_ROBOT_TOML, load_library())
 
 def test_names_order_and_places_do_not_count() -> None:
     same = replace(
-        SAMPLE, robot=RobotProfile("OTHER", "2", "77"), library=("own",), slots=SAMPLE.slots[::-1],
+        SAMPLE,
+        robot=RobotProfile("OTHER", "2", "77"),
+        library=("own",),
+        slots=SAMPLE.slots[::-1],
         bindings=tuple(replace(one, targets=one.targets[::-1]) for one in SAMPLE.bindings[::-1]),
-    )  # fmt: skip
+    )
     assert blueprint_mark(same) == blueprint_mark(SAMPLE)
 
 

@@ -179,9 +179,16 @@ async def _turns() -> None:
 
 
 def create_client(
-    key: str = KEY, *, session: str = "81", mtu: str = "fc 01", header: str = "80 00 00 00",
-    cookie: str = "58 52 43 45", version: str = "01 00", vendor: str = "01 0f", properties: str = "00",
-) -> str:  # fmt: skip
+    key: str = KEY,
+    *,
+    session: str = "81",
+    mtu: str = "fc 01",
+    header: str = "80 00 00 00",
+    cookie: str = "58 52 43 45",
+    version: str = "01 00",
+    vendor: str = "01 0f",
+    properties: str = "00",
+) -> str:
     """A CREATE_CLIENT as the C client sends it, with anything changed."""
     return f"{header} 00 01 10 00 {cookie} {version} {vendor} {key} {session} {properties} {mtu}"
 
@@ -226,9 +233,15 @@ def write(payload: str, *, request: str = "00 20", object_id: str = "00 15") -> 
 
 
 def read(
-    *, request: str = "00 21", object_id: str = "00 16", stream: str = "80", max_samples: str = "ff ff",
-    elapsed: str = "00 00", rate: str = "00 00", pace: str = "00 00",
-) -> str:  # fmt: skip
+    *,
+    request: str = "00 21",
+    object_id: str = "00 16",
+    stream: str = "80",
+    max_samples: str = "ff ff",
+    elapsed: str = "00 00",
+    rate: str = "00 00",
+    pace: str = "00 00",
+) -> str:
     """A READ_DATA submessage with delivery control."""
     return f"08 01 10 00 {request} {object_id} {stream} 00 00 01 {max_samples} {elapsed} {rate} {pace}"
 

@@ -52,8 +52,12 @@ def test_case_93_reply_for_a_requester_carries_its_request_id() -> None:
         client.read(requester)
         request_id = client.write(requester, b"1+2?")
         await turn()
-        link.receive(octets(f"81 80 00 00 09 01 0c 00 00 0c {requester.object_id:04x} {request_id:04x}"
-                            f"{requester.object_id:04x} 33 00 00 00"))  # fmt: skip
+        link.receive(
+            octets(
+                f"81 80 00 00 09 01 0c 00 00 0c {requester.object_id:04x} {request_id:04x}"
+                f"{requester.object_id:04x} 33 00 00 00"
+            )
+        )
         assert told == [(requester.object_id, request_id, b"3\0\0\0")]
 
     play(scenario)

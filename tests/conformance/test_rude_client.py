@@ -141,8 +141,12 @@ def test_the_client_of_a_part_lives_on() -> None:
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.01)
         link.receive(octets(WELCOME))
-        client.read(client.create_reader(client.create_subscriber(participant := client.create_participant("p")),
-                                         client.create_topic(participant, "t", "T")))  # fmt: skip
+        client.read(
+            client.create_reader(
+                client.create_subscriber(participant := client.create_participant("p")),
+                client.create_topic(participant, "t", "T"),
+            )
+        )
         for name in RECORDINGS:
             for packet in from_agents(name):
                 for one in mutilated(packet):

@@ -35,15 +35,27 @@ LIBRARY = Library(
 WIRE = Binding("light", "Level", SlotPort("AA", "out"), (SlotPort("BB", "in"),))
 BLUEPRINT = Blueprint(RobotProfile("Rover"), (Slot("AA", "KNOB"), Slot("BB", "LAMP")), (WIRE,))
 CAN0 = CanInterface(
-    "can0", 3, is_can=True, is_up=True, mtu=16, kind="can", bitrate=500_000, state=BusState.ACTIVE, restart_ms=100,
-    transmit_errors=0, receive_errors=0, totals=CanTotals(),
-)  # fmt: skip
+    "can0",
+    3,
+    is_can=True,
+    is_up=True,
+    mtu=16,
+    kind="can",
+    bitrate=500_000,
+    state=BusState.ACTIVE,
+    restart_ms=100,
+    transmit_errors=0,
+    receive_errors=0,
+    totals=CanTotals(),
+)
 PYTHON = PythonFacts((3, 11, 9), is_64_bit=True, executable="/usr/bin/python3", oldest=(3, 11), newest=(3, 13))
 PACKAGES = (PackageNeed("click", ">=8.1", "", "8.2.1", fits=True),)
 ACCESS = AccessFacts(
-    "ada", frozenset({"ada", "dialout", "i2c"}), frozenset({"ada", "dialout", "i2c"}),
+    "ada",
+    frozenset({"ada", "dialout", "i2c"}),
+    frozenset({"ada", "dialout", "i2c"}),
     (Device("/dev/ttyUSB0", "dialout", is_usable=True), Device("/dev/i2c-1", "i2c", is_usable=True)),
-)  # fmt: skip
+)
 CAN = CanFacts(has_socketcan=True, interfaces=(CAN0,), wanted=(Wanted("can0", bitrate=500_000),))
 SERIAL = SerialFacts(("/dev/ttyUSB0",), ("/dev/ttyUSB0",), {}, ())
 I2C = I2cFacts("Raspberry Pi 4 Model B", (1,), ())

@@ -188,8 +188,10 @@ def test_parts_of_one_name_that_were_refused_are_one_finding() -> None:
 def test_many_parts_that_are_late_are_one_finding_and_few_among_many_are_each_their_own() -> None:
     names = [f"p{number}" for number in range(10)]
     seen = {len(late): list(robot(late=dict.fromkeys(late, 3), parts=())()) for late in (names[:2], names[:3], names)}
-    kinds = {count: [one.problem for one in found if isinstance(one, Finding) and "late" in one.problem]
-             for count, found in seen.items()}  # fmt: skip
+    kinds = {
+        count: [one.problem for one in found if isinstance(one, Finding) and "late" in one.problem]
+        for count, found in seen.items()
+    }
     assert kinds == {2: ["often-late"] * 2, 3: ["many-late"], 10: ["many-late"]}
     words = next(one.saw for one in seen[10] if isinstance(one, Finding) and one.problem == "many-late")
     assert words == "10 parts were late often in the last hour: p0, p1, p2, p3, p4, p5, p6, p7, ..."

@@ -33,18 +33,41 @@ from msbot_xrce.errors import ConfigError
 NFT = {
     "nftables": [
         {"chain": {"family": "inet", "table": "filter", "name": "input", "hook": "input", "policy": "drop"}},
-        {"rule": {"chain": "input", "expr": [
-            {"match": {"op": "==", "left": {"payload": {"protocol": "udp", "field": "dport"}}, "right": 8888}},
-            {"accept": None}]}},
-        {"rule": {"chain": "input", "expr": [
-            {"match": {"op": "==", "left": {"payload": {"protocol": "th", "field": "dport"}},
-                       "right": {"set": [22, {"range": [8080, 8082]}]}}},
-            {"accept": None}]}},
-        {"rule": {"chain": "input", "expr": [
-            {"match": {"op": "==", "left": {"payload": {"protocol": "tcp", "field": "dport"}}, "right": 23}},
-            {"drop": None}]}},
+        {
+            "rule": {
+                "chain": "input",
+                "expr": [
+                    {"match": {"op": "==", "left": {"payload": {"protocol": "udp", "field": "dport"}}, "right": 8888}},
+                    {"accept": None},
+                ],
+            }
+        },
+        {
+            "rule": {
+                "chain": "input",
+                "expr": [
+                    {
+                        "match": {
+                            "op": "==",
+                            "left": {"payload": {"protocol": "th", "field": "dport"}},
+                            "right": {"set": [22, {"range": [8080, 8082]}]},
+                        }
+                    },
+                    {"accept": None},
+                ],
+            }
+        },
+        {
+            "rule": {
+                "chain": "input",
+                "expr": [
+                    {"match": {"op": "==", "left": {"payload": {"protocol": "tcp", "field": "dport"}}, "right": 23}},
+                    {"drop": None},
+                ],
+            }
+        },
     ]
-}  # fmt: skip
+}
 IPTABLES = """\
 -P INPUT DROP
 -A INPUT -p tcp -m tcp --dport 22 -j ACCEPT
@@ -83,8 +106,10 @@ def test_rules_of_firewalls_are_read() -> None:
     assert drops
     assert found == {("tcp", 22), ("udp", 8888), ("udp", 9000), ("udp", 9001), ("udp", 9002)}
     assert set(ufw_ports("8888/udp   ALLOW   Anywhere\n22   ALLOW   Anywhere\n23/tcp   DENY   Anywhere\n")) == {
-        ("udp", 8888), ("tcp", 22), ("udp", 22),
-    }  # fmt: skip
+        ("udp", 8888),
+        ("tcp", 22),
+        ("udp", 22),
+    }
 
 
 def test_a_firewall_tool_that_talks_nonsense_is_not_taken_for_an_open_door() -> None:
@@ -170,9 +195,11 @@ def test_one_check_that_cannot_look_keeps_no_other_from_looking() -> None:
         raise PermissionError("no")
 
     checks: list[Check[object]] = [
-        Check("blind", blind, lambda _: []), Check("idle", idle, lambda _: []), Check("broken", broken, lambda _: []),
+        Check("blind", blind, lambda _: []),
+        Check("idle", idle, lambda _: []),
+        Check("broken", broken, lambda _: []),
         Check("well", lambda patient: patient, lambda _: []),
-    ]  # fmt: skip
+    ]
     found = examine(Examined(None), checks=checks)
     assert found.not_seen == (("blind", "it is dark"), ("broken", "no"))
     assert found.not_needed == (("idle", "there is nothing"),)
@@ -245,8 +272,16 @@ def test_a_part_that_was_refused_and_then_left_is_told_of_with_the_reason_of_the
     with open_registry(rover) as registry:
         record = registry.robots.all()[0]
         store = registry.runs.begin(record)
-        event = partial(PartEvent, at=0.0, part="mole", slot=None, from_state=PartState.CHECKING, part_number="KNOB",
-                        local_name="mole", uid=b"the mole")  # fmt: skip
+        event = partial(
+            PartEvent,
+            at=0.0,
+            part="mole",
+            slot=None,
+            from_state=PartState.CHECKING,
+            part_number="KNOB",
+            local_name="mole",
+            uid=b"the mole",
+        )
         for _ in range(6):
             store.journal(event(to_state=PartState.REFUSED, reason="the slot is taken"))
         store.journal(event(to_state=PartState.LEFT, reason="session deleted"))

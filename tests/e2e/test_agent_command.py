@@ -148,12 +148,13 @@ async def test_what_clients_say_is_recorded(tmp_path: Path, place: dict[str, str
     reader = RecordingReader(tmp_path / "a.mcap")
     samples = [message for message in reader.messages() if message.topic == "/light"]
     assert reader.damage == ""
-    assert [one.data.removeprefix(ENCAPSULATION) for one in samples] == [
-        b"x", bytes(range(256)) * 12, b"\x7e\x7d" * 40
-    ]  # fmt: skip
+    assert [one.data.removeprefix(ENCAPSULATION) for one in samples] == [b"x", bytes(range(256)) * 12, b"\x7e\x7d" * 40]
     assert {one.channel.metadata["type"] for one in samples} == {"T"}
-    for file, words in (("a.mcap", "is there already"), ("b.txt", "ends in .mcap: b.txt.mcap"),
-                        ("no/b.mcap", "there is no folder")):  # fmt: skip
+    for file, words in (
+        ("a.mcap", "is there already"),
+        ("b.txt", "ends in .mcap: b.txt.mcap"),
+        ("no/b.mcap", "there is no folder"),
+    ):
         refused = run("agent", "udp4", "-p", "0", "--rec", file, cwd=tmp_path, env=place)
         assert refused.returncode == 2
         assert words in refused.stderr

@@ -36,9 +36,13 @@ def play(
         with open_registry(folder / "robot.db") as registry:
             record = registry.robots.apply_blueprint(blueprint, library)
             robot = DemoRobot(
-                blueprint, registry.runs.begin(record), wire=wire, spares={"DD": "BB"}, random=Random(1),
+                blueprint,
+                registry.runs.begin(record),
+                wire=wire,
+                spares={"DD": "BB"},
+                random=Random(1),
                 epoch_ns=lambda: 0,
-            )  # fmt: skip
+            )
             operations = RunningOperations(robot.master, registry, record, library=library)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())
@@ -97,8 +101,11 @@ def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
 
     robot, snapshot = play(tmp_path, scene)
     assert [(part.name, part.slot, part.state) for part in snapshot.parts] == [
-        ("AA", "AA", "active"), ("BB", "BB", "active"), ("CC", "CC", "active"), ("DD", "", "standby")
-    ]  # fmt: skip
+        ("AA", "AA", "active"),
+        ("BB", "BB", "active"),
+        ("CC", "CC", "active"),
+        ("DD", "", "standby"),
+    ]
     assert changes(robot, "DD")[-1] == ("active", "standby", "")
 
 
@@ -109,8 +116,10 @@ def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_t
 
     _, snapshot = play(tmp_path, scene, wire=Wire.FD)
     assert [(part.slot, part.state) for part in snapshot.parts[1:]] == [
-        ("", "standby"), ("CC", "active"), ("BB", "active")
-    ]  # fmt: skip
+        ("", "standby"),
+        ("CC", "active"),
+        ("BB", "active"),
+    ]
     assert snapshot.parts[1].outputs == (False,) * 8  # it went to its safe state
 
 

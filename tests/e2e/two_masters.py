@@ -240,8 +240,20 @@ def _cable(names: dict[str, str]) -> None:
         ip("-n", names[middle], "addr", "add", f"{net}.9/24", "dev", bridge)
         ip("-n", names[middle], "link", "set", bridge, "up")
         for host, number in HOSTS.items():
-            ip("-n", names[host], "link", "add", end, "type", "veth", "peer", "name", f"to-{host}", "netns",
-               names[middle])  # fmt: skip
+            ip(
+                "-n",
+                names[host],
+                "link",
+                "add",
+                end,
+                "type",
+                "veth",
+                "peer",
+                "name",
+                f"to-{host}",
+                "netns",
+                names[middle],
+            )
             ip("-n", names[middle], "link", "set", f"to-{host}", "master", bridge, "up")
             ip("-n", names[host], "addr", "add", f"{net}.{number}/24", "dev", end)
             ip("-n", names[host], "link", "set", end, "up")

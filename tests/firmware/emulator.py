@@ -46,10 +46,19 @@ class Emulator:
         ]
         serial = [word for port in ports for word in ("-serial", f"tcp:127.0.0.1:{port},nodelay=on")]
         self._process = await asyncio.create_subprocess_exec(
-            "qemu-system-arm", "-M", "netduinoplus2", "-nodefaults", "-display", "none", "-monitor", "none",
-            *serial, "-kernel", str(self._program),
+            "qemu-system-arm",
+            "-M",
+            "netduinoplus2",
+            "-nodefaults",
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+            *serial,
+            "-kernel",
+            str(self._program),
             stdin=asyncio.subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         async with asyncio.timeout(PATIENCE_S):
             for event in connected:
                 await event.wait()

@@ -89,9 +89,16 @@ class Firmware:
     # The link.
 
     def make_link(
-        self, uid: bytes, *, codec: bool = False, fd: bool = False, fast: bool = False, robot: int | None = None,
-        bitrate: int = 0, seed: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        uid: bytes,
+        *,
+        codec: bool = False,
+        fd: bool = False,
+        fast: bool = False,
+        robot: int | None = None,
+        bitrate: int = 0,
+        seed: int = 0,
+    ) -> None:
         """A fresh link, off the bus."""
         self.ask(b"l" + uid + struct.pack("<????III", codec, fd, fast, robot is not None, robot or 0, bitrate, seed))
 

@@ -81,8 +81,9 @@ def play(
         unit = workbench.make(part_type, wiring or make_wiring(part_type))
         unit.part.uid = b"the unit"
         desk = Part("DESK", uid=b"the desk", random=Random(2))
-        master = Master(blueprint_for(part_type), store_for(part_type, settings or {}), random=Random(3),
-                        epoch_ns=lambda: 0)  # fmt: skip
+        master = Master(
+            blueprint_for(part_type), store_for(part_type, settings or {}), random=Random(3), epoch_ns=lambda: 0
+        )
         hub = InprocHub()
         master.add_link(hub.server)
         async with asyncio.TaskGroup() as tasks:

@@ -61,7 +61,7 @@ def test_the_parts_of_a_file(tmp_path: Path) -> None:
         ("[[part]]\ntype = 'LED'\nsimulate = true\n" * 65, "there are 65 parts; 64 can be in one file"),
         ("[part]\n", "must begin with two brackets"),
     ],
-)  # fmt: skip
+)
 def test_a_mistake_in_the_file_is_told_with_its_line(text: str, sentence: str, tmp_path: Path) -> None:
     (tmp_path / "parts.toml").write_text(text)
     with pytest.raises(ConfigError) as caught:

@@ -213,8 +213,14 @@ def levels_of(folder: Path, pin: int) -> list[str]:
 
 
 def test_a_keeper_ends_with_its_program_and_without_one_nothing_is_started(tmp_path: Path) -> None:
-    keeper = OutputGuard([sys.executable, "-c", "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
-                     str(tmp_path / "said")])  # fmt: skip
+    keeper = OutputGuard(
+        [
+            sys.executable,
+            "-c",
+            "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
+            str(tmp_path / "said"),
+        ]
+    )
     keeper.end()
     assert not (tmp_path / "said").exists()
     keeper.hold("a", LED, make_wiring(LED))
@@ -232,8 +238,10 @@ def test_the_process_that_is_started_says_nothing_when_there_is_nothing_to_make_
 
 @pytest.mark.skipif(find_spec("lgpio") is None, reason="lgpio is not installed: pip install 'msbot[hardware]'")
 def test_the_pin_library_leaves_nothing_in_the_current_folder_and_needs_no_right_to_write_there(tmp_path: Path) -> None:
-    program = "import os, sys; from msbot.hardware.pins import import_lgpio; os.chdir(sys.argv[1]); " \
-              "import_lgpio(); assert 'lgpio' in sys.modules; print(os.getcwd())"  # fmt: skip
+    program = (
+        "import os, sys; from msbot.hardware.pins import import_lgpio; os.chdir(sys.argv[1]); "
+        "import_lgpio(); assert 'lgpio' in sys.modules; print(os.getcwd())"
+    )
     done = subprocess.run([sys.executable, "-c", program, tmp_path], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == (f"{tmp_path}\n", "")
     assert list(tmp_path.iterdir()) == []

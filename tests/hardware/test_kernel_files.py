@@ -91,8 +91,11 @@ def test_a_converter_that_is_not_there_and_one_with_its_own_scale(tmp_path: Path
         await asyncio.sleep(1)
         assert "dtoverlay=mcp3008" in bench.unit.fault
         # An ADS1115 has a scale and an offset for each channel.
-        write(tmp_path, {"in_voltage2_raw": 15000, "in_voltage2_scale": 0.125, "in_voltage2_offset": -1800},
-              f"{IIO}/iio:device1")  # fmt: skip
+        write(
+            tmp_path,
+            {"in_voltage2_raw": 15000, "in_voltage2_scale": 0.125, "in_voltage2_offset": -1800},
+            f"{IIO}/iio:device1",
+        )
         await bench.until_active()
         await asyncio.sleep(0.5)
         assert bench.last("level") == {"percent": 50}

@@ -28,8 +28,16 @@ BMP280 = [
     [0xF7, "655ac07eed00"],
 ]
 """Bosch BST-BMP280-DS001-19, section 3.12: 25.08 degrees, 1006.53 hPa."""
-PARTS = {"eye": "HC-SR04", "lamp": "LED", "arm": "SG90", "air": "BMP280", "bumper": "BUTTON", "knob": "POT-10K",
-         "wheels": "TB6612FNG", "relay": "RELAY-1"}  # fmt: skip
+PARTS = {
+    "eye": "HC-SR04",
+    "lamp": "LED",
+    "arm": "SG90",
+    "air": "BMP280",
+    "bumper": "BUTTON",
+    "knob": "POT-10K",
+    "wheels": "TB6612FNG",
+    "relay": "RELAY-1",
+}
 EYE = "HC-SR04 eye: trigger=5, echo=18"
 LAMP = "LED lamp: s=2"
 ARM = "SG90 arm: pwm=13"

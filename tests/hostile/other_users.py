@@ -42,8 +42,11 @@ def attacker(script: str, *arguments: str, user: int = NOBODY) -> Iterator[subpr
     assert PYTHON is not None
     process = subprocess.Popen(
         [*as_user(user), PYTHON, "-I", "-c", script, *arguments],
-        stdout=subprocess.PIPE, text=True, cwd="/", process_group=0,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd="/",
+        process_group=0,
+    )
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
@@ -71,12 +74,30 @@ def master_of(user: int, folder: Path, env: dict[str, str], *, around: tuple[str
     command = [*around, *as_user(user, may_read=True), sys.executable, "-m", "msbot", "master"]
     with log.open("w") as out:
         process = subprocess.Popen(
-            [*command, str(folder / "robot.toml"), "--db", str(folder / "own/robot.db"), "--no-page", "--link",
-             "udp:127.0.0.1:0", "--rec", "off"],
-            cwd=folder, env={**os.environ, "PYTHONUNBUFFERED": "1", "LOGNAME": "daemon",
-                             "XDG_STATE_HOME": str(folder / "own"), "XDG_RUNTIME_DIR": str(folder / "own"), **env},
-            stdout=out, stderr=out, process_group=0,
-        )  # fmt: skip
+            [
+                *command,
+                str(folder / "robot.toml"),
+                "--db",
+                str(folder / "own/robot.db"),
+                "--no-page",
+                "--link",
+                "udp:127.0.0.1:0",
+                "--rec",
+                "off",
+            ],
+            cwd=folder,
+            env={
+                **os.environ,
+                "PYTHONUNBUFFERED": "1",
+                "LOGNAME": "daemon",
+                "XDG_STATE_HOME": str(folder / "own"),
+                "XDG_RUNTIME_DIR": str(folder / "own"),
+                **env,
+            },
+            stdout=out,
+            stderr=out,
+            process_group=0,
+        )
     try:
         yield log
     finally:

@@ -183,16 +183,20 @@ def test_freeze_and_group_hold_for_missions(tmp_path: Path) -> None:
         do = stage.operations.do
         await stage.do.group("Red", ["ada"], ["AA"], who="novak")
         acts: tuple[tuple[str, dict[str, object]], ...] = (
-            ("repair", {"repair": "plug-in", "at": "AA"}), ("repair", {"repair": "plug-in", "at": "aa"}),
+            ("repair", {"repair": "plug-in", "at": "AA"}),
+            ("repair", {"repair": "plug-in", "at": "aa"}),
             ("answer_mission", {"kind": "unplug", "at": "AA"}),
-        )  # fmt: skip
+        )
         for name, given in acts:
             assert await stage.refusal(do(name, who=pupil("ben"), **given)) == "slot AA belongs to group Red"
             assert "without missions" in await stage.refusal(do(name, who=pupil("ada"), **given))
         await stage.do.freeze("look", who="novak")
         frozen: tuple[tuple[str, dict[str, object]], ...] = (
-            *acts, ("repair", {"repair": "quiet-bus"}), ("answer_mission", {"kind": "loss"}), ("mission_hint", {}),
-        )  # fmt: skip
+            *acts,
+            ("repair", {"repair": "quiet-bus"}),
+            ("answer_mission", {"kind": "loss"}),
+            ("mission_hint", {}),
+        )
         for name, given in frozen:
             assert await stage.refusal(do(name, who=pupil("ada"), **given)) == "the class is frozen by novak: look"
             assert "without missions" in await stage.refusal(do(name, who="novak", **given))

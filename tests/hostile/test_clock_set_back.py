@@ -41,9 +41,12 @@ class Computer:
             self.users, clock=lambda: self.since_boot, hasher=PlainHasher(), wall_clock=lambda: self.wall
         )
         file = SessionFile(
-            accounts, self.path, wall_clock=lambda: self.wall, boot=lambda: self.boot,
+            accounts,
+            self.path,
+            wall_clock=lambda: self.wall,
+            boot=lambda: self.boot,
             boot_clock=lambda: self.since_boot,
-        )  # fmt: skip
+        )
         file.bring_back()
         return accounts, file
 

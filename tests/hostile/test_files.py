@@ -99,9 +99,10 @@ def parameters(command: click.Command, context: click.Context, first: str = "") 
 def test_every_command_that_takes_a_file_is_tried_here() -> None:
     all_of_them = set(parameters(msbot, click.Context(msbot)))
     missing = {
-        f"{first} {name}" for first, name in all_of_them
+        f"{first} {name}"
+        for first, name in all_of_them
         if f"{first} {name}" not in READS and not {name, f"{first} {name}"} & WRITES and name not in FOLDERS
-    }  # fmt: skip
+    }
     assert missing == set()
 
 
@@ -139,11 +140,19 @@ def test_what_is_no_file_of_that_kind_is_one_sentence(command: str, name: str, f
     assert done.stderr.count("\n") <= 4, done.stderr
 
 
-@pytest.mark.parametrize(("name", "words"), [
-    ("pipe.toml", "a pipe"), ("folder.toml", "folder"), ("socket.toml", "a socket"), ("/dev/ptmx", "a device"),
-    ("nul\0.toml", "no file can have that name"), ("half\ud800", "no file can have that name"),
-    ("loop.toml", "symbolic"), ("gone.toml", "No such file"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("pipe.toml", "a pipe"),
+        ("folder.toml", "folder"),
+        ("socket.toml", "a socket"),
+        ("/dev/ptmx", "a device"),
+        ("nul\0.toml", "no file can have that name"),
+        ("half\ud800", "no file can have that name"),
+        ("loop.toml", "symbolic"),
+        ("gone.toml", "No such file"),
+    ],
+)
 def test_what_a_name_stands_for_is_said(name: str, words: str, folder: Path) -> None:
     with pytest.raises(OSError, match=words):
         open_given(folder / name)

@@ -12,9 +12,12 @@ from msbot_agent.log import SAME
 from tests.hostile.robot import Robot
 
 GARBAGE = (
-    b"\x16\x03\x01 this is no TLS either\r\n\r\n", b"GET\r\n\r\n", b"\x00" * 40, b"GET / HTTP/9.9\r\n\r\n",
+    b"\x16\x03\x01 this is no TLS either\r\n\r\n",
+    b"GET\r\n\r\n",
+    b"\x00" * 40,
+    b"GET / HTTP/9.9\r\n\r\n",
     b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: upgrade\r\n\r\n",
-)  # fmt: skip
+)
 TIMES = 40
 
 

@@ -22,8 +22,23 @@ from tests.web.access.test_accounts import PlainHasher, user
 from tests.web.rig import Rig, show
 
 PASSWORD = "correct horse"
-TAKEN = ("demo", "Demo", "DEMO", "ｄemo", "msbot", "msbot key", "robot", "Robot", "master", "guest of ada",
-         "Guest  of ada", "somebody at the robot", "the bigger robot", "(demo)", "newcomer")  # fmt: skip
+TAKEN = (
+    "demo",
+    "Demo",
+    "DEMO",
+    "ｄemo",
+    "msbot",
+    "msbot key",
+    "robot",
+    "Robot",
+    "master",
+    "guest of ada",
+    "Guest  of ada",
+    "somebody at the robot",
+    "the bigger robot",
+    "(demo)",
+    "newcomer",
+)
 
 
 @pytest.mark.parametrize("name", TAKEN)

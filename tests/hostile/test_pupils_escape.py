@@ -138,8 +138,11 @@ async def test_a_pupil_takes_nobodys_name_and_fills_nobodys_place(door: str) -> 
         await stack.enter_async_context(by(door, site, 1, await site.token("ada"), "body"))
         await site.until(lambda: site.active() == {"S0", "S1"})
         assert site.lost == []
-        names = {info.address.partition(" by ")[2] or info.address.partition(" behind ")[2]
-                 for info in site.master.inventory.view(asyncio.get_running_loop().time()) if info.slot}  # fmt: skip
+        names = {
+            info.address.partition(" by ")[2] or info.address.partition(" behind ")[2]
+            for info in site.master.inventory.view(asyncio.get_running_loop().time())
+            if info.slot
+        }
         kind = door.split()[1]
         assert names == {f"{kind} body of bob", f"{kind} body"}
 

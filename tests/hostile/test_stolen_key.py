@@ -75,11 +75,9 @@ async def robot() -> AsyncIterator[Robot]:
         types=(PartType("T0", "a test's"),),
         slots=(Slot("S0", "T0"),),
         configurations=(
-            Configuration(
-                1, "S0", (SlotBinding("out", "said", "HelloWorld", publishes=True, reliable=False),), ()
-            ),
+            Configuration(1, "S0", (SlotBinding("out", "said", "HelloWorld", publishes=True, reliable=False),), ()),
         ),
-    )  # fmt: skip
+    )
     link = UdpServerLink("127.0.0.1", 0)
     blueprint = Blueprint(RobotProfile("R", "1", "1", "today", "us"), (), timing=NEVER)
     master = Master(blueprint, store, random=Random(1))

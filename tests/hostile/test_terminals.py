@@ -109,10 +109,11 @@ class World:
 @pytest.mark.parametrize(
     "lines",
     [
-        [{"error": EVIL}], [{"robot": EVIL, "world": EVIL, "named": [EVIL]}],
+        [{"error": EVIL}],
+        [{"robot": EVIL, "world": EVIL, "named": [EVIL]}],
         [{"robot": "a", "world": {EVIL: 1}, "named": []}, {"error": EVIL}, {"error": [EVIL]}],
     ],
-)  # fmt: skip
+)
 async def test_a_world_elsewhere(lines: list[dict[str, object]]) -> None:
     server = await asyncio.start_server(World(*lines).serve, "127.0.0.1", 0)
     said: list[str] = []

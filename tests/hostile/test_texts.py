@@ -86,13 +86,17 @@ def test_a_hostile_library_file_is_refused_quickly_and_in_few_words(name: str, t
     assert "\x1b" not in done.stderr
 
 
-@pytest.mark.parametrize("text", [
-    "x" * 40_000_000,
-    "(1.0) can0 123#" + "11" * 5_000_000,
-    "\x1b[2J\x1b[31m\n" * 100_000,
-    "(1.0) can\x1b[2J0 123#11\n" * 10,
-    "\n" * 3_000_000,
-], ids=["one long line", "one long frame", "orders to the terminal", "orders in a channel", "empty lines"])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x" * 40_000_000,
+        "(1.0) can0 123#" + "11" * 5_000_000,
+        "\x1b[2J\x1b[31m\n" * 100_000,
+        "(1.0) can\x1b[2J0 123#11\n" * 10,
+        "\n" * 3_000_000,
+    ],
+    ids=["one long line", "one long frame", "orders to the terminal", "orders in a channel", "empty lines"],
+)
 @pytest.mark.promise("Hostile packets and files end in a sentence or a count, never a traceback")
 def test_a_hostile_log_is_read_line_by_line_and_its_orders_are_not_passed_on(text: str, tmp_path: Path) -> None:
     (tmp_path / "bus.log").write_text(text)

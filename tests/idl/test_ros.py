@@ -66,26 +66,48 @@ def test_another_dds_implementation_writes_the_same_octets() -> None:
         ),
         (
             ros2.LaserScan(
-                header=header, angle_min=-1.5, angle_max=1.5, angle_increment=0.5, time_increment=0.25, scan_time=0.5,
-                range_min=0.125, range_max=8.0, ranges=[1.0, 2.0, 0.5], intensities=[],
+                header=header,
+                angle_min=-1.5,
+                angle_max=1.5,
+                angle_increment=0.5,
+                time_increment=0.25,
+                scan_time=0.5,
+                range_min=0.125,
+                range_max=8.0,
+                ranges=[1.0, 2.0, 0.5],
+                intensities=[],
             ),
             theirs.LaserScan(
-                header=their_header, angle_min=-1.5, angle_max=1.5, angle_increment=0.5, time_increment=0.25,
-                scan_time=0.5, range_min=0.125, range_max=8.0, ranges=[1.0, 2.0, 0.5], intensities=[],
+                header=their_header,
+                angle_min=-1.5,
+                angle_max=1.5,
+                angle_increment=0.5,
+                time_increment=0.25,
+                scan_time=0.5,
+                range_min=0.125,
+                range_max=8.0,
+                ranges=[1.0, 2.0, 0.5],
+                intensities=[],
             ),
         ),
         (
             ros2.Imu(
-                header=header, orientation=ros2.Quaternion(x=0.0, y=0.0, z=0.5, w=1.0),
-                orientation_covariance=[float(i) for i in range(9)], angular_velocity=ros2.Vector3(x=1.0, y=0.0, z=0.0),
-                angular_velocity_covariance=[0.0] * 9, linear_acceleration=ros2.Vector3(x=0.0, y=0.0, z=9.81),
+                header=header,
+                orientation=ros2.Quaternion(x=0.0, y=0.0, z=0.5, w=1.0),
+                orientation_covariance=[float(i) for i in range(9)],
+                angular_velocity=ros2.Vector3(x=1.0, y=0.0, z=0.0),
+                angular_velocity_covariance=[0.0] * 9,
+                linear_acceleration=ros2.Vector3(x=0.0, y=0.0, z=9.81),
                 linear_acceleration_covariance=[-1.0] * 9,
             ),
             theirs.Imu(
-                header=their_header, orientation=theirs.Quaternion(x=0.0, y=0.0, z=0.5, w=1.0),
+                header=their_header,
+                orientation=theirs.Quaternion(x=0.0, y=0.0, z=0.5, w=1.0),
                 orientation_covariance=[float(i) for i in range(9)],
-                angular_velocity=theirs.Vector3(x=1.0, y=0.0, z=0.0), angular_velocity_covariance=[0.0] * 9,
-                linear_acceleration=theirs.Vector3(x=0.0, y=0.0, z=9.81), linear_acceleration_covariance=[-1.0] * 9,
+                angular_velocity=theirs.Vector3(x=1.0, y=0.0, z=0.0),
+                angular_velocity_covariance=[0.0] * 9,
+                linear_acceleration=theirs.Vector3(x=0.0, y=0.0, z=9.81),
+                linear_acceleration_covariance=[-1.0] * 9,
             ),
         ),
         (
@@ -96,7 +118,7 @@ def test_another_dds_implementation_writes_the_same_octets() -> None:
                 header=their_header, height=2, width=3, encoding="mono8", is_bigendian=0, step=3, data=list(range(6))
             ),
         ),
-    ]  # fmt: skip
+    ]
     for ours, their in pairs:
         octets = their.serialize(use_version_2=False)[4:]
         assert ours.encode().ljust(len(octets), b"\0") == octets, type(ours).__name__

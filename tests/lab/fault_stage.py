@@ -123,10 +123,18 @@ def fault_scene(
             timeline = Timeline()
             live = Live(robot.master.space, lambda name: message_class(library.messages[name]), clock)
             page = Views(
-                robot.master, blueprint=lambda: blueprint, library=library, live=live, frames=seen.frames,
-                timeline=timeline, bench=seen.bench, clock=clock, ignored=lambda _: False, bus=seen.bus,
+                robot.master,
+                blueprint=lambda: blueprint,
+                library=library,
+                live=live,
+                frames=seen.frames,
+                timeline=timeline,
+                bench=seen.bench,
+                clock=clock,
+                ignored=lambda _: False,
+                bus=seen.bus,
                 planted=operations.faults.told,
-            )  # fmt: skip
+            )
             stage = FaultStage(robot, operations, lab, registry, page)
             operations.faults.on_change(stage.changes.append)
             async with asyncio.TaskGroup() as tasks:

@@ -44,8 +44,11 @@ def test_a_fault_is_there_for_its_time_and_ends_by_itself() -> None:
     engine.plant(spec(), "Ada", 0.0)
     engine.plant(spec(at="knob", after_s=5.0, for_s=2.0), "Ada", 0.0)
     assert run(engine, 100.0) == [
-        (0.0, 1, "begins"), (5.0, 2, "begins"), (7.0, 2, "its time is over"), (FOR_S, 1, "its time is over"),
-    ]  # fmt: skip
+        (0.0, 1, "begins"),
+        (5.0, 2, "begins"),
+        (7.0, 2, "its time is over"),
+        (FOR_S, 1, "its time is over"),
+    ]
     assert engine.timer() is None
 
 
@@ -91,8 +94,9 @@ def test_clearing() -> None:
     with pytest.raises(ConfigError, match="there is no fault 7; there are 1, 2"):
         engine.clear(7, "enough")
     assert [(change.fault.number, change.was_active) for change in engine.clear(None, "enough")] == [
-        (1, True), (2, False),
-    ]  # fmt: skip
+        (1, True),
+        (2, False),
+    ]
     assert engine.timer() is None
     assert engine.clear(None, "enough") == []
 
@@ -158,9 +162,15 @@ def test_conditions() -> None:
     assert read_condition("knob.level.percent>=60") == NumberCondition("knob.level.percent", ">=", 60.0)
     world = World({"fan": "late"}, {"load": 50.0})
     for text, wanted in {
-        "fan is late": True, "fan is active": False, "knob is empty": True, "load > 49": True, "load < 50": False,
-        "load = 50": True, "load <= 50": True, "knob.level > 1": False,
-    }.items():  # fmt: skip
+        "fan is late": True,
+        "fan is active": False,
+        "knob is empty": True,
+        "load > 49": True,
+        "load < 50": False,
+        "load = 50": True,
+        "load <= 50": True,
+        "knob.level > 1": False,
+    }.items():
         assert read_condition(text).holds(world) is wanted, text
 
 

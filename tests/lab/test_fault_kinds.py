@@ -61,10 +61,19 @@ async def watch(stage: FaultStage, kind: str) -> Seen:
         stage.operations.faults.running.note(EditKind.HAND, "something", "Ada")
         stage.registry.storage.flush(60.0)  # ends with the first try that fails
     seen = Seen(
-        before, stage.card(slot), states, stage.page.arrivals(), bus_before, stage.page.bus(), stage.why(slot),
-        stage.why("knob" if slot == "fan" else "fan"), stage.registry.storage.health.trouble or "",
-        20.0 + stage.turned, values, stage.page.beat_intervals(slot),
-    )  # fmt: skip
+        before,
+        stage.card(slot),
+        states,
+        stage.page.arrivals(),
+        bus_before,
+        stage.page.bus(),
+        stage.why(slot),
+        stage.why("knob" if slot == "fan" else "fan"),
+        stage.registry.storage.health.trouble or "",
+        20.0 + stage.turned,
+        values,
+        stage.page.beat_intervals(slot),
+    )
     await stage.quiet()
     return seen
 

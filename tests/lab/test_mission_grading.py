@@ -75,8 +75,9 @@ def test_everything_right_and_quick_brings_all_marks() -> None:
     found = run.grade()
     assert (found.marks, found.of, found.percent) == (24.0, 24.0, 100.0)
     assert [(one.found_by, one.found_s, one.mended_by, one.mended_s) for one in found.faults] == [
-        ("Bo", 5.0, "Bo", 15.0), ("Cy", 29.0, "Bo", 20.0)
-    ]  # fmt: skip
+        ("Bo", 5.0, "Bo", 15.0),
+        ("Cy", 29.0, "Bo", 20.0),
+    ]
     assert [(task.by, task.after_s) for task in found.tasks] == [("Bo", 7.0), ("", 5.0)]
 
 
@@ -128,8 +129,9 @@ def test_nothing_to_find_yet() -> None:
 def test_wrong_repairs_acts_to_be_avoided_and_hints_cost() -> None:
     run = begun()
     assert run.repair("Bo", "new-cable", "knob", 110.0) == (
-        "lay another cable to the part (at knob): done, and nothing has changed", 0
-    )  # fmt: skip
+        "lay another cable to the part (at knob): done, and nothing has changed",
+        0,
+    )
     run.act("swap", {"slot": "fan"}, "Bo", "", 111.0)
     run.act("set", {"slot": "fan"}, "Bo", "", 111.0)
     assert run.hint("Bo", 112.0) == "look"
@@ -202,9 +204,14 @@ def test_guessing_and_noise_have_an_end() -> None:
 
 
 FACTS = st.builds(
-    Fact, st.floats(0, 300), st.sampled_from(What), st.sampled_from(["", "Bo"]), st.sampled_from([1, 2]),
-    st.sampled_from(["fan", "knob", ""]), st.sampled_from([*KINDS]),
-)  # fmt: skip
+    Fact,
+    st.floats(0, 300),
+    st.sampled_from(What),
+    st.sampled_from(["", "Bo"]),
+    st.sampled_from([1, 2]),
+    st.sampled_from(["fan", "knob", ""]),
+    st.sampled_from([*KINDS]),
+)
 
 
 @given(st.lists(FACTS, max_size=30))
@@ -334,11 +341,14 @@ def test_each_ready_mission_is_graded_from_its_notes(name: str) -> None:
         ('{ part = "fan" }', '{ slot = "fan" }', "do[0].with.slot: identify knows no slot; it takes part"),
         ('until = "fan is active"', "", "do[1]: either operation or until must be there"),
         ("[mission]", "[missoin]", "there is no such key here; did you mean mission?"),
-        ("story = \"S\"", 'story = "S"\nstroy = "S"', "mission.stroy: there is no such key here"),
-        ('kind = "stuck"\nat = "knob"', 'kind = "unplug"\nat = "fan"',
-         "fault[1]: contradicts fault[0]: while fan is cut off there is nothing of it that could be disturbed"),
+        ('story = "S"', 'story = "S"\nstroy = "S"', "mission.stroy: there is no such key here"),
+        (
+            'kind = "stuck"\nat = "knob"',
+            'kind = "unplug"\nat = "fan"',
+            "fault[1]: contradicts fault[0]: while fan is cut off there is nothing of it that could be disturbed",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes_name_line_and_remedy(wrong: str, right: str, words: str) -> None:
     assert wrong in TWO
     with pytest.raises(ConfigError) as caught:

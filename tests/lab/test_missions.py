@@ -169,8 +169,12 @@ async def what_cannot_begin_changes_nothing(played: Played) -> None:
     ):
         assert words in await played.refused("start_mission", **arguments)
         assert played.is_clean()
-    for operation, arguments in (("answer_mission", {"kind": "loss"}), ("repair", {"repair": "plug-in"}),
-                                 ("mission_hint", {}), ("stop_mission", {})):  # fmt: skip
+    for operation, arguments in (
+        ("answer_mission", {"kind": "loss"}),
+        ("repair", {"repair": "plug-in"}),
+        ("mission_hint", {}),
+        ("stop_mission", {}),
+    ):
         assert "no mission runs" in await played.refused(operation, **arguments)
     assert "no report of a mission" in await played.refused("mission_report")
     await stage.plant("loss", "fan")

@@ -77,8 +77,10 @@ def test_it_brings_the_same_marks(recorded: tuple[Path, PlayedMission]) -> None:
     assert grade.reason == "everything is found and done"
     assert (grade.marks, grade.of) == (12 - 3, 12), "two wrong answers and a hint; the answers were looked up too late"
     assert [fact.word for fact in found.facts if fact.what is What.STATE and fact.slot == "BB"][:3] == [
-        "active", "late", "lost"
-    ]  # fmt: skip
+        "active",
+        "late",
+        "lost",
+    ]
 
 
 def test_a_mission_that_was_broken_off_is_graded_as_far_as_it_goes(
@@ -122,9 +124,11 @@ class Tags(HTMLParser):
 
 @pytest.mark.parametrize(
     ("code", "words"),
-    [("en", "9 of 12 marks 75 % over after 9 s: everything is found and done"),
-     ("de", "9 von 12 Punkten 75 % zu Ende nach 9 s: alles ist gefunden und erledigt")],
-)  # fmt: skip
+    [
+        ("en", "9 of 12 marks 75 % over after 9 s: everything is found and done"),
+        ("de", "9 von 12 Punkten 75 % zu Ende nach 9 s: alles ist gefunden und erledigt"),
+    ],
+)
 def test_the_report_is_a_page_of_its_own(recorded: tuple[Path, PlayedMission], code: str, words: str) -> None:
     page = report_page(recorded[1], languages()[code])
     tags = Tags()

@@ -136,8 +136,8 @@ def test_a_topic_that_ros_2_shares_is_recorded_as_ros_2_has_it(tmp_path: Path) -
     shared = {
         "fan_power": "ros = true",
         "loudness": 'ros = true\nros_topic = "/loud"\nros_type = "sensor_msgs/msg/Temperature"\n'
-                    'ros_fields = { percent = "temperature * 2" }',
-    }  # fmt: skip
+        'ros_fields = { percent = "temperature * 2" }',
+    }
     record_demo(tmp_path, whole, scene, ("knob", "fan", "ear", "hand"), "rover", shared=shared)
     done = CliRunner().invoke(log_command, ["filter", str(whole), str(piece), "--ros2"], catch_exceptions=False)
     assert done.exit_code == 0, done.stderr
@@ -152,8 +152,9 @@ def test_a_topic_that_ros_2_shares_is_recorded_as_ros_2_has_it(tmp_path: Path) -
         known = [one for one in reader.connections if one.msgtype in types.types]
         read = [(one.topic, at, types.deserialize_cdr(data, one.msgtype)) for one, at, data in reader.messages(known)]
     decoder = Decoder()
-    said = [(one.logged_ns, (decoder.fields(one) or {})["percent"]) for one in messages(whole)
-            if one.topic == "/fan_power"]  # fmt: skip
+    said = [
+        (one.logged_ns, (decoder.fields(one) or {})["percent"]) for one in messages(whole) if one.topic == "/fan_power"
+    ]
     assert len(said) > 10
     theirs = [(at, one.data) for topic, at, one in read if topic == f"{robot}/fan_power"]  # type: ignore[attr-defined]
     assert theirs == said
@@ -231,10 +232,17 @@ def frames(draw: st.DrawFn) -> Frame:
     flag = st.booleans()
     fd, remote = draw(flag), draw(flag)
     return Frame(
-        draw(st.integers(0, 0x1FFFFFFF)), draw(st.binary(max_size=64 if fd else 8)), extended=draw(flag), fd=fd,
-        brs=fd and draw(flag), remote=remote, error=draw(flag), esi=fd and draw(flag),
-        remote_length=draw(st.integers(0, 8)) if remote else 0, long_dlc=draw(st.sampled_from([0, 0, 9, 15])),
-    )  # fmt: skip
+        draw(st.integers(0, 0x1FFFFFFF)),
+        draw(st.binary(max_size=64 if fd else 8)),
+        extended=draw(flag),
+        fd=fd,
+        brs=fd and draw(flag),
+        remote=remote,
+        error=draw(flag),
+        esi=fd and draw(flag),
+        remote_length=draw(st.integers(0, 8)) if remote else 0,
+        long_dlc=draw(st.sampled_from([0, 0, 9, 15])),
+    )
 
 
 @given(frames(), st.sampled_from(["here", "node 3"]))

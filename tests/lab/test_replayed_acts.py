@@ -100,8 +100,15 @@ def test_record_replay_record_gives_the_same_acts_and_the_same_robot(tmp_path: P
     assert players[0].ended
     assert players[0].done == 7
     who = [act["who"] for _, act in told(tmp_path / "b.mcap", "/msbot/acts")]
-    assert who == ["Ada, replayed", "Ben, replayed", "Ben, replayed", "Ada, replayed", "Cy, replayed", "Ada, replayed",
-                   "Ben, replayed"]  # fmt: skip
+    assert who == [
+        "Ada, replayed",
+        "Ben, replayed",
+        "Ben, replayed",
+        "Ada, replayed",
+        "Cy, replayed",
+        "Ada, replayed",
+        "Ben, replayed",
+    ]
     for topic, name in (("/msbot/slots", "settings"), ("/msbot/blueprint", "wires"), ("/msbot/shown", "by_hand")):
         then, again = ([value.get(name) for _, value in told(path, topic)] for path in (lesson, tmp_path / "b.mcap"))
         assert again == then[: len(again)], f"{topic} went the same way, up to the undo"
@@ -128,10 +135,10 @@ def test_parts_and_acts_of_one_recording_keep_time_with_each_other(tmp_path: Pat
         robot.master.add_link(hub.server)
         player = Player(
             piece, say=said.append, warn=said.append, random=Random(7), is_own_stop=lambda: actor.holds_stop
-        )  # fmt: skip
+        )
         actor = ActPlayer(
             acts, ask, say=said.append, begin_ns=piece.begin_ns, may_go=lambda: player.is_going or player.ended
-        )  # fmt: skip
+        )
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(player.run(lambda _: hub.connect(), epoch_ns=lambda: BEGAN_NS))
             tasks.create_task(actor.run())

@@ -39,9 +39,15 @@ class Outer(Message):
 
 def test_every_kind_of_field_reaches_a_foreign_reader() -> None:
     message = Outer(
-        flag=True, uid=b"abc", pairs=[Inner(left=-3, name="ä"), Inner(left=4, name="")], grid=[1.5, -2.0], word="hello",
-        some=[1, 2], inside=Inner(left=7, name="x"), wheelSpeed=0.25,
-    )  # fmt: skip
+        flag=True,
+        uid=b"abc",
+        pairs=[Inner(left=-3, name="ä"), Inner(left=4, name="")],
+        grid=[1.5, -2.0],
+        word="hello",
+        some=[1, 2],
+        inside=Inner(left=7, name="x"),
+        wheelSpeed=0.25,
+    )
     found = decoded(message)
     assert (found.flag, bytes(found.uid), list(found.grid)) == (True, b"abc", [1.5, -2.0])  # type: ignore[attr-defined]
     assert [(one.left, one.name) for one in found.pairs] == [(-3, "ä"), (4, "")]  # type: ignore[attr-defined]
@@ -56,8 +62,17 @@ def test_every_standard_message_has_a_definition_that_others_understand(name: st
 
 def test_a_ros_message_has_the_names_of_ros() -> None:
     assert ros_name(ros2.Imu.type_name) == "sensor_msgs/msg/Imu"
-    found = decoded(ros2.Range(header=ros2.Header(stamp=ros2.Time(sec=1, nanosec=2), frame_id="here"), radiation_type=1,
-                               field_of_view=0.5, min_range=0.0, max_range=2.0, range=1.5, variance=0.0))  # fmt: skip
+    found = decoded(
+        ros2.Range(
+            header=ros2.Header(stamp=ros2.Time(sec=1, nanosec=2), frame_id="here"),
+            radiation_type=1,
+            field_of_view=0.5,
+            min_range=0.0,
+            max_range=2.0,
+            range=1.5,
+            variance=0.0,
+        )
+    )
     assert (found.header.frame_id, found.header.stamp.nanosec) == ("here", 2)  # type: ignore[attr-defined]
     assert found.range == 1.5  # type: ignore[attr-defined]
 

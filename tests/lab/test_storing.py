@@ -112,8 +112,9 @@ def test_a_cut_of_the_ring_has_everything_once_and_what_was_known_before(tmp_pat
     assert len(paths) > 3
     write_cut(paths, tmp_path / "whole.mcap")
     assert [one.data[4:] for one in messages(tmp_path / "whole.mcap")] == [
-        b"known", *(bytes([second % 256]) for second in range(300)),
-    ]  # fmt: skip
+        b"known",
+        *(bytes([second % 256]) for second in range(300)),
+    ]
     cut = write_cut(paths, tmp_path / "end.mcap", from_ns=BEGAN_NS + 290 * NS)
     assert cut.messages == 10
     found = messages(tmp_path / "end.mcap")

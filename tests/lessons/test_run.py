@@ -53,10 +53,16 @@ def test_a_step_waits_for_the_one_before_it_and_what_was_before_does_not_count()
     [
         ("knob.level spans 50", Robot(numbers={"knob.level": 1.0}), Robot(numbers={"knob.level": 51.0})),
         ("wired a.x -> b.y", Robot(wires={("b.y", "a.x")}), Robot(wires={("a.x", "b.y")})),
-        ("setting fan start_at >= 20", Robot(settings={("fan", "start_at"): "19"}),
-         Robot(settings={("fan", "start_at"): "20.5"})),
-        ("setting fan mode = slow", Robot(settings={("fan", "mode"): "fast"}),
-         Robot(settings={("fan", "mode"): "slow"})),
+        (
+            "setting fan start_at >= 20",
+            Robot(settings={("fan", "start_at"): "19"}),
+            Robot(settings={("fan", "start_at"): "20.5"}),
+        ),
+        (
+            "setting fan mode = slow",
+            Robot(settings={("fan", "mode"): "fast"}),
+            Robot(settings={("fan", "mode"): "slow"}),
+        ),
         ("BB has DD", Robot(parts={"BB": "BB"}), Robot(parts={"BB": "DD"})),
         ("BB has another part", Robot(parts={"BB": "BB"}), Robot(parts={"BB": "EE"})),
         ("slot lamp exists", Robot(), Robot({"lamp": "empty"})),
@@ -67,7 +73,7 @@ def test_a_step_waits_for_the_one_before_it_and_what_was_before_does_not_count()
         ("fan is empty", Robot({"fan": "active"}), Robot()),
         ("load > 4", Robot(numbers={"load": 4.0}), Robot(numbers={"load": 4.1})),
     ],
-)  # fmt: skip
+)
 def test_each_condition_holds_for_what_is_right_only(text: str, wrong: Robot, right: Robot) -> None:
     done = run((check("1.1", text),))
     if text != "type LED exists":
@@ -138,8 +144,12 @@ def test_ticks_only_grow_and_go_by_steps(states: list[str]) -> None:
 
 def test_progress_counts_the_checks_that_the_lesson_has() -> None:
     lesson = Lesson("l", "L", 45, 1, (Step("", (check("1.1", "stopped"), check("1.2", "stopped"))),))
-    ticks = [Tick("=ann", "l", "", 10**6), Tick("=ann", "l", "1.1", 5 * 10**6), Tick("=ann", "l", "9.9", 6 * 10**6),
-             Tick("bob", "gone", "", 10**6)]  # fmt: skip
+    ticks = [
+        Tick("=ann", "l", "", 10**6),
+        Tick("=ann", "l", "1.1", 5 * 10**6),
+        Tick("=ann", "l", "9.9", 6 * 10**6),
+        Tick("bob", "gone", "", 10**6),
+    ]
     ann, bob = progress_of(ticks, [lesson])
     assert (ann.ticked, ann.checks, ann.is_done, ann.begun_ms, ann.last_ms) == (1, 2, False, 1, 5)
     assert (bob.title, bob.checks, bob.is_done) == ("gone", 0, False)

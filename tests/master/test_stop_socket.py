@@ -103,8 +103,11 @@ def test_stop_is_said_and_answered_with_what_there_is_to_know(shared: Path) -> N
         (answer,) = await scene.ask("stop")
         assert scene.robot.said == ["ann"]
         assert {name: answer[name] for name in ("robot", "serial_number", "stopped", "told")} == {
-            "robot": "ROVER", "serial_number": "X1", "stopped": True, "told": 0,
-        }  # fmt: skip
+            "robot": "ROVER",
+            "serial_number": "X1",
+            "stopped": True,
+            "told": 0,
+        }
         assert await scene.ask("stop", group="other") == []
 
     play(shared, act)

@@ -139,7 +139,8 @@ def test_it_is_journalled_once_for_each_time_somebody_takes_a_port(tmp_path: Pat
         edits = (await stage.do.edits(20, who="ann")).answer["edits"]
         assert isinstance(edits, list)
         assert [edit["words"] for edit in edits if edit["kind"] == "hand"] == [
-            "BB.in is no longer driven by hand", "ann drives BB.in by hand",
-        ]  # fmt: skip
+            "BB.in is no longer driven by hand",
+            "ann drives BB.in by hand",
+        ]
 
     play(tmp_path, scene, parts=RING)

@@ -121,13 +121,11 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "simulate": await ask(stage, "simulate", slot="CC"),
             "identify": await ask(stage, "identify", part="AA"),
             "why": await ask(stage, "why", part="AA"),
-            "apply": await ask(
-                stage, "apply", path=str(tmp_path / "robot.toml"), folders=[str(tmp_path / "library")]
-            ),
+            "apply": await ask(stage, "apply", path=str(tmp_path / "robot.toml"), folders=[str(tmp_path / "library")]),
             "add_slot": await ask(stage, "add_slot", slot="EE", part="EFGH"),
             "remove_slot": await ask(stage, "remove_slot", slot="EE"),
             "forget_type": await forgotten(stage),
-        }  # fmt: skip
+        }
         assert done.keys() == set(OPERATIONS)
         assert {name: answer["error"] for name, answer in done.items() if "error" in answer} == {}
         assert done["set"] == {"words": "period_s of AA: 1 s -> 2 s", "edit": done["set"]["edit"]}

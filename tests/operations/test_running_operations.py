@@ -229,8 +229,11 @@ def test_a_changed_blueprint_is_put_into_force_and_undone(tmp_path: Path) -> Non
             await stage.operations.applying.put_in_force(load_blueprint(path, library), who="ann")
         ).words == "the blueprint changes nothing"
         text = path.read_text()
-        path.write_text(text.replace('preset = "thesis"', 'preset = "fast"').replace(
-            'part = "WXYZ"', 'part = "EFGH"').replace('local_name = "WXYZ-local"', ""))  # fmt: skip
+        path.write_text(
+            text.replace('preset = "thesis"', 'preset = "fast"')
+            .replace('part = "WXYZ"', 'part = "EFGH"')
+            .replace('local_name = "WXYZ-local"', "")
+        )
         done = await stage.operations.applying.put_in_force(load_blueprint(path, library), who="ann")
         assert "the blueprint of MSBOT_MASTER is applied" in done.words
         assert done.words.endswith("timing and options hold from the master's next start on")
@@ -262,8 +265,9 @@ def test_a_slot_made_by_hand_stays_when_the_blueprint_is_applied_again(tmp_path:
         assert str(exported.bindings[-1].source) == "EE.out"
         assert '[[slot]]  # made by hand\nname = "EE"' in blueprint_toml(exported, registry.robots.made_by_hand(robot))
         assert [str(one) for one in differences(registry.robots.blueprint(robot, by_hand=False), exported)] == [
-            "+ slot EE: part EFGH", "+ topic more: EE.out -> nobody [HelloWorld]",
-        ]  # fmt: skip
+            "+ slot EE: part EFGH",
+            "+ topic more: EE.out -> nobody [HelloWorld]",
+        ]
         await stage.do.remove_slot("EE", who="ann")
         await stage.operations.applying.put_in_force(file, who="ann")
         assert registry.robots.slot_names(robot) == ["AA", "BB", "CC"]

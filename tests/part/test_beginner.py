@@ -27,8 +27,12 @@ def test_a_mistake_in_msbot_part_is_no_beginners_mistake(tmp_path: Path) -> None
     script.write_text("import sys\nfrom msbot_agent.cli import main\nsys.exit(main())\n")
     done = subprocess.run(
         [sys.executable, str(script), "part", "SG90", "--set", "nix=1"],
-        cwd=tmp_path, env={**os.environ, "XDG_STATE_HOME": str(tmp_path)}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2
     assert done.stderr == "msbot: part SG90 has no control 'nix'; controls: it has none\n"
 
@@ -124,9 +128,13 @@ os._exit(0)
 def test_a_function_that_waits_is_told_of_while_it_does(tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(SLEEPER)
     with subprocess.Popen(
-        [sys.executable, "-u", "program.py"], cwd=tmp_path,
-        stdin=subprocess.PIPE, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
+        [sys.executable, "-u", "program.py"],
+        cwd=tmp_path,
+        stdin=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
         assert process.stderr is not None
         said = process.stderr.readline()  # comes though the function has not returned
         assert process.poll() is None

@@ -227,8 +227,10 @@ def test_an_agent_may_what_its_parts_may_and_every_end_is_told() -> None:
     topics = ["far", "free", "HelloWorldTopic_1_to_2", *REQUESTS, *REPLIES]
     asks = ["w", "w", "", ""]
     assert [door.open_to(client, topics) for client in clients] == [
-        ["w", "wr", "", *asks], ["", "wr", "", *asks], ["", "wr", "", *asks],
-    ]  # fmt: skip
+        ["w", "wr", "", *asks],
+        ["", "wr", "", *asks],
+        ["", "wr", "", *asks],
+    ]
     for client, reason in zip(clients, ("session deleted", "silent", "replaced by itself"), strict=True):
         door.access.left(client, reason)
     assert left == [0xA1, 0xA2]

@@ -196,10 +196,18 @@ class Plain:
             if what in ("confirmed", "gone"):
                 waiting = [one for one in waiting if one[0] != who]
         return StopStatus(
-            stopped=self.holds, number=self.latest, first=self.number, by=self.by, reason=self.reason,
-            since_ns=self.at_ns if self.holds else None, confirmed=tuple(confirmed),
-            silent=tuple(name for name, _ in waiting), also_by=tuple(also), trouble="", is_stored=True,
-        )  # fmt: skip
+            stopped=self.holds,
+            number=self.latest,
+            first=self.number,
+            by=self.by,
+            reason=self.reason,
+            since_ns=self.at_ns if self.holds else None,
+            confirmed=tuple(confirmed),
+            silent=tuple(name for name, _ in waiting),
+            also_by=tuple(also),
+            trouble="",
+            is_stored=True,
+        )
 
 
 @pytest.mark.parametrize("seed", range(8))

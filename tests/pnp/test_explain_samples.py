@@ -363,13 +363,23 @@ def test_a_peer_of_whom_nothing_is_known_has_a_number_on_a_bus_only(peer: int | 
         (0x15, True, SAMPLE, ("knob says port index 3, message turn-on 2",), ()),
         (0x16, False, SAMPLE, ("knob hears port index 3, message turn-on 2",), ()),
         (0x17, True, Beat(lease=7).encode(), (), ("knob says that it is alive",)),
-        (0x17, False, bytes(4) + BeatReply(configuration_version=1).encode(), (),
-         ("the master has heard that knob is alive",)),
+        (
+            0x17,
+            False,
+            bytes(4) + BeatReply(configuration_version=1).encode(),
+            (),
+            ("the master has heard that knob is alive",),
+        ),
         (0x18, False, bytes(24) + Beat(lease=7).encode(), (), ("knob says that it is alive",)),
-        (0x18, True, bytes(24) + BeatReply(configuration_version=0).encode(), (),
-         ("the master does not know knob any more",)),
+        (
+            0x18,
+            True,
+            bytes(24) + BeatReply(configuration_version=0).encode(),
+            (),
+            ("the master does not know knob any more",),
+        ),
     ],
-)  # fmt: skip
+)
 def test_who_listens_late_understands_every_kind_of_object(
     object_id: int, up: bool, payload: bytes, plain: tuple[str, ...], about: tuple[str, ...]
 ) -> None:

@@ -11,9 +11,13 @@ from msbot.pnp import Configuration, SlotBinding
 from msbot.pnp.state_changes import HandControl
 
 WIRED = Configuration(
-    version=3, slot="fan", bindings=(SlotBinding("power", "fan_power", "Level", publishes=False),
-                                     SlotBinding("speed", "fan_speed", "Number", publishes=True)),
-)  # fmt: skip
+    version=3,
+    slot="fan",
+    bindings=(
+        SlotBinding("power", "fan_power", "Level", publishes=False),
+        SlotBinding("speed", "fan_speed", "Number", publishes=True),
+    ),
+)
 
 
 def test_nothing_changes_while_nobody_holds_anything() -> None:

@@ -35,11 +35,20 @@ def test_why_tells_the_chain_of_rules_with_evidence() -> None:
 @pytest.mark.parametrize(
     ("seconds", "words"),
     [
-        (-1.0, "0.0 s"), (0.04, "0.0 s"), (9.9, "9.9 s"), (9.95, "10 s"), (9.96, "10 s"), (119.0, "119 s"),
-        (120.0, "2 min"), (7100.0, "118 min"), (7200.0, "2 h"), (172_000.0, "48 h"), (172_800.0, "2 days"),
+        (-1.0, "0.0 s"),
+        (0.04, "0.0 s"),
+        (9.9, "9.9 s"),
+        (9.95, "10 s"),
+        (9.96, "10 s"),
+        (119.0, "119 s"),
+        (120.0, "2 min"),
+        (7100.0, "118 min"),
+        (7200.0, "2 h"),
+        (172_000.0, "48 h"),
+        (172_800.0, "2 days"),
         (1e7, "116 days"),
     ],
-)  # fmt: skip
+)
 def test_a_time_is_as_exact_as_matters_after_so_long(seconds: float, words: str) -> None:
     assert lasting(seconds) == words
 

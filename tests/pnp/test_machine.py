@@ -50,9 +50,14 @@ class InventoryMachine(RuleBasedStateMachine):
 
     @precondition(lambda self: self.open)
     @rule(
-        key=keys, number=numbers, name=names, serial=serials, nonce=st.integers(0, 1), compat=st.booleans(),
+        key=keys,
+        number=numbers,
+        name=names,
+        serial=serials,
+        nonce=st.integers(0, 1),
+        compat=st.booleans(),
         data=st.data(),
-    )  # fmt: skip
+    )
     def claim(
         self, key: int, number: str, name: str, serial: int, nonce: int, compat: bool, data: st.DataObject
     ) -> None:

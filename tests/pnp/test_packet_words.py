@@ -40,8 +40,10 @@ def test_what_a_part_and_the_inventory_say(message: object, sentence: str | None
 def test_every_message_of_the_inventory_has_a_sentence_of_its_own() -> None:
     requests: set[type] = {*get_args(plug.Request), TroublePiece}
     replies: set[type] = {*get_args(plug.Reply)} - {plug.Notice}
-    told = {kind: inventory_sentence(filled(kind, configuration_version=1, part_number="N"), "knob")
-            for kind in requests | replies}  # fmt: skip
+    told = {
+        kind: inventory_sentence(filled(kind, configuration_version=1, part_number="N"), "knob")
+        for kind in requests | replies
+    }
     told |= {kind: inventory_sentence(plug.Notice(number=1, binding=0, kind=kind), "knob") for kind in plug.NoticeKind}  # type: ignore[misc]
     assert None not in told.values()
     alike: dict[type, type] = {plug.Proof: plug.SealedProof, plug.Challenge: plug.SealedChallenge}

@@ -151,11 +151,15 @@ def test_who_was_there_before_and_reads_is_told_what_has_changed_within_a_turn(t
         for key, use in turn.items():
             record = records[key]
             record.state, record.is_held = use.state, use.is_held
-            record.configuration = Configuration(1, "AA", tuple(
-                SlotBinding(f"{topic} {publishes}", topic, "HelloWorld", publishes=publishes)
-                for topics, publishes in ((use.out, True), (use.into, False))
-                for topic in sorted(topics)
-            ))  # fmt: skip
+            record.configuration = Configuration(
+                1,
+                "AA",
+                tuple(
+                    SlotBinding(f"{topic} {publishes}", topic, "HelloWorld", publishes=publishes)
+                    for topics, publishes in ((use.out, True), (use.into, False))
+                    for topic in sorted(topics)
+                ),
+            )
             partners.touch(record)
             partners.touch(record)
         had, has = (

@@ -182,10 +182,13 @@ def test_what_is_said_with_a_lease_is_taken_from_its_holder_alone(right: bool) -
     lease = counter.register().lease ^ (not right)
     now = rig.now
     said: list[plug.Request] = [
-        plug.NatureMessage(lease=lease, nature=2), *trouble_pieces(lease, "the sensor is not there"),
-        plug.ConfigurationRequest(lease=lease, have_version=0), plug.Beat(lease=lease),
-        plug.StoppedBeat(lease=lease, number=1), plug.Proof(proof=bytes(16)),
-    ]  # fmt: skip
+        plug.NatureMessage(lease=lease, nature=2),
+        *trouble_pieces(lease, "the sensor is not there"),
+        plug.ConfigurationRequest(lease=lease, have_version=0),
+        plug.Beat(lease=lease),
+        plug.StoppedBeat(lease=lease, number=1),
+        plug.Proof(proof=bytes(16)),
+    ]
     answers = [counter.requests.answer(one, KEY, now) for one in said]
     version = plug.BeatReply(configuration_version=int(right))
     assert [type(one).__name__ for one in answers if one not in (None, version)] == ["ConfigurationMessage"] * right

@@ -87,9 +87,7 @@ class Desk:
         return self.said()
 
     def claim(self, key: int, number: str, *, nonce: int = 1, serial: int = 0, requester: int = 1) -> list[Said]:
-        message = plug.ClaimMessage(
-            part_number=number, local_name="", uid=uid(serial or key), session_nonce=nonce
-        )  # fmt: skip
+        message = plug.ClaimMessage(part_number=number, local_name="", uid=uid(serial or key), session_nonce=nonce)
         return self.ask(key, message, requester=requester)
 
     def join(self, key: int, number: str) -> int:

@@ -21,9 +21,16 @@ class Hand:
         return self._edits.make(robot, who, partial(slot_values.set_value, slot=slot, name=name, value=value))
 
     def place(
-        self, robot: RobotRecord, uid: bytes, slot: str | None, who: str, *, words: str = "", by_hand: bool = True,
+        self,
+        robot: RobotRecord,
+        uid: bytes,
+        slot: str | None,
+        who: str,
+        *,
+        words: str = "",
+        by_hand: bool = True,
         before: dict[bytes, str | None] | None = None,
-    ) -> EditRecord:  # fmt: skip
+    ) -> EditRecord:
         making = partial(places.put, uid=uid, slot=slot, words=words, by_hand=by_hand, before=before)
         return self._edits.make(robot, who, making)
 
@@ -37,9 +44,16 @@ class Hand:
         return self._edits.make(robot, who, partial(blocks.unblock, kind=kind, key=key))
 
     def bind(
-        self, robot: RobotRecord, topic: str, who: str, *, type_name: str, source: SlotPort | None,
-        targets: Sequence[SlotPort] = (), reliable: bool = True,
-    ) -> EditRecord:  # fmt: skip
+        self,
+        robot: RobotRecord,
+        topic: str,
+        who: str,
+        *,
+        type_name: str,
+        source: SlotPort | None,
+        targets: Sequence[SlotPort] = (),
+        reliable: bool = True,
+    ) -> EditRecord:
         making = partial(
             wires.bind, topic=topic, type_name=type_name, source=source, targets=targets, reliable=reliable
         )

@@ -59,7 +59,7 @@ def running_server(programs: Path, *, network: str = "", host: str = "", durable
 @contextmanager
 def serving(
     programs: Path, folder: Path, *, network: str = "", host: str = "", durable: bool = False
-) -> Iterator[None]:  # fmt: skip
+) -> Iterator[None]:
     """The server of a cluster that is there: also once more, after it has crashed."""
     settings = [word for setting in (*_SMALL, *(() if durable else _QUICK)) for word in ("-c", setting)]
     user = _unprivileged()

@@ -72,8 +72,13 @@ class School:
         self.keys = PartKeys(self.storage, self.edits)
         self.said: list[tuple[int, str, str, str]] = []
         self.plain: dict[str, Any] = {
-            "users": {}, "keys": {}, "programs": {}, "ticks": {}, "groups": {0: [], 1: []}, "made": 0,
-        }  # fmt: skip
+            "users": {},
+            "keys": {},
+            "programs": {},
+            "ticks": {},
+            "groups": {0: [], 1: []},
+            "made": 0,
+        }
 
     def robot(self, serial: str) -> RobotRecord:
         blueprint = replace(ROBOT, robot=replace(ROBOT.robot, serial_number=serial))

@@ -31,8 +31,9 @@ sys.stdin.read()
 @pytest.fixture
 def database(server: str, server_database: str) -> Iterator[str]:
     """An address of a database with all tables that may be spoilt."""
-    engine = create_engine(make_url(server.format("postgres")).set(drivername="postgresql+psycopg"),
-                           isolation_level="AUTOCOMMIT")  # fmt: skip
+    engine = create_engine(
+        make_url(server.format("postgres")).set(drivername="postgresql+psycopg"), isolation_level="AUTOCOMMIT"
+    )
     with engine.connect() as connection:
         connection.execute(text("CREATE DATABASE spoilt TEMPLATE pattern"))
     yield server.format("spoilt")
@@ -95,9 +96,13 @@ def test_reading_only_is_kept_by_the_server(clean_server_database: str) -> None:
 
 
 def test_an_older_database_is_copied_within_and_brought_up_to_date(
-    database: str, engine: Engine, tmp_path: Path, blueprint: Blueprint, library: Library,
+    database: str,
+    engine: Engine,
+    tmp_path: Path,
+    blueprint: Blueprint,
+    library: Library,
     caplog: pytest.LogCaptureFixture,
-) -> None:  # fmt: skip
+) -> None:
     with open_registry(database) as registry:
         registry.robots.apply_blueprint(blueprint, library)
     with pytest.raises(RegistryError, match='syntax error at or near "this"'):

@@ -24,10 +24,13 @@ def test_a_uid_is_16_digits_and_no_uid_is_empty() -> None:
 @pytest.mark.parametrize(
     ("kind", "default", "text", "value"),
     [
-        ("text", "", " a b ", " a b "), ("int", 0, " 7 ", 7), ("float", 0.0, " 7.5 ", 7.5), ("float", 0.0, "7", 7),
+        ("text", "", " a b ", " a b "),
+        ("int", 0, " 7 ", 7),
+        ("float", 0.0, " 7.5 ", 7.5),
+        ("float", 0.0, "7", 7),
         ("bool", False, " Yes ", True),
     ],
-)  # fmt: skip
+)
 def test_blanks_around_a_value_count_in_texts_only(kind: str, default: object, text: str, value: object) -> None:
     record = ValueRecord("p", kind, "", None, None, default, default, "library", "", 0, "")  # type: ignore[arg-type]
     assert record.read(text) == value

@@ -43,8 +43,12 @@ class SharedMemory:
         return writer
 
     def reader(
-        self, topic: Topic, qos: Qos, deliver: Callable[[Sample], bool], owner: Owner = Owner()  # noqa: B008
-    ) -> Reader:  # fmt: skip
+        self,
+        topic: Topic,
+        qos: Qos,
+        deliver: Callable[[Sample], bool],
+        owner: Owner = Owner(),  # noqa: B008
+    ) -> Reader:
         self._readers += 1
         guid = self._readers.to_bytes(16, "big")
         endpoint = OwnEndpoint(owner, 0, topic.name, topic.type_name, guid, is_writer=False)
@@ -81,9 +85,12 @@ class RosStage:
         assert isinstance(self.space, MemorySpace)
         self.shared = SharedMemory(self.space)
         self.robot = RobotInRos(
-            stage.master, operations or stage.operations, self.shared, description=description,
+            stage.master,
+            operations or stage.operations,
+            self.shared,
+            description=description,
             epoch_ns=lambda: round(1_000_000_000 * stage.now()),
-        )  # fmt: skip
+        )
         assert stage.tasks is not None
         self._running = stage.tasks.create_task(self.robot.run())
         self.heard: dict[str, list[bytes]] = {}

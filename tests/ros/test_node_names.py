@@ -30,8 +30,11 @@ def test_a_participant_of_micro_ros_names_its_node(participant: str, node: NodeN
 def test_slots_live_in_the_namespace_of_their_robot() -> None:
     nodes = slot_nodes("ROVER-1", ["knob", "left wheel", "left-wheel", "2nd"])
     assert [str(node) for node in nodes.values()] == [
-        "/ROVER_1/knob", "/ROVER_1/left_wheel", "/ROVER_1/left_wheel_2", "/ROVER_1/_2nd",
-    ]  # fmt: skip
+        "/ROVER_1/knob",
+        "/ROVER_1/left_wheel",
+        "/ROVER_1/left_wheel_2",
+        "/ROVER_1/_2nd",
+    ]
     assert str(robot_node("ROVER-1")) == "/ROVER_1"
 
 

@@ -79,8 +79,11 @@ def test_diagnostics_tell_every_slot_once_a_second(tmp_path: Path) -> None:
         assert [one.header.stamp.sec for one in diagnostics()] == [1, 2, 3, 4]
         status = {one.name: one for one in diagnostics()[-1].status}
         assert {name: one.level for name, one in status.items()} == {
-            "MSBOT_MASTER": WARN, "MSBOT_MASTER: AA": OK, "MSBOT_MASTER: BB": OK, "MSBOT_MASTER: CC": STALE,
-        }  # fmt: skip
+            "MSBOT_MASTER": WARN,
+            "MSBOT_MASTER: AA": OK,
+            "MSBOT_MASTER: BB": OK,
+            "MSBOT_MASTER: CC": STALE,
+        }
         assert status["MSBOT_MASTER"].message == "without a part: CC"
         values = {pair.key: pair.value for pair in status["MSBOT_MASTER: AA"].values}
         assert (values["state"], values["part_number"]) == ("active", "DIAL")
@@ -121,19 +124,22 @@ def test_parameters_are_listed_described_and_read(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         ros = RosStage(stage)
         await asyncio.sleep(0.1)
-        names = await ros.ask(AA, "list_parameters", ListParameters_Request(prefixes=[], depth=0),
-                              ListParameters_Response)  # fmt: skip
+        names = await ros.ask(
+            AA, "list_parameters", ListParameters_Request(prefixes=[], depth=0), ListParameters_Response
+        )
         assert (names.result.names, names.result.prefixes) == (["period_s"], [])
         both = ["period_s", "nothing"]
         (known, unknown) = (
-            await ros.ask(AA, "describe_parameters", DescribeParameters_Request(names=both),
-                          DescribeParameters_Response)
-        ).descriptors  # fmt: skip
+            await ros.ask(
+                AA, "describe_parameters", DescribeParameters_Request(names=both), DescribeParameters_Response
+            )
+        ).descriptors
         assert (known.name, known.type, known.additional_constraints) == ("period_s", 3, "unit: s")
         assert [(one.from_value, one.to_value) for one in known.floating_point_range] == [(0.1, 10.0)]
         assert (unknown.name, unknown.type) == ("nothing", 0)
-        types = await ros.ask(AA, "get_parameter_types", GetParameterTypes_Request(names=both),
-                              GetParameterTypes_Response)  # fmt: skip
+        types = await ros.ask(
+            AA, "get_parameter_types", GetParameterTypes_Request(names=both), GetParameterTypes_Response
+        )
         assert types.types == bytes([3, 0])
         values = await ros.ask(AA, "get_parameters", GetParameters_Request(names=both), GetParameters_Response)
         assert values.values == [parameter_value(1.0), parameter_value(None)]
@@ -152,8 +158,9 @@ def test_setting_a_parameter_is_msbot_set(tmp_path: Path) -> None:
             asked = SetParameters_Request(parameters=list(wanted))
             return (await ros.ask(AA, "set_parameters", asked, SetParameters_Response)).results
 
-        results = await put(parameter("period_s", 0.5), parameter("period_s", 99.0), parameter("x", 1.0),
-                            parameter("period_s", "soon"))  # fmt: skip
+        results = await put(
+            parameter("period_s", 0.5), parameter("period_s", 99.0), parameter("x", 1.0), parameter("period_s", "soon")
+        )
         assert [(one.successful, one.reason) for one in results] == [
             (True, ""),
             (False, "period_s: is 99.0; it must be 0.1 to 10 s"),
@@ -168,8 +175,10 @@ def test_setting_a_parameter_is_msbot_set(tmp_path: Path) -> None:
         assert [one.successful for one in await put(parameter("period_s", None))] == [True]  # ros2 param delete
         await stage.do.set("AA", "period_s", "4", who="ann")
         await asyncio.sleep(0.1)
-        told = [(one.node, [value.value.double_value for value in (*one.new_parameters, *one.changed_parameters)])
-                for one in events()]  # fmt: skip
+        told = [
+            (one.node, [value.value.double_value for value in (*one.new_parameters, *one.changed_parameters)])
+            for one in events()
+        ]
         assert [values for node, values in told if node == AA] == [[1.0], [0.5], [2.0], [1.0], [4.0]]
         ros.end()
 
@@ -187,14 +196,17 @@ def test_setting_together_is_all_or_nothing(tmp_path: Path) -> None:
             return reply.result.successful, reply.result.reason
 
         assert await put(parameter("period_s", 0.5), parameter("gain", 99.0)) == (
-            False, "gain: is 99.0; it must be 0 to 9",
-        )  # fmt: skip
+            False,
+            "gain: is 99.0; it must be 0 to 9",
+        )
         assert await put(parameter("period_s", 0.5), parameter("period_s", 0.6)) == (
-            False, "a parameter is named twice",
-        )  # fmt: skip
+            False,
+            "a parameter is named twice",
+        )
         assert await put(parameter("period_s", 0.5), parameter("gain", None)) == (
-            False, "gain of slot AA is not set by hand: its value is the library's already",
-        )  # fmt: skip
+            False,
+            "gain of slot AA is not set by hand: its value is the library's already",
+        )
         assert await stage.operations.undoing.read(50) == []
         assert await put(parameter("period_s", 0.5), parameter("gain", 3.0)) == (True, "")
         await asyncio.sleep(0.1)

@@ -29,5 +29,8 @@ def test_a_late_module_is_loaded_at_its_first_use_or_second_import(tmp_path: Pat
     script = f"import builtins, sys\nbuiltins.loaded = []\nsys.path.append({str(tmp_path)!r})\n{SCRIPT}"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert run.stdout.splitlines() == [
-        "[]", "['late_one']", "nothing_of_that_name", "['late_one', 'late_other'] here",
-    ]  # fmt: skip
+        "[]",
+        "['late_one']",
+        "nothing_of_that_name",
+        "['late_one', 'late_other'] here",
+    ]

@@ -81,8 +81,11 @@ def test_events_of_parts_in_slots_are_all_written_and_those_of_strangers_counted
     assert sum(one["slot"] == "AA" for one in found) == 2 * BURST
     assert sum(one["slot"] == "" for one in found) == BURST
     assert {key: found[0][key] for key in ("part", "from", "to", "reason")} == {
-        "part": "P0", "from": "new", "to": "late", "reason": "no beat",
-    }  # fmt: skip
+        "part": "P0",
+        "from": "new",
+        "to": "late",
+        "reason": "no beat",
+    }
 
 
 def test_rooms_get_the_levels_that_are_asked_for() -> None:

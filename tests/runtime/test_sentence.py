@@ -13,8 +13,12 @@ from hypothesis import strategies as st
 from msbot_agent.text.sentence import Sentence, counted, from_json, said, to_json, without
 from msbot_xrce.errors import ConfigError
 
-BY_HAND = said("{part} is {state}: {reason}", part="AA", state=said("lost"),
-               reason=said("no beat for {seconds:.1f} s", seconds=5.04))  # fmt: skip
+BY_HAND = said(
+    "{part} is {state}: {reason}",
+    part="AA",
+    state=said("lost"),
+    reason=said("no beat for {seconds:.1f} s", seconds=5.04),
+)
 
 
 def test_a_sentence_is_a_text() -> None:
@@ -55,9 +59,19 @@ def test_whatever_its_values_are_it_reads_the_same_afterwards(given_values: dict
 
 @pytest.mark.parametrize(
     "content",
-    [None, 7, [], {}, {"form": 1, "values": {}}, {"form": "{x}", "values": {}}, {"form": "{x.y}", "values": {"x": 1}},
-     {"form": "{", "values": {"x": 1}}, {"form": "{0}", "values": {"x": 1}}, {"form": "{x:d}", "values": {"x": "y"}}],
-)  # fmt: skip
+    [
+        None,
+        7,
+        [],
+        {},
+        {"form": 1, "values": {}},
+        {"form": "{x}", "values": {}},
+        {"form": "{x.y}", "values": {"x": 1}},
+        {"form": "{", "values": {"x": 1}},
+        {"form": "{0}", "values": {"x": 1}},
+        {"form": "{x:d}", "values": {"x": "y"}},
+    ],
+)
 def test_what_makes_no_sense_is_shown_as_it_stands(content: object) -> None:
     assert isinstance(from_json(content), str)
 

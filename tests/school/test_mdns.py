@@ -82,9 +82,17 @@ def test_one_that_is_told_to_is_found_and_stopped_only_with_an_access(network: N
         def master(name: str, *options: str) -> Process:
             link = f"sim:{Path(name).stem}{network.body}"
             process = network.run(
-                network.body, "master", name, "--host", "0.0.0.0", "--link", link, *options,
-                cwd=tmp_path, env={"XDG_STATE_HOME": str(tmp_path / "body"), "XDG_RUNTIME_DIR": str(tmp_path)},
-            )  # fmt: skip
+                network.body,
+                "master",
+                name,
+                "--host",
+                "0.0.0.0",
+                "--link",
+                link,
+                *options,
+                cwd=tmp_path,
+                env={"XDG_STATE_HOME": str(tmp_path / "body"), "XDG_RUNTIME_DIR": str(tmp_path)},
+            )
             stack.callback(process.end, signal.SIGKILL)
             return process
 

@@ -53,9 +53,10 @@ def test_each_robot_says_for_itself_how_it_went() -> None:
     assert seen == [StepState.WORKING]
     told = [(step.state, step.words, step.edit) for step in run.steps]
     assert told[:3] == [
-        (StepState.CHANGED, "done", 7), (StepState.REFUSED, "no such part", None),
+        (StepState.CHANGED, "done", 7),
+        (StepState.REFUSED, "no such part", None),
         (StepState.SILENT, "no answer in time", None),
-    ]  # fmt: skip
+    ]
     assert [state for state, _, _ in told[3:]] == [StepState.SILENT, StepState.LEFT]
     run.do(0)
     assert seen == [StepState.WORKING], "nothing is done twice"

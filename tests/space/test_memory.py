@@ -336,11 +336,13 @@ steps = st.lists(
     st.one_of(
         st.tuples(st.just("writer"), qualities),
         st.tuples(st.just("reader"), qualities),
-        st.tuples(st.sampled_from(["write", "write", "write", "take", "pause", "close writer", "close reader"]),
-                  st.integers(0, 5)),
+        st.tuples(
+            st.sampled_from(["write", "write", "write", "take", "pause", "close writer", "close reader"]),
+            st.integers(0, 5),
+        ),
     ),
     max_size=60,
-)  # fmt: skip
+)
 
 
 @settings(max_examples=tries(200, 4000))

@@ -105,10 +105,11 @@ async def _replay(stage: FaultStage, _folder: Path) -> None:
         return await perform(stage.operations, request)
 
     deeds = [
-        RecordedAct(step * 1_000_000_000, "Ben", "publish",
-                    {"port": "fan.power", "values": ["percent=70"], "seconds": 2.0})
+        RecordedAct(
+            step * 1_000_000_000, "Ben", "publish", {"port": "fan.power", "values": ["percent=70"], "seconds": 2.0}
+        )
         for step in range(12)
-    ]  # fmt: skip
+    ]
     player = ActPlayer(RecordedActs(tuple(deeds), 0, {}, ""), ask, say=lambda _: None)
     _REPLAYS.append(asyncio.create_task(player.run()))
 

@@ -106,9 +106,7 @@ async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> Asy
     accounts = Accounts(MemoryUsers(*people), clock=loop.time, hasher=PlainHasher())
     link = WebSocketServerLink("ws:test")
     app = Starlette(routes=[PartSocket(link, accounts).route()])
-    guard = AccessGuard(
-        app, accounts, ["127.0.0.1"], cookies=CookieNames(), owns=lambda *_: False, beat=lambda: b"{}"
-    )  # fmt: skip
+    guard = AccessGuard(app, accounts, ["127.0.0.1"], cookies=CookieNames(), owns=lambda *_: False, beat=lambda: b"{}")
     config = uvicorn.Config(guard, log_level="error", lifespan="off", ws_max_size=1024 * 1024)
     config.load()
     master = Master(Blueprint(RobotProfile("R", "1", "2", "", ""), ()), stored or store(slots), random=Random(1))

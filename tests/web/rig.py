@@ -128,11 +128,21 @@ class Rig:
 
     def _describe(self) -> Robot:
         return Robot(
-            name="R", version="1", serial_number="2", released="", manufacturer="", links=[], beat_s=1.0, tick_s=2.0,
-            life=3, stopped=self.stage.operations.stopping.status.stopped,
-            window_s=self.stage.operations.placement.window_s, trouble="",
-            slots=[], arrivals=0,
-        )  # fmt: skip
+            name="R",
+            version="1",
+            serial_number="2",
+            released="",
+            manufacturer="",
+            links=[],
+            beat_s=1.0,
+            tick_s=2.0,
+            life=3,
+            stopped=self.stage.operations.stopping.status.stopped,
+            window_s=self.stage.operations.placement.window_s,
+            trouble="",
+            slots=[],
+            arrivals=0,
+        )
 
     def session(self, role: Role) -> Session:
         """Somebody who has signed in."""

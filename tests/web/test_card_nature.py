@@ -32,9 +32,33 @@ def info(nature: Nature) -> PartInfo:
 )
 def test_the_badge_of_a_card_is_what_its_part_reports(nature: Nature, simulated_here: bool, badge: str) -> None:
     line = part_line(info(nature), is_ignored=False)
-    card = SimpleNamespace(name="lamp", type_name="Lamp", shown_number="LED", state="active", reason="", part=line,
-                           simulated=simulated_here, faults=(), spares=())  # fmt: skip
-    html = str(render("card", say=lambda text: text, card=card, look="active", port=None, ring="", chip="", drawing="",
-                      values="", spark="", held="", stale_age="", beat=""))  # fmt: skip
+    card = SimpleNamespace(
+        name="lamp",
+        type_name="Lamp",
+        shown_number="LED",
+        state="active",
+        reason="",
+        part=line,
+        simulated=simulated_here,
+        faults=(),
+        spares=(),
+    )
+    html = str(
+        render(
+            "card",
+            say=lambda text: text,
+            card=card,
+            look="active",
+            port=None,
+            ring="",
+            chip="",
+            drawing="",
+            values="",
+            spark="",
+            held="",
+            stale_age="",
+            beat="",
+        )
+    )
     assert '<span class="mono">LED</span>' in html
     assert (f">{badge}</span>" in html) if badge else ("origin" not in html)

@@ -15,9 +15,18 @@ PAGE = cast("Page", SimpleNamespace(say=lambda words, **values: words.format(**v
 def test_names_owners_events_and_addresses_are_escaped() -> None:
     bad = '<img src=x onerror="alert(1)">'
     tile = RobotTile(
-        name=bad, serial_number=bad, running=True, here=False, owner=bad, slots=2, active=2, last_event=bad,
-        last_event_age_s=30.0, reachable=True, address='http://127.0.0.1:1/"onclick="alert(1)',
-    )  # fmt: skip
+        name=bad,
+        serial_number=bad,
+        running=True,
+        here=False,
+        owner=bad,
+        slots=2,
+        active=2,
+        last_event=bad,
+        last_event_age_s=30.0,
+        reachable=True,
+        address='http://127.0.0.1:1/"onclick="alert(1)',
+    )
     html = str(_tile(PAGE, tile, "127.0.0.1"))
     assert "<img" not in html
     assert 'onclick="' not in html
@@ -28,9 +37,16 @@ def test_names_owners_events_and_addresses_are_escaped() -> None:
 
 def test_of_a_master_that_does_not_answer_nothing_is_said_but_that() -> None:
     tile = RobotTile(
-        name="R", serial_number="1", running=True, here=False, owner="", slots=2, active=2, last_event="",
+        name="R",
+        serial_number="1",
+        running=True,
+        here=False,
+        owner="",
+        slots=2,
+        active=2,
+        last_event="",
         last_event_age_s=None,
-    )  # fmt: skip
+    )
     html = str(_tile(PAGE, tile, "127.0.0.1"))
     assert "all well" not in html
     assert "its master does not answer on this computer" in html
@@ -38,9 +54,16 @@ def test_of_a_master_that_does_not_answer_nothing_is_said_but_that() -> None:
 
 def test_a_robot_without_a_page_is_no_link() -> None:
     tile = RobotTile(
-        name="R", serial_number="1", running=False, here=False, owner="", slots=3, active=0, last_event="",
+        name="R",
+        serial_number="1",
+        running=False,
+        here=False,
+        owner="",
+        slots=3,
+        active=0,
+        last_event="",
         last_event_age_s=None,
-    )  # fmt: skip
+    )
     html = str(_tile(PAGE, tile, "127.0.0.1"))
     assert "<a " not in html
     assert "no master runs it" in html

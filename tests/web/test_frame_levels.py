@@ -14,14 +14,20 @@ from msbot_web.pages.bus import levels_of
 def line(notation: str) -> FrameLine:
     return FrameLine(
         number=1, age_s=0.0, sender="here", text="", node=1, plain=[], about=[], words=[], notation=notation
-    )  # fmt: skip
+    )
 
 
 def bus(bitrate: int = 500_000, data_bitrate: int = 0) -> BusFigures:
     return BusFigures(
-        watched=True, name="can0", bitrate=bitrate, data_bitrate=data_bitrate, frames=1, load_percent=0.0,
-        frames_per_second=0.0, errors=0,
-    )  # fmt: skip
+        watched=True,
+        name="can0",
+        bitrate=bitrate,
+        data_bitrate=data_bitrate,
+        frames=1,
+        load_percent=0.0,
+        frames_per_second=0.0,
+        errors=0,
+    )
 
 
 def test_every_bit_is_there_with_its_stuff_bits() -> None:

@@ -101,10 +101,16 @@ def connection(accept: str = "", chosen: str = "") -> HTTPConnection:
 @pytest.mark.parametrize(
     ("accept", "chosen", "code"),
     [
-        ("", "", "en"), ("de-DE,de;q=0.9", "", "de"), ("fr,de;q=0.5", "", "de"), ("xx", "", "en"),
-        ("de", "en", "en"), ("en", "de", "de"), ("de", "klingon", "de"), (";;,,-", "", "en"),
+        ("", "", "en"),
+        ("de-DE,de;q=0.9", "", "de"),
+        ("fr,de;q=0.5", "", "de"),
+        ("xx", "", "en"),
+        ("de", "en", "en"),
+        ("en", "de", "de"),
+        ("de", "klingon", "de"),
+        (";;,,-", "", "en"),
     ],
-)  # fmt: skip
+)
 def test_the_language_follows_choice_then_browser_then_english(accept: str, chosen: str, code: str) -> None:
     assert language_of(connection(accept, chosen)).code == code
 
@@ -117,8 +123,12 @@ def test_what_is_not_translated_shows_in_english() -> None:
 
 def test_a_sentence_is_said_with_its_values() -> None:
     german = languages()["de"]
-    sentence = said("{old} is {state} ({reason})", old="AA", state=said("lost"),
-                    reason=said("no beat for {seconds:.1f} s", seconds=5.04))  # fmt: skip
+    sentence = said(
+        "{old} is {state} ({reason})",
+        old="AA",
+        state=said("lost"),
+        reason=said("no beat for {seconds:.1f} s", seconds=5.04),
+    )
     assert german.say(sentence) == "AA ist verloren (kein Herzschlag seit 5,0 s)"
     assert languages()["en"].say(sentence) == sentence == "AA is lost (no beat for 5.0 s)"
 
@@ -133,8 +143,8 @@ def test_a_number_of_things_has_its_own_form(number: int, words: str) -> None:
 
 @pytest.mark.parametrize(
     ("value", "form", "words"),
-    [(49.9, "", "49,9"), (0.25, ".1f", "0,2"), (1234567.0, ",.1f", "1.234.567,0"), (3, "g", "3")]
-)  # fmt: skip
+    [(49.9, "", "49,9"), (0.25, ".1f", "0,2"), (1234567.0, ",.1f", "1.234.567,0"), (3, "g", "3")],
+)
 def test_numbers_are_written_the_german_way(value: float, form: str, words: str) -> None:
     assert languages()["de"].number(value, form) == words
     assert languages()["en"].number(value, form) == format(value, form)

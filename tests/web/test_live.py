@@ -181,9 +181,13 @@ def test_nested_values_lists_octets_and_what_is_no_number_are_shown() -> None:
     rig = Rig()
     rig.live.watch({"a": "Everything"})
     everything = Everything(
-        place=Place(x=1.5, name="<b>here</b>"), places=[Place(x=float(number), name="") for number in range(40)],
-        numbers=[0.5], raw=b"\x01\xff", far=math.inf, on=True,
-    )  # fmt: skip
+        place=Place(x=1.5, name="<b>here</b>"),
+        places=[Place(x=float(number), name="") for number in range(40)],
+        numbers=[0.5],
+        raw=b"\x01\xff",
+        far=math.inf,
+        on=True,
+    )
     rig.writer("a", "Everything").write(everything.encode())
     fields = rig.fields("a")
     assert (fields["place.x"], fields["place.name"], fields["numbers[0]"]) == (1.5, "<b>here</b>", 0.5)

@@ -16,9 +16,16 @@ OWN = "/home/ann/robot.db"
 
 def tile(name: str, *, running: bool = False, here: bool = False) -> RobotTile:
     return RobotTile(
-        name=name, serial_number="1", running=running, here=here, owner="", slots=3, active=2, last_event="",
+        name=name,
+        serial_number="1",
+        running=running,
+        here=here,
+        owner="",
+        slots=3,
+        active=2,
+        last_event="",
         last_event_age_s=None,
-    )  # fmt: skip
+    )
 
 
 def master(robot: str, *, stopped: bool = False) -> LocalMaster:
@@ -30,8 +37,13 @@ def test_a_robot_of_the_database_gets_what_its_master_says() -> None:
         [tile("ROVER", running=True, here=True)], [master("ROVER", stopped=True)], "/home/ann/robot.db"
     )
     assert (one.here, one.address, one.slots, one.active, one.stopped, one.reachable) == (
-        True, "http://127.0.0.1:5", 5, 4, True, True,
-    )  # fmt: skip
+        True,
+        "http://127.0.0.1:5",
+        5,
+        4,
+        True,
+        True,
+    )
 
 
 def test_a_robot_of_another_database_is_there_too_and_one_elsewhere_is_not_reachable() -> None:

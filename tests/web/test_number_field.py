@@ -21,9 +21,22 @@ from tests.web.rig import Rig, show
 
 @pytest.mark.parametrize(
     ("text", "number"),
-    [("0,1", 0.1), ("0.1", 0.1), (" 12 ", 12), ("-3,25", -3.25), ("\N{MINUS SIGN}7", -7), ("+2", 2), (",5", 0.5),
-     ("1.", 1.0), ("1e-3", 0.001), ("0,125", 0.125), ("0.125", 0.125), ("1,50", 1.5), ("1234,500", 1234.5)],
-)  # fmt: skip
+    [
+        ("0,1", 0.1),
+        ("0.1", 0.1),
+        (" 12 ", 12),
+        ("-3,25", -3.25),
+        ("\N{MINUS SIGN}7", -7),
+        ("+2", 2),
+        (",5", 0.5),
+        ("1.", 1.0),
+        ("1e-3", 0.001),
+        ("0,125", 0.125),
+        ("0.125", 0.125),
+        ("1,50", 1.5),
+        ("1234,500", 1234.5),
+    ],
+)
 @pytest.mark.parametrize("code", ["en", "de"])
 def test_a_comma_is_a_point(code: str, text: str, number: float) -> None:
     assert languages()[code].read_number(text) == number

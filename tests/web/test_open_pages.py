@@ -75,8 +75,9 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
 
 
 async def test_another_page_cannot_be_clicked_by_who_knows_its_number(rig: Rig) -> None:
-    teacher, eve = (rig.accounts.sessions.begin(name, role) for name, role in
-                    (("teacher", Role.TEACHER), ("eve", Role.VIEWER)))  # fmt: skip
+    teacher, eve = (
+        rig.accounts.sessions.begin(name, role) for name, role in (("teacher", Role.TEACHER), ("eve", Role.VIEWER))
+    )
     theirs, own = rig.open(teacher), rig.open(eve)
     assert await rig.connect("s1", teacher, theirs)
     for client_id in (theirs, "of a master before"):
@@ -184,8 +185,9 @@ async def test_an_upload_belongs_to_the_page_of_its_session(rig: Rig) -> None:
 
 
 async def test_a_page_that_is_left_is_not_kept_and_others_are(rig: Rig) -> None:
-    teacher, eve = (rig.accounts.sessions.begin(name, role) for name, role in
-                    (("teacher", Role.TEACHER), ("eve", Role.VIEWER)))  # fmt: skip
+    teacher, eve = (
+        rig.accounts.sessions.begin(name, role) for name, role in (("teacher", Role.TEACHER), ("eve", Role.VIEWER))
+    )
     left, other = rig.open(teacher), rig.open(teacher)
     await rig.connect("s1", teacher, left)
     await rig.connect("s2", eve, rig.open(eve))

@@ -275,9 +275,12 @@ async def test_a_connection_by_long_polling_is_of_the_session_that_began_it(monk
             answers.append(message)
 
         scope = {
-            "type": "http", "path": "/_nicegui_ws/socket.io/", "query_string": query.encode(), "headers": [],
+            "type": "http",
+            "path": "/_nicegui_ws/socket.io/",
+            "query_string": query.encode(),
+            "headers": [],
             "state": {"session": session},
-        }  # fmt: skip
+        }
         await sockets(scope, receive, send)
         return answers[0]["status"] if answers else 200
 

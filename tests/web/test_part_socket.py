@@ -135,9 +135,12 @@ class Fake:
         self.sent: list[dict[str, Any]] = []
         self.session = accounts.sessions.begin("bob", role)
         scope = {
-            "type": "websocket", "path": "/api/link", "headers": [], "client": ("10.0.0.7", 4711),
+            "type": "websocket",
+            "path": "/api/link",
+            "headers": [],
+            "client": ("10.0.0.7", 4711),
             "state": {"session": self.session},
-        }  # fmt: skip
+        }
         self.inbox.put_nowait({"type": "websocket.connect"})
         socket = WebSocket(scope, self.inbox.get, self._send)
         self.task = asyncio.get_running_loop().create_task(PartSocket(link, accounts).serve(socket))

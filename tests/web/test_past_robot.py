@@ -95,13 +95,33 @@ def told(card: SlotCard) -> object:
     """What a card shows and a recording tells."""
     part = card.part
     return (
-        card.name, card.part_number, card.type_name, card.state, card.reason, card.description, card.spares,
+        card.name,
+        card.part_number,
+        card.type_name,
+        card.state,
+        card.reason,
+        card.description,
+        card.spares,
         card.faults,
-        None if part is None else
-        (part.part, part.part_number, part.local_name, part.uid, part.slot, part.nature, part.life),
-        [(one.port, one.topic, one.type_name, one.publishes, one.reliable, one.fields, one.held, one.safe, one.stale,
-          None if one.age_s is None else round(one.age_s, 3)) for one in card.ports],
-    )  # fmt: skip
+        None
+        if part is None
+        else (part.part, part.part_number, part.local_name, part.uid, part.slot, part.nature, part.life),
+        [
+            (
+                one.port,
+                one.topic,
+                one.type_name,
+                one.publishes,
+                one.reliable,
+                one.fields,
+                one.held,
+                one.safe,
+                one.stale,
+                None if one.age_s is None else round(one.age_s, 3),
+            )
+            for one in card.ports
+        ],
+    )
 
 
 def beats(cards: list[SlotCard]) -> dict[str, float]:

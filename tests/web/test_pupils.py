@@ -72,10 +72,12 @@ def test_a_pasted_list_is_read(text: str, found: list[tuple[str, str]]) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "is empty"), ("Ada\n;Red", "line 2: the name is missing"), ("Ada\nBen\nAda;Red", "line 3: 'Ada' is there"),
+        ("", "is empty"),
+        ("Ada\n;Red", "line 2: the name is missing"),
+        ("Ada\nBen\nAda;Red", "line 3: 'Ada' is there"),
         ("\n".join(f"p{number}" for number in range(1001)), "more than 1000"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_a_list_is_said(text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         read_list(text)
@@ -131,13 +133,18 @@ def test_only_teachers_have_a_class(tmp_path: Path) -> None:
         desk, student = rig.service.pupils, rig.session(Role.STUDENT)
         who = rig.service.asker(student)
         for deed in (
-            lambda: desk.add(student, "Ada", 1, who), lambda: desk.tickets(student, 1),
-            lambda: desk.class_ticket(student, 30), lambda: desk.make_groups(student, who),
-            lambda: desk.now(student, "en", {}), lambda: desk.groups_now(student, {}, frozenset()),
-            lambda: desk.program(student, "Ada"), lambda: desk.write(student, "Ada", "x.py", "x"),
-            lambda: desk.show(student, "Ada", "x.py", "x"), lambda: desk.keep_as_it_is(student, "Ada"),
+            lambda: desk.add(student, "Ada", 1, who),
+            lambda: desk.tickets(student, 1),
+            lambda: desk.class_ticket(student, 30),
+            lambda: desk.make_groups(student, who),
+            lambda: desk.now(student, "en", {}),
+            lambda: desk.groups_now(student, {}, frozenset()),
+            lambda: desk.program(student, "Ada"),
+            lambda: desk.write(student, "Ada", "x.py", "x"),
+            lambda: desk.show(student, "Ada", "x.py", "x"),
+            lambda: desk.keep_as_it_is(student, "Ada"),
             lambda: desk.steer(student, "Ada", run=True),
-        ):  # fmt: skip
+        ):
             assert isinstance(await refusal(deed), NotAllowed)
 
     show(tmp_path, scene)
@@ -156,9 +163,10 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         closed = desk.opened(name, screen)
         assert await desk.program(teacher, name) == ("x.py", ProgramSource("x = 1", BLOCKS), True)
         for deed in (
-            lambda: desk.write(teacher, name, "x.py", "x = 2"), lambda: desk.show(teacher, name, "x.py", "x = 2"),
+            lambda: desk.write(teacher, name, "x.py", "x = 2"),
+            lambda: desk.show(teacher, name, "x.py", "x = 2"),
             lambda: desk.keep_as_it_is(teacher, name),
-        ):  # fmt: skip
+        ):
             assert "take over" in str(await refusal(deed))
         await rig.act(teacher, "take_over", pupil=name)
         await desk.keep_as_it_is(teacher, name)
@@ -194,8 +202,9 @@ def test_simulated_parts_of_another_group_are_not_played_with(tmp_path: Path) ->
         teacher, pupil = rig.session(Role.TEACHER), rig.session(Role.STUDENT)
         await rig.act(teacher, "group", group="Red", pupils=["somebody"], slots=["AA"])
         for deed in (
-            lambda: rig.service.operate(pupil, "AA", "turn", 1), lambda: rig.service.plug(pupil, "AA", plugged=False),
-        ):  # fmt: skip
+            lambda: rig.service.operate(pupil, "AA", "turn", 1),
+            lambda: rig.service.plug(pupil, "AA", plugged=False),
+        ):
             assert "belongs to group Red" in str(await refusal(deed))
 
     show(tmp_path, scene)

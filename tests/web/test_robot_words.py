@@ -20,9 +20,18 @@ def library() -> Library:
 
 def card(name: str, number: str, *, state: str = "empty", simulated: bool = False) -> SlotCard:
     return SlotCard(
-        name=name, part_number=number, type_name="", description="", state=state, reason=said("nothing is plugged in"),
-        part=None, ports=[], next_beat_s=None, simulated=simulated, plugged=None,
-    )  # fmt: skip
+        name=name,
+        part_number=number,
+        type_name="",
+        description="",
+        state=state,
+        reason=said("nothing is plugged in"),
+        part=None,
+        ports=[],
+        next_beat_s=None,
+        simulated=simulated,
+        plugged=None,
+    )
 
 
 def wire(slot: str, port: str, kind: str, *, publishes: bool, topic: str = "") -> WirePort:

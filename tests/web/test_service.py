@@ -297,12 +297,29 @@ def test_people_and_tokens_are_listed_without_their_secrets(tmp_path: Path) -> N
 
 async def test_a_robot_without_a_database_says_so() -> None:
     robot = Robot(
-        name="R", version="", serial_number="1", released="", manufacturer="", links=[], beat_s=1, tick_s=2, life=3,
-        stopped=False, window_s=0, trouble="", slots=[], arrivals=0,
-    )  # fmt: skip
+        name="R",
+        version="",
+        serial_number="1",
+        released="",
+        manufacturer="",
+        links=[],
+        beat_s=1,
+        tick_s=2,
+        life=3,
+        stopped=False,
+        window_s=0,
+        trouble="",
+        slots=[],
+        arrivals=0,
+    )
     records = no_records(lambda: robot)
     assert await records.journal(10, None, False) == []
     assert [(tile.name, tile.here) for tile in await records.robots()] == [("R", True)]
-    for deed in (records.export, lambda: records.diff("x"), lambda: records.apply("x", "y"), records.backup,
-                 lambda: records.restore(chunks(b""), "y")):  # fmt: skip
+    for deed in (
+        records.export,
+        lambda: records.diff("x"),
+        lambda: records.apply("x", "y"),
+        records.backup,
+        lambda: records.restore(chunks(b""), "y"),
+    ):
         assert "database" in str(await refusal(deed))

@@ -13,9 +13,15 @@ from msbot_web.pages.slots_by_hand import TypeChoice, free_name, slot_name
 
 @pytest.mark.parametrize(
     ("type_name", "name"),
-    [("Servo, 180 degrees", "servo"), ("Motion sensor (PIR)", "motion_sensor"), ("Push button", "push_button"),
-     ("Größe", "größe"), ("(?)", "slot"), ("", "slot")],
-)  # fmt: skip
+    [
+        ("Servo, 180 degrees", "servo"),
+        ("Motion sensor (PIR)", "motion_sensor"),
+        ("Push button", "push_button"),
+        ("Größe", "größe"),
+        ("(?)", "slot"),
+        ("", "slot"),
+    ],
+)
 def test_a_slot_is_called_after_its_part_type(type_name: str, name: str) -> None:
     assert slot_name(type_name) == name
 

@@ -11,10 +11,23 @@ from msbot_web.timeline import KEPT_BEATS, KEPT_SPANS, Timeline
 from tests.registry.events import changed
 
 INFO = PartInfo(
-    part="AA", part_number="ABCD", local_name="", uid=b"12345678", slot="AA", state=PartState.ACTIVE, reason="",
-    state_age_s=1.0, life=3, beat_age_s=0.0, beats=0, plug_in_to_active_ms=None, client_key=1, address="here",
-    refused_claims=0, duplicates=(),
-)  # fmt: skip
+    part="AA",
+    part_number="ABCD",
+    local_name="",
+    uid=b"12345678",
+    slot="AA",
+    state=PartState.ACTIVE,
+    reason="",
+    state_age_s=1.0,
+    life=3,
+    beat_age_s=0.0,
+    beats=0,
+    plug_in_to_active_ms=None,
+    client_key=1,
+    address="here",
+    refused_claims=0,
+    duplicates=(),
+)
 
 
 def test_each_change_of_a_slot_begins_a_span() -> None:

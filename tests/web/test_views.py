@@ -28,8 +28,9 @@ def test_slots_stand_in_the_order_of_the_blueprint_with_part_beat_and_wires(tmp_
         assert first.next_beat_s is not None
         assert -0.2 <= first.next_beat_s <= 1.0
         assert [(port.port, port.publishes, port.topic) for port in first.ports] == [
-            ("out", True, "HelloWorldTopic_1_to_2"), ("in", False, "HelloWorldTopic_3_to_1"),
-        ]  # fmt: skip
+            ("out", True, "HelloWorldTopic_1_to_2"),
+            ("in", False, "HelloWorldTopic_3_to_1"),
+        ]
         assert rig.views.slot("BB").name == second.name
         assert len(rig.views.beat_intervals("AA")) >= 2
         assert rig.views.beat_intervals("AA") == pytest.approx([1.0] * len(rig.views.beat_intervals("AA")), abs=0.2)

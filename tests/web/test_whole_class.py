@@ -27,9 +27,17 @@ PAGE = "http://10.0.0.2:8080"
 
 def tile(name: str, *, reachable: bool = False) -> RobotTile:
     return RobotTile(
-        name=name, serial_number="1", running=True, here=False, owner="", slots=3, active=2, last_event="x",
-        last_event_age_s=None, reachable=reachable,
-    )  # fmt: skip
+        name=name,
+        serial_number="1",
+        running=True,
+        here=False,
+        owner="",
+        slots=3,
+        active=2,
+        last_event="x",
+        last_event_age_s=None,
+        reachable=reachable,
+    )
 
 
 def far(name: str, database: str = "", trouble: str = "") -> ClassRobot:
@@ -118,8 +126,24 @@ ODD = (
     b"null", b"true", b"-1", b"0", b"1e999", b"1.5", b"9" * 4000, b'"' + b"9" * 5000 + b'"', b'"\\ud800"', b'"\\u0000"',
     b'"\xd9\xa3"', b'"javascript:alert(1)"', b'"http://["', b"[]", b'["\\udfff"]', b"{}", b"[" * 80 + b"]" * 80,
 )  # fmt: skip
-SAID = ("robot", "serial_number", "page", "slots", "active", "stopped", "told", "silent", "not_confirmed", "confirmed",
-        "stored", "database", "version", "blueprint", "msbot", "stop_group")  # fmt: skip
+SAID = (
+    "robot",
+    "serial_number",
+    "page",
+    "slots",
+    "active",
+    "stopped",
+    "told",
+    "silent",
+    "not_confirmed",
+    "confirmed",
+    "stored",
+    "database",
+    "version",
+    "blueprint",
+    "msbot",
+    "stop_group",
+)
 
 
 def answering(answer: dict[str, object]) -> Ask:

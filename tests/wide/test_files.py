@@ -65,7 +65,7 @@ CROSS = '[[cross]]\ntopic = "a"\ntype = "A"\ndirection = "out"\n'
         (f'inside = "zenoh"\noutside = "dds"\n{CROSS}', 2, "the others are reached by Zenoh"),
         (f'inside = "zenoh"\noutside = "zenoh"\n{CROSS}', 2, "inside and outside are the same"),
         (f"{HEAD}{CROSS}kep = 1\n", 7, "there is no such key here"),
-        (f'{HEAD}{CROSS}every_s = -1\n', 7, "must be 0 to 3600 s"),
+        (f"{HEAD}{CROSS}every_s = -1\n", 7, "must be 0 to 3600 s"),
         (f"{HEAD}{CROSS}keep = 20\ndepth = 5\n", 7, "is 20, and depth is 5: it cannot be more than that"),
         (HEAD + CROSS.replace("out", "up"), 6, 'is none of "out", "in", "both"'),
         (HEAD + CROSS + CROSS, 8, '"a" crosses already, by number 1 of the list'),
@@ -73,7 +73,7 @@ CROSS = '[[cross]]\ntopic = "a"\ntype = "A"\ndirection = "out"\n'
         (HEAD + CROSS.replace('"a"', '"a*"'), 4, 'must not contain "*"'),
         (HEAD + '[[cross]]\ntopic = "a"\ndirection = "in"\n', 3, "type"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_in_a_gateway_file_are_told_with_their_line(tmp_path: Path, text: str, line: int, words: str) -> None:
     with pytest.raises(FoundProblems) as caught:
         read_gateway_file(written(tmp_path, text))

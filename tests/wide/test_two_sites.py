@@ -74,8 +74,14 @@ def make_files(folder: Path) -> None:
 def peer(network: str, own: str) -> contextlib.AbstractAsyncContextManager[Program]:
     """A program of a site."""
     enter = ("ip", "netns", "exec", network)
-    return program(*enter, sys.executable, "-m", "tests.wide.site_peer", own,
-                   environment={"PYTHONPATH": str(ROOT), "CYCLONEDDS_URI": ""})  # fmt: skip
+    return program(
+        *enter,
+        sys.executable,
+        "-m",
+        "tests.wide.site_peer",
+        own,
+        environment={"PYTHONPATH": str(ROOT), "CYCLONEDDS_URI": ""},
+    )
 
 
 async def write(site: Program, topic: str, first: int, last: int) -> None:

@@ -44,8 +44,11 @@ def test_the_fields_of_genuine_messages_are_what_the_decoders_read(path: Path) -
         header = decode_header(packet)
         told = {one.name: one.value for one in fields if one.part == "header"}
         assert (told["session_id"], told["stream_id"], told["sequence_nr"], told.get("client_key")) == (
-            header.session_id, header.stream_id, header.sequence_nr, header.client_key,
-        )  # fmt: skip
+            header.session_id,
+            header.stream_id,
+            header.sequence_nr,
+            header.client_key,
+        )
         rest = [one for one in fields if one.part != "header"]
         begins = [number for number, one in enumerate(rest) if one.name == "submessage_id"]
         groups = [rest[begin:end] for begin, end in zip(begins, [*begins[1:], len(rest)], strict=True)]

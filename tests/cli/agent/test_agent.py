@@ -29,9 +29,14 @@ class Served:
     open_for: Callable[[int], Link] | None
 
     def __call__(
-        self, link: Link, wishes: ServingOptions, discovery: Discovery | None = None, *, hint: str = "",
+        self,
+        link: Link,
+        wishes: ServingOptions,
+        discovery: Discovery | None = None,
+        *,
+        hint: str = "",
         open_for: Callable[[int], Link] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.link, self.wishes, self.discovery, self.hint, self.open_for = link, wishes, discovery, hint, open_for
 
 

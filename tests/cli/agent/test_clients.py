@@ -20,7 +20,12 @@ from msbot_xrce.errors import ConfigError
 TROUBLE = "HelloWorldTopic: RELIABILITY: the reader asks for RELIABLE, the writer offers BEST_EFFORT"
 
 BOARD = ClientView(
-    key=0xAABBCCDD, session_id=0x81, link="serial:auto", address="/dev/ttyUSB0 address 1", mtu=508, age_s=312.0,
+    key=0xAABBCCDD,
+    session_id=0x81,
+    link="serial:auto",
+    address="/dev/ttyUSB0 address 1",
+    mtu=508,
+    age_s=312.0,
     silent_s=0.2,
     objects=(
         ObjectView(0x11, "participant", None, True),
@@ -28,20 +33,47 @@ BOARD = ClientView(
         ObjectView(0x15, "datawriter", "HelloWorldTopic", True, (TROUBLE,)),
         ObjectView(0x26, "datareader", "secret", False),
     ),
-    packets_in=30, packets_out=31, bytes_in=1000, bytes_out=2000, published=12, delivered=0, waiting=0,
+    packets_in=30,
+    packets_out=31,
+    bytes_in=1000,
+    bytes_out=2000,
+    published=12,
+    delivered=0,
+    waiting=0,
     streams=(StreamView(0x80, False, 12, 0, 0), StreamView(0x80, True, 34, 2, 5), StreamView(0x01, False, None, 0, 0)),
-    resent=3, repeated=1, dropped={"broken WRITE_DATA": 2}, refused={"secret": 7},
-)  # fmt: skip
+    resent=3,
+    repeated=1,
+    dropped={"broken WRITE_DATA": 2},
+    refused={"secret": 7},
+)
 GONE = ClientView(
-    key=2, session_id=1, link="serial:auto", address="/dev/ttyUSB0 address 2", mtu=508, age_s=5.0, silent_s=4.0,
-    objects=(), packets_in=1, packets_out=1, bytes_in=24, bytes_out=19, published=0, delivered=0, waiting=0,
+    key=2,
+    session_id=1,
+    link="serial:auto",
+    address="/dev/ttyUSB0 address 2",
+    mtu=508,
+    age_s=5.0,
+    silent_s=4.0,
+    objects=(),
+    packets_in=1,
+    packets_out=1,
+    bytes_in=24,
+    bytes_out=19,
+    published=0,
+    delivered=0,
+    waiting=0,
     gone="gone: port unplugged",
-)  # fmt: skip
+)
 STATUS = AgentStatus(
-    pid=4711, what="agent", name="serial:auto", up_s=7300.0,
+    pid=4711,
+    what="agent",
+    name="serial:auto",
+    up_s=7300.0,
     links=(LinkView("serial:auto", 31, 32, 1024, 2019, {"wrong check sum": 3}),),
-    topics=(("HelloWorldTopic", 12, 0),), dropped={"packet without a session": 4}, clients=(GONE, BOARD),
-)  # fmt: skip
+    topics=(("HelloWorldTopic", 12, 0),),
+    dropped={"packet without a session": 4},
+    clients=(GONE, BOARD),
+)
 MASTER = AgentStatus(1, "master", "MSBOT_MASTER MSBOT_V1", 3.0, (), (), {}, ())
 
 

@@ -312,8 +312,9 @@ def test_a_port_in_use_or_missing_is_told_in_one_sentence(tmp_path: Path) -> Non
     with peer(b"") as port, serial.Serial(port, exclusive=True):
         assert call("reset", "--port", port)[1].startswith(f"another program uses {port}: end it")
     assert call("reset", "--port", "/dev/ttyACM99") == (
-        2, "there is no port /dev/ttyACM99: `msbot board list` shows those that are there",
-    )  # fmt: skip
+        2,
+        "there is no port /dev/ttyACM99: `msbot board list` shows those that are there",
+    )
     (tmp_path / "file").touch()
     assert "is no serial port" in call("reset", "--port", str(tmp_path / "file"))[1]
     refused = connection._why_closed("/dev/ttyACM0", OSError(errno.EACCES, "Permission denied"))
@@ -340,8 +341,11 @@ def test_ports_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert call("list") == (0, "/dev/ttyACM0  MicroPython Board in FS mode (2e8a:0005)\n/dev/ttyS0  not USB\n")
     answer = json.loads(call("list", "--json")[1])
     assert answer[0] == {
-        "port": "/dev/ttyACM0", "name": "MicroPython Board in FS mode", "usb": "2e8a:0005", "serial_number": "e660",
-    }  # fmt: skip
+        "port": "/dev/ttyACM0",
+        "name": "MicroPython Board in FS mode",
+        "usb": "2e8a:0005",
+        "serial_number": "e660",
+    }
     monkeypatch.setattr(commands, "ports", list)
     assert call("list")[1].startswith("There is no serial port: plug a board in")
 
@@ -369,8 +373,9 @@ def test_a_part_without_a_way_to_its_master_is_told_how_to_name_it(tmp_path: Pat
         file = program(tmp_path, "from msbot import Part\n")
         status, said = call("run", file, "--source", "--port", board.port)
         assert (status, said.partition(":")[0]) == (
-            2, "the board does not know its way to the master yet",
-        )  # fmt: skip
+            2,
+            "the board does not know its way to the master yet",
+        )
 
 
 @pytest.mark.parametrize(
@@ -378,12 +383,16 @@ def test_a_part_without_a_way_to_its_master_is_told_how_to_name_it(tmp_path: Pat
     [
         ("", "p.py: no reason given"),
         ("KeyboardInterrupt: \r\n", ""),
-        ("MemoryError: memory allocation failed, allocating 512 bytes\r\n",
-         "p.py: MemoryError: memory allocation failed, allocating 512 bytes"),
-        ('  File "p.py", line 3, in <module>\r\n  File "other.py", line 9, in f\r\nValueError: x\r\n',
-         "p.py, line 3: ValueError: x"),
+        (
+            "MemoryError: memory allocation failed, allocating 512 bytes\r\n",
+            "p.py: MemoryError: memory allocation failed, allocating 512 bytes",
+        ),
+        (
+            '  File "p.py", line 3, in <module>\r\n  File "other.py", line 9, in f\r\nValueError: x\r\n',
+            "p.py, line 3: ValueError: x",
+        ),
         ('  File "<stdin>", line 1\r\nSyntaxError: invalid syntax\r\n', "<stdin>, line 1: SyntaxError: invalid syntax"),
     ],
-)  # fmt: skip
+)
 def test_tracebacks_become_sentences(traceback: str, words: str) -> None:
     assert error_sentence(traceback, "p.py") == words

@@ -55,8 +55,12 @@ def test_the_table_has_times_and_a_sum() -> None:
         "cost", "--bitrate", "500000", "--data-bitrate", "2000000", "123#DEADBEEF", "123##1112233"
     ).splitlines()
     assert [word.strip() for word in lines[0].split("  ") if word] == [
-        "frame", "nominal bits", "data bits", "of these stuffed", "µs on the wire"
-    ]  # fmt: skip
+        "frame",
+        "nominal bits",
+        "data bits",
+        "of these stuffed",
+        "µs on the wire",
+    ]
     assert lines[1].split() == ["123#DEADBEEF", "81", "0", "2", "162.00"]
     nominal, data = (int(cell) for cell in lines[2].split()[1:3])
     assert float(lines[2].split()[4]) == pytest.approx(nominal * 2 + data * 0.5)

@@ -79,8 +79,11 @@ def test_the_table_adds_up(sample: str) -> None:
     assert lines[0] == "MSBOT_MASTER with 3 parts on classic CAN at 500 kbit/s, with header compression"
     rows = {line.split()[0]: [float(cell.rstrip("%")) for cell in line.split()[1:]] for line in lines[3:9]}
     assert list(rows) == [
-        "BEACON", "beats", *(f"HelloWorldTopic_{way}" for way in ("1_to_2", "2_to_3", "3_to_1")), "together"
-    ]  # fmt: skip
+        "BEACON",
+        "beats",
+        *(f"HelloWorldTopic_{way}" for way in ("1_to_2", "2_to_3", "3_to_1")),
+        "together",
+    ]
     for column in range(4):
         parts = sum(row[column] for name, row in rows.items() if name != "together")
         assert parts == pytest.approx(rows["together"][column], abs=3 if column == 2 else 0.3)

@@ -101,9 +101,7 @@ def test_seconds_in_which_the_program_stood_still_are_not_told_by_themselves(
             if len(answers) == 1:
                 time.sleep(2.5 * window)
 
-        show_load(
-            "sim:bench1", bitrate=1, data_bitrate=1, seconds=2, as_json=True, say=say, complain=lambda _: None
-        )  # fmt: skip
+        show_load("sim:bench1", bitrate=1, data_bitrate=1, seconds=2, as_json=True, say=say, complain=lambda _: None)
         assert len(answers) == 2
         first, second = answers
         assert first["frames"] > 0

@@ -74,10 +74,18 @@ def test_with_a_robot_here_each_frame_is_one_line_and_what_a_part_says_a_sentenc
     assert any(SENTENCE.search(line) for line in lines)
     assert any("  fan hears " in line and line.endswith(" %") for line in lines)
     assert not any("WRITE_DATA" in line for line in lines)
-    for words in ("a part asks for an address", "the master makes a part node 1", "the master says that it is there",
-                  "node 1 shows its part number, ", "the master tells fan what it does in this robot",
-                  "knob says that it is alive", "the master has heard that fan is alive", "fan has received everything",
-                  "node 2 sets up what it says and hears", "a piece of what node 1 sends"):  # fmt: skip
+    for words in (
+        "a part asks for an address",
+        "the master makes a part node 1",
+        "the master says that it is there",
+        "node 1 shows its part number, ",
+        "the master tells fan what it does in this robot",
+        "knob says that it is alive",
+        "the master has heard that fan is alive",
+        "fan has received everything",
+        "node 2 sets up what it says and hears",
+        "a piece of what node 1 sends",
+    ):
         assert any(words in line for line in lines), words
     assert not any("session 0x" in line for line in lines)
 

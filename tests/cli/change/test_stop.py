@@ -235,10 +235,14 @@ def test_go_tells_two_masters_of_one_name_apart(tmp_path: Path) -> None:
 
 def status(confirmed: int, silent: int, name: str = "p") -> StopStatus:
     return StopStatus(
-        True, 1, "ann", "", 1,
+        True,
+        1,
+        "ann",
+        "",
+        1,
         tuple(StopConfirmation(f"{name}{number}", 1.0) for number in range(confirmed)),
         tuple(f"{name}{number}" for number in range(confirmed, confirmed + silent)),
-    )  # fmt: skip
+    )
 
 
 @given(st.integers(0, 30), st.integers(0, 30), st.sampled_from(["p", "ü" * 60]), st.integers(400, 3000))

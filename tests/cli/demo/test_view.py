@@ -20,12 +20,21 @@ def snapshot(sample: str) -> DemoSnapshot:
     slots = parse_blueprint(SAMPLES[sample], load_library()).slots
     parts = tuple(
         PartSnapshot(
-            name=slot.name, part_number=slot.part_number, slot=slot.name, state="active", plugged=number != 3, life=3,
-            beat_age_s=0.4, beats=12, messages_in=123, messages_out=45, plug_in_to_active_ms=20.0,
+            name=slot.name,
+            part_number=slot.part_number,
+            slot=slot.name,
+            state="active",
+            plugged=number != 3,
+            life=3,
+            beat_age_s=0.4,
+            beats=12,
+            messages_in=123,
+            messages_out=45,
+            plug_in_to_active_ms=20.0,
             outputs=(True,) * 8 if slot.name == "BB" else (),
         )
         for number, slot in enumerate(slots)
-    )  # fmt: skip
+    )
     bus = BusSnapshot(500_000, 1234, 99_999, 1.5, 1.6, 0)
     return DemoSnapshot("ROVER", "simulated CAN bus, 500 kbit/s", 12.3, parts, (), bus)
 

@@ -188,10 +188,12 @@ def test_a_new_number_gets_a_file_that_is_right_as_it_stands(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("ends", "control", "setting"),
     [
-        ("", "lx", "a number"), ("min = 0", "from 0 lx", "from 0"), ("max = 5", "up to 5 lx", "up to 5"),
+        ("", "lx", "a number"),
+        ("min = 0", "from 0 lx", "from 0"),
+        ("max = 5", "up to 5 lx", "up to 5"),
         ("min = -1\nmax = 5.5", "-1 to 5.5 lx", "-1 to 5.5"),
     ],
-)  # fmt: skip
+)
 def test_of_a_range_only_the_ends_that_it_has_are_said(ends: str, control: str, setting: str, folder: Path) -> None:
     (folder / "lux.toml").write_text(
         f'{LUX}[[parameter]]\nname = "limit"\ntype = "float"\ndefault = 1.0\n{ends}\n'

@@ -63,8 +63,11 @@ def test_what_is_no_recording_leaves_no_file_behind(tmp_path: Path) -> None:
     newer, foreign, target = tmp_path / "newer.mcap", tmp_path / "foreign.mcap", tmp_path / "b"
     newer.write_bytes(MAGIC.replace(b"0", b"1") + bytes(100))
     foreign.write_bytes(b"SQLite format 3\0" + bytes(100))
-    for source, words in ((newer, "of version 1; this program reads version 0"), (foreign, "is no recording"),
-                          (tmp_path / "none.mcap", "cannot read")):  # fmt: skip
+    for source, words in (
+        (newer, "of version 1; this program reads version 0"),
+        (foreign, "is no recording"),
+        (tmp_path / "none.mcap", "cannot read"),
+    ):
         assert words in refusal("show", source)
         assert words in refusal("filter", source, target.with_suffix(".mcap"))
         assert words in refusal("export", source, target.with_suffix(".csv"))
@@ -90,8 +93,15 @@ def test_a_full_disk_is_one_sentence(file: Path, tmp_path: Path, monkeypatch: py
 
 @pytest.mark.parametrize(
     ("link", "channel"),
-    [("can:can0", "can0"), ("can:vcan7?fd=1", "vcan7"), ("canfd:can1", "can1"), ("can-legacy:can0", "can0"),
-     ("sim:500000", "sim500000"), ("sim:class 7B", "simclass7B"), ("can:", "can")],
-)  # fmt: skip
+    [
+        ("can:can0", "can0"),
+        ("can:vcan7?fd=1", "vcan7"),
+        ("canfd:can1", "can1"),
+        ("can-legacy:can0", "can0"),
+        ("sim:500000", "sim500000"),
+        ("sim:class 7B", "simclass7B"),
+        ("can:", "can"),
+    ],
+)
 def test_frames_are_written_with_the_name_of_their_interface(link: str, channel: str) -> None:
     assert _channel(link) == channel

@@ -15,9 +15,13 @@ def shell(line: str, folder: Path) -> tuple[int, str]:
     """The status of a line of a shell, in which MSBOT is the command, and what it said on standard error."""
     done = subprocess.run(
         ["sh", "-c", "exec " + line.replace("MSBOT", f"{sys.executable} -m msbot")],
-        cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120,
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=120,
         check=False,
-    )  # fmt: skip
+    )
     return done.returncode, done.stderr
 
 

@@ -34,13 +34,26 @@ def ask(*arguments: str) -> Result:
     @click.command()
     @page_options
     def command(
-        *, port: int | None, host: str, no_page: bool, certificate: Path | None, certificate_key: Path | None,
-        page_names: tuple[str, ...], trusted_proxies: tuple[str, ...],
-    ) -> None:  # fmt: skip
+        *,
+        port: int | None,
+        host: str,
+        no_page: bool,
+        certificate: Path | None,
+        certificate_key: Path | None,
+        page_names: tuple[str, ...],
+        trusted_proxies: tuple[str, ...],
+    ) -> None:
         found.append(
-            page_wishes(port=port, host=host, no_page=no_page, certificate=certificate,
-                        certificate_key=certificate_key, page_names=page_names, trusted_proxies=trusted_proxies)
-        )  # fmt: skip
+            page_wishes(
+                port=port,
+                host=host,
+                no_page=no_page,
+                certificate=certificate,
+                certificate_key=certificate_key,
+                page_names=page_names,
+                trusted_proxies=trusted_proxies,
+            )
+        )
         click.echo(repr(found[0]))
 
     return CliRunner().invoke(command, arguments)

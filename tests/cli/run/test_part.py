@@ -82,8 +82,9 @@ def test_a_simulated_part_stands_in_for_the_one_of_a_slot(
     write_sample(tmp_path / "robot.toml")
     invoke("BB", "--simulate")  # a name of the sample robot comes first
     assert ran.pop()[0].part_number == "EFGH"
-    (tmp_path / "robot.toml").write_text((tmp_path / "robot.toml").read_text().replace('"BB"', '"switch"').replace(
-        "BB.", "switch."))  # fmt: skip
+    (tmp_path / "robot.toml").write_text(
+        (tmp_path / "robot.toml").read_text().replace('"BB"', '"switch"').replace("BB.", "switch.")
+    )
     text = invoke("switch", "--simulate")
     part, options = ran[0]
     uid = options["uid"]

@@ -102,8 +102,11 @@ def test_robots_are_listed_searched_and_told_apart(school: School) -> None:
     listed = json.loads(ask("list", "--json")[1])
     told = [(one["serial_number"], one["runs_here"], one["runs_elsewhere"], one["answers"]) for one in listed]
     assert told == [
-        ("X1", True, False, True), ("X2", False, True, True), ("X3", False, False, False), ("X4", False, False, False),
-    ]  # fmt: skip
+        ("X1", True, False, True),
+        ("X2", False, True, True),
+        ("X3", False, False, False),
+        ("X4", False, False, False),
+    ]
     marks = {one["serial_number"]: one["blueprint"] for one in listed}
     assert len(marks["X1"]) == 8
     assert marks["X1"] == marks["X2"] == marks["X3"], "one from its master, one over the network, one from its database"

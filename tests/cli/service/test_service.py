@@ -132,8 +132,17 @@ def test_without_backups_there_is_no_timer(folder: Path, played: Played) -> None
 def test_systemd_finds_nothing_wrong_with_the_files(tmp_path: Path) -> None:
     path = tmp_path / 'a folder "with" 100 % odd $names' / "robot.toml"
     path.parent.mkdir()
-    wanted = RobotService("R2 % $x", sys.executable, path, str(path.with_suffix(".db")), ("--link", "udp:0.0.0.0:0"),
-                          for_all=True, backups=tmp_path, backup_at="daily", keep=3)  # fmt: skip
+    wanted = RobotService(
+        "R2 % $x",
+        sys.executable,
+        path,
+        str(path.with_suffix(".db")),
+        ("--link", "udp:0.0.0.0:0"),
+        for_all=True,
+        backups=tmp_path,
+        backup_at="daily",
+        keep=3,
+    )
     for name, text in wanted.files().items():
         (tmp_path / name).write_text(text)
     files = [str(tmp_path / name) for name in wanted.files()]
@@ -176,16 +185,26 @@ def test_a_service_of_the_computer_has_a_user_of_its_own_and_no_more_than_it_nee
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here: apt-get install systemd")
 def test_systemd_itself_finds_that_service_well_confined(folder: Path) -> None:
     service = RobotService(
-        "R: x", sys.executable, folder / "robot.toml", "/var/lib/msbot-r-x/robot.db", ("--port", "8080"),
-        for_all=True, backups=Path("/var/lib/msbot-r-x/backups"), backup_at="daily", keep=3, groups=("dialout",),
-    )  # fmt: skip
+        "R: x",
+        sys.executable,
+        folder / "robot.toml",
+        "/var/lib/msbot-r-x/robot.db",
+        ("--port", "8080"),
+        for_all=True,
+        backups=Path("/var/lib/msbot-r-x/backups"),
+        backup_at="daily",
+        keep=3,
+        groups=("dialout",),
+    )
     for name, text in service.files().items():
         (folder / name).write_text(text)
     for name in ("msbot-r-x.service", "msbot-r-x-backup.service"):
         told = subprocess.run(
             ["systemd-analyze", "security", "--offline=true", "--threshold=30", "--no-pager", str(folder / name)],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert told.returncode == 0, told.stdout[-200:] + told.stderr
         assert "Overall exposure level" in told.stdout
         verified = subprocess.run(

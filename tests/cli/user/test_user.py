@@ -54,13 +54,16 @@ def test_roles_passwords_and_removal() -> None:
     assert people() == {"ann": "administrator"}
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (("role", "ann", "viewer"), "last administrator"),
-    (("remove", "ann"), "last administrator"),
-    (("remove", "eve"), "there is no user 'eve'; there are ann"),
-    (("add", "ann", "--generate"), "there is a user 'ann' already"),
-    (("add", "bob"), "nobody is there to type a password"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("role", "ann", "viewer"), "last administrator"),
+        (("remove", "ann"), "last administrator"),
+        (("remove", "eve"), "there is no user 'eve'; there are ann"),
+        (("add", "ann", "--generate"), "there is a user 'ann' already"),
+        (("add", "bob"), "nobody is there to type a password"),
+    ],
+)
 def test_what_makes_no_sense_is_told(arguments: tuple[str, ...], words: str) -> None:
     assert words in str(ask(*arguments).exception)
 
@@ -78,16 +81,19 @@ def test_a_class_list_of_a_spreadsheet(folder: Path) -> None:
     assert rows[2][2] == "long enough"
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("", "nobody is in it"),
-    ("bob\nbob\n", "class.csv, line 2: 'bob' is there already on line 1"),
-    ("bob\nann\n", "class.csv, line 2: 'ann' may sign in already; nobody was added"),
-    ("bob,student,short\n", "class.csv, line 1: "),
-    ("bob,king,\n", "there is no role 'king'"),
-    ("name,role\n,student\n", "line 2: the name is missing"),
-    ('"bob\n', "is not a list of people"),
-    ("x" * 300_000, "is larger than 256,000 bytes"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "nobody is in it"),
+        ("bob\nbob\n", "class.csv, line 2: 'bob' is there already on line 1"),
+        ("bob\nann\n", "class.csv, line 2: 'ann' may sign in already; nobody was added"),
+        ("bob,student,short\n", "class.csv, line 1: "),
+        ("bob,king,\n", "there is no role 'king'"),
+        ("name,role\n,student\n", "line 2: the name is missing"),
+        ('"bob\n', "is not a list of people"),
+        ("x" * 300_000, "is larger than 256,000 bytes"),
+    ],
+)
 def test_a_class_list_that_is_wrong_adds_nobody(folder: Path, text: str, words: str) -> None:
     (folder / "class.csv").write_text(text)
     assert words in str(ask("add", "--list", "class.csv").exception)

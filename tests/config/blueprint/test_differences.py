@@ -33,9 +33,11 @@ def test_the_same_has_no_difference() -> None:
 
 def test_profile_timing_and_options() -> None:
     new = replace(
-        ROBOT, robot=replace(ROBOT.robot, version="V2"), timing=replace(PRESETS["thesis"], preset="fast", life=4),
+        ROBOT,
+        robot=replace(ROBOT.robot, version="V2"),
+        timing=replace(PRESETS["thesis"], preset="fast", life=4),
         options=Options(explain=False, free_topics=("chat",)),
-    )  # fmt: skip
+    )
     later = " (holds from the master's next start on)"
     assert _lines(new) == [
         f'~ robot, version: "V1" -> "V2"{later}',

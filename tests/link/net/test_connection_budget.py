@@ -94,12 +94,15 @@ class PlainBudget:
 @given(
     st.lists(
         st.tuples(
-            st.sampled_from(["add", "settle", "settle", "spoke", "remove", "ask", "ask"]), st.integers(0, 4),
-            st.sampled_from(["one", "one", "two", "three"]), st.sampled_from([0.0, 0.5, 1.0, 1.0, IDLE_S, IDLE_S + 1]),
+            st.sampled_from(["add", "settle", "settle", "spoke", "remove", "ask", "ask"]),
+            st.integers(0, 4),
+            st.sampled_from(["one", "one", "two", "three"]),
+            st.sampled_from([0.0, 0.5, 1.0, 1.0, IDLE_S, IDLE_S + 1]),
         ),
-        min_size=5, max_size=40,
+        min_size=5,
+        max_size=40,
     )
-)  # fmt: skip
+)
 def test_whatever_comes_and_goes_the_right_one_makes_room(steps: list[tuple[str, int, str, float]]) -> None:
     budget: ConnectionBudget[Fake] = ConnectionBudget(MOST, OF_ADDRESS)
     plain = PlainBudget()

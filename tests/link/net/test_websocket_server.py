@@ -161,11 +161,15 @@ def test_who_sends_too_much_is_read_later_and_told_so_now_and_then() -> None:
     ("most", "visitor", "other", "words"),
     [
         (MOST_OF_PERSON, lambda n: Visitor("ann", f"10.0.0.{n}"), Visitor("bob", "10.0.0.1"), "ann has 32 parts"),
-        (MOST_OF_ADDRESS, lambda n: Visitor(f"pupil{n}", "10.0.0.1"), Visitor("pupil0", "10.0.0.2"),
-         "10.0.0.1 has 128 parts"),
+        (
+            MOST_OF_ADDRESS,
+            lambda n: Visitor(f"pupil{n}", "10.0.0.1"),
+            Visitor("pupil0", "10.0.0.2"),
+            "10.0.0.1 has 128 parts",
+        ),
         (MOST, lambda n: Visitor(f"pupil{n}", f"10.0.0.{n}"), None, "the robot has 256 parts"),
     ],
-)  # fmt: skip
+)
 def test_so_many_and_not_one_more(
     most: int, visitor: Callable[[int], Visitor], other: Visitor | None, words: str
 ) -> None:

@@ -98,11 +98,20 @@ messages = st.one_of(
     st.builds(Up, numbers, texts, st.binary(min_size=1, max_size=50)),
     st.builds(Down, numbers, numbers, st.binary(max_size=50)),
     st.builds(
-        Hello, st.binary(min_size=8, max_size=8), texts.filter(bool), texts.filter(bool), st.integers(0, 2**32 - 1),
-        st.integers(0, 2**32 - 1), st.booleans(), st.booleans(),
+        Hello,
+        st.binary(min_size=8, max_size=8),
+        texts.filter(bool),
+        texts.filter(bool),
+        st.integers(0, 2**32 - 1),
+        st.integers(0, 2**32 - 1),
+        st.booleans(),
+        st.booleans(),
     ),
     st.builds(
-        RelayBeat, numbers, numbers, texts,
+        RelayBeat,
+        numbers,
+        numbers,
+        texts,
         st.lists(st.builds(Event, numbers, st.sampled_from(RelayEventKind), texts), max_size=16).map(tuple),
     ),
     st.builds(Room, st.lists(st.tuples(numbers, numbers), max_size=100).map(tuple)),
@@ -111,7 +120,7 @@ messages = st.one_of(
     st.builds(Refused, texts),
     st.just(Bye()),
     st.just(Who()),
-)  # fmt: skip
+)
 
 
 @given(messages)

@@ -239,17 +239,24 @@ def test_whatever_happens_the_relay_says_and_does_what_the_plain_one_does(
     monkeypatch.setattr(relay_forwarder, "QUEUE_PACKETS", PACKETS)
     random, told, plain, now = Random(seed), list[ForwarderEvent](), PlainRelay(), 0.0
     made = Forwarder(
-        boot=BOOT, name="pi", carried=LinkInfo("can:can0", 4096, None, shared_bus=True),
-        describe=lambda peer: f"CAN node {peer}", on_event=told.append,
-    )  # fmt: skip
+        boot=BOOT,
+        name="pi",
+        carried=LinkInfo("can:can0", 4096, None, shared_bus=True),
+        describe=lambda peer: f"CAN node {peer}",
+        on_event=told.append,
+    )
     made.start(now)
     plain.timer(now)
     for step in range(400):
         now += random.choice((0.0, 0.1, 0.5, 2.5))
         peer, what = random.randrange(6), random.choice([*RelayEventKind])
         number, packet = random.randrange(max(1, plain.number - 5), plain.number + 3), bytes((step % 251 + 1,))
-        heard = Heard(plain.beats - random.choice((0, 0, 1)), plain.stops_said - random.choice((0, 0, 1)),
-                      random.choice((0, 1, plain.stops_heard or 0)), step % 200)  # fmt: skip
+        heard = Heard(
+            plain.beats - random.choice((0, 0, 1)),
+            plain.stops_said - random.choice((0, 0, 1)),
+            random.choice((0, 1, plain.stops_heard or 0)),
+            step % 200,
+        )
         heard = heard if min(heard.count, heard.stops_said) >= 0 else Heard(0, 0, 0, 0)
         match random.choice("uuuddddeethhwtttsbTTTTpppppfnx"):
             case "u":
@@ -284,9 +291,12 @@ def test_whatever_happens_the_relay_says_and_does_what_the_plain_one_does(
                 plain.dropped.append(words)
             case kind:
                 boot = BOOT if random.random() < 0.8 else b"boot 124"
-                others: dict[str, Message] = {"d": Down(number, step, packet), "h": heard, "b": Bye(),
-                                              "w": random.choice((Welcome(boot, step, random.randrange(3)), Who(),
-                                                                  Refused("no")))}  # fmt: skip
+                others: dict[str, Message] = {
+                    "d": Down(number, step, packet),
+                    "h": heard,
+                    "b": Bye(),
+                    "w": random.choice((Welcome(boot, step, random.randrange(3)), Who(), Refused("no"))),
+                }
                 message = others.get(kind, Who())
                 made.from_master(encode(message), now)
                 plain.take(message, now)

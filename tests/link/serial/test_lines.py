@@ -72,8 +72,9 @@ async def test_a_port_that_breaks_is_told_once_for_each_peer() -> None:
     assert {words for *_, words in told[2:]} == {"port broken: Input/output error"}
     again, _ = await opened(link)
     assert [end.signals.get_nowait()[:2] for _ in range(2)] == [
-        (Signal.PEER_BACK, ("tty", 1)), (Signal.PEER_BACK, ("tty", 2))
-    ]  # fmt: skip
+        (Signal.PEER_BACK, ("tty", 1)),
+        (Signal.PEER_BACK, ("tty", 2)),
+    ]
     assert again.known == {("tty", 1), ("tty", 2)}
     assert end.signals.empty()
 

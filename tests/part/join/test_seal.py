@@ -182,10 +182,15 @@ def test_whoever_was_in_a_sealed_robot_joins_no_unsealed_one(octets: bytes) -> N
 
 
 def test_lengths_tell_what_is_sealed() -> None:
-    sealed = [len(message.encode()) + SEAL_OCTETS for message in (
-        plug.Beat(lease=1), plug.StoppedBeat(lease=1, number=1), plug.ConfigurationRequest(lease=1, have_version=1),
-        plug.NatureMessage(lease=1, nature=1),
-    )]  # fmt: skip
+    sealed = [
+        len(message.encode()) + SEAL_OCTETS
+        for message in (
+            plug.Beat(lease=1),
+            plug.StoppedBeat(lease=1, number=1),
+            plug.ConfigurationRequest(lease=1, have_version=1),
+            plug.NatureMessage(lease=1, nature=1),
+        )
+    ]
     assert all(plug.is_sealed_request(octets) for octets in sealed)
     claim = plug.ClaimMessage(part_number="", local_name="", uid=bytes(8), session_nonce=1)
     assert len(claim.encode()) == plug.SHORTEST_CLAIM_OCTETS

@@ -50,9 +50,13 @@ class Grid(Message):
 numbers32 = st.floats(width=32)
 vectors = st.builds(Vector, x=st.floats(), y=numbers32, far=st.booleans())
 poses = st.builds(
-    Pose, kind=st.integers(-128, 127), at=vectors, stamp=st.integers(-(2**63), 2**63 - 1), small=st.integers(0, 255),
+    Pose,
+    kind=st.integers(-128, 127),
+    at=vectors,
+    stamp=st.integers(-(2**63), 2**63 - 1),
+    small=st.integers(0, 255),
     to=vectors,
-)  # fmt: skip
+)
 
 
 def field_by_field(message: Pose) -> bytes:

@@ -416,8 +416,14 @@ def test_what_was_not_confirmed_is_repeated_to_a_master_that_listens_and_to_no_o
     else:
         fed.hear(heard())
     hello = [] if is_welcome else [AgentHello(boot=BOOT, name="pi")]
-    again = [SessionOpen(number=1, times=1, client_key=0xC1, reads_profile=0, address="CAN node 1"),
-             SessionOver(number=2, reason="bye")] if is_welcome and not is_cut_off else []  # fmt: skip
+    again = (
+        [
+            SessionOpen(number=1, times=1, client_key=0xC1, reads_profile=0, address="CAN node 1"),
+            SessionOver(number=2, reason="bye"),
+        ]
+        if is_welcome and not is_cut_off
+        else []
+    )
     said = [message for message in fed.beat() if not isinstance(message, AgentBeat)]
     assert said == [*hello, *again]
     assert fed.end.may_join(part(3, 3)) is (is_welcome and not is_cut_off)

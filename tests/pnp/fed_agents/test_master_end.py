@@ -63,9 +63,7 @@ class Master:
         self.around = Around()
         self.inventory = Inventory(sample_slots(), random=Random(1), now=self.now, timing=TIMING)
         access = Access(self.inventory, clock=lambda: self.now)
-        self.end = MasterEnd(
-            access, self.inventory, Profile(), self.around, random=Random(2), sealed=sealed
-        )  # fmt: skip
+        self.end = MasterEnd(access, self.inventory, Profile(), self.around, random=Random(2), sealed=sealed)
         access.use_agents(self.end, lambda _: None)
 
     def hear(self, *messages: FromAgent, agent: int = AGENT) -> list[FromMaster]:
@@ -351,8 +349,10 @@ def test_an_agent_is_not_shown_as_a_part_and_its_sessions_are(master: Master) ->
     assert [state for state, _ in master.states()] == ["checking", "checking"]
 
 
-@pytest.mark.parametrize(("name", "is_taken"), [("", False), ("x", True), ("x" * LONGEST_NAME, True),
-                                                ("x" * (LONGEST_NAME + 1), False), ("a\tb", False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "is_taken"),
+    [("", False), ("x", True), ("x" * LONGEST_NAME, True), ("x" * (LONGEST_NAME + 1), False), ("a\tb", False)],
+)
 def test_which_names_an_agent_may_have(master: Master, name: str, is_taken: bool) -> None:
     (answer,) = master.hear(hello(name=name))
     assert isinstance(answer, AgentWelcome if is_taken else AgentRefused)

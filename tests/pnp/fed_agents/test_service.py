@@ -168,10 +168,18 @@ class Stage:
         inventory = Inventory(sample_slots(), random=Random(1), now=0.0, timing=TIMING)
         access = Access(inventory, clock=lambda: 0.0)
         self.service = AgentsService(
-            make_client, access=access, inventory=inventory, services=None, profile=Profile(),  # type: ignore[arg-type]
-            stop=EmergencyStop(), random=Random(2), sealed=False, on_stop=lambda *said: self.stops.append(said),
-            on_topics=self.topics.append, say=self.said.append,
-        )  # fmt: skip
+            make_client,
+            access=access,
+            inventory=inventory,
+            services=None,  # type: ignore[arg-type]
+            profile=Profile(),
+            stop=EmergencyStop(),
+            random=Random(2),
+            sealed=False,
+            on_stop=lambda *said: self.stops.append(said),
+            on_topics=self.topics.append,
+            say=self.said.append,
+        )
         access.use_agents(self.service.end, lambda _: None)
 
     def ask(self, guid: bytes, message: FromAgent) -> list[tuple[bytes, Any, int]]:

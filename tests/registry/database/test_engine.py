@@ -165,8 +165,12 @@ def test_every_connection_checks_references_and_survives_a_power_cut(tmp_path: P
         }
     engine.dispose()
     assert pragmas == {
-        "foreign_keys": 1, "synchronous": 2, "journal_mode": "wal", "busy_timeout": 10, "query_only": 0,
-    }  # fmt: skip
+        "foreign_keys": 1,
+        "synchronous": 2,
+        "journal_mode": "wal",
+        "busy_timeout": 10,
+        "query_only": 0,
+    }
 
 
 def test_read_only_connections_cannot_write(tmp_path: Path) -> None:

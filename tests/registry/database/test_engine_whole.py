@@ -67,16 +67,26 @@ def test_a_server_is_asked_with_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     assert made == [
         (address.url, {"connect_args": {"connect_timeout": 1}, "pool_pre_ping": True}),
         (address.url, {"connect_args": {"connect_timeout": 2}, "pool_pre_ping": True}),
-        (address.url, {"connect_args": {"connect_timeout": 3, "options": "-c default_transaction_read_only=on"},
-                       "pool_pre_ping": True}),
-        (address.url, {
-            "connect_args": {
-                "connect_timeout": 2, "tcp_user_timeout": 1500,
-                "options": "-c statement_timeout=1500 -c idle_in_transaction_session_timeout=1000",
+        (
+            address.url,
+            {
+                "connect_args": {"connect_timeout": 3, "options": "-c default_transaction_read_only=on"},
+                "pool_pre_ping": True,
             },
-            "pool_size": 1, "isolation_level": "AUTOCOMMIT",
-        }),
-    ]  # fmt: skip
+        ),
+        (
+            address.url,
+            {
+                "connect_args": {
+                    "connect_timeout": 2,
+                    "tcp_user_timeout": 1500,
+                    "options": "-c statement_timeout=1500 -c idle_in_transaction_session_timeout=1000",
+                },
+                "pool_size": 1,
+                "isolation_level": "AUTOCOMMIT",
+            },
+        ),
+    ]
 
     def without(*_: object, **__: object) -> object:
         raise ImportError("psycopg")
@@ -114,8 +124,14 @@ KINDS = ("missing", "empty", "short", "text", "database", "in use", "no folder",
 @pytest.mark.parametrize("kind", KINDS)
 def test_which_file_may_become_a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
     path = tmp_path / "no" / "robot.db" if kind == "no folder" else tmp_path / "robot.db"
-    content = {"empty": b"", "short": b"SQLite", "text": b"[robot]\nname = 'mine'", "database": engine_module.MAGIC,
-               "in use": b"[robot] whatever it is", "unreadable": b"SQLite format 3\x00"}  # fmt: skip
+    content = {
+        "empty": b"",
+        "short": b"SQLite",
+        "text": b"[robot]\nname = 'mine'",
+        "database": engine_module.MAGIC,
+        "in use": b"[robot] whatever it is",
+        "unreadable": b"SQLite format 3\x00",
+    }
     if kind in content:
         path.write_bytes(content[kind])
     elif kind == "folder":

@@ -182,9 +182,13 @@ def test_all_is_done_in_order_many_notes_at_once_and_each_change_alone(
     assert writer.flush()
     said = [word for word in script.said if not isinstance(word, tuple) or word[0] == "begin"]
     assert said == [
-        "commit", *one("fence", 0, 1), *one("fence", 2, 3), *one("fence", 4),
-        *one("fence", "change", "follow", wait_s=0.25), *one("fence", 5),
-    ]  # fmt: skip
+        "commit",
+        *one("fence", 0, 1),
+        *one("fence", 2, 3),
+        *one("fence", 4),
+        *one("fence", "change", "follow", wait_s=0.25),
+        *one("fence", 5),
+    ]
     assert (job.wait(0), stored) == ("made", [("then", False, "commit")])
     assert (writer.pending, writer.lost, writer.trouble) == (0, 0, None)
 
@@ -203,8 +207,17 @@ def test_a_locked_database_is_asked_less_and_less_often_and_said_once(
             writer._changed.wait(1)
     begun: list[object] = [("begin", True, None)]
     tries = [
-        begun, begun, begun, begun, [], begun, begun, [*begun, "one", "two", "rollback"], begun, one("one", "two"),
-    ]  # fmt: skip
+        begun,
+        begun,
+        begun,
+        begun,
+        [],
+        begun,
+        begun,
+        [*begun, "one", "two", "rollback"],
+        begun,
+        one("one", "two"),
+    ]
     expected: list[object] = ["commit"]
     for pause, words in zip((None, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0, 5.0), tries, strict=True):
         expected += [*([] if pause is None else [("waits", pause)]), *words]
@@ -235,8 +248,20 @@ def test_one_that_is_wrong_is_given_up_alone_and_a_success_makes_the_pauses_shor
     begun, rolled = ("begin", True, None), "rollback"
     tries = [word for word in script.said if not isinstance(word, tuple) or word[0] == "begin"]
     assert tries == [
-        "commit", begun, begun, begun, 1, rolled, *one(1), begun, rolled, *one(2), begun, rolled, *one(3),
-    ]  # fmt: skip
+        "commit",
+        begun,
+        begun,
+        begun,
+        1,
+        rolled,
+        *one(1),
+        begun,
+        rolled,
+        *one(2),
+        begun,
+        rolled,
+        *one(3),
+    ]
     assert writer.lost == 2
     assert caplog.messages == [
         f"the database robot.db {LOCKED}; until then changes are kept in memory",
@@ -250,8 +275,13 @@ def test_one_that_is_wrong_is_given_up_alone_and_a_success_makes_the_pauses_shor
     [
         ("begin", busy, RegistryError, f"nothing was changed: the database robot.db {LOCKED}", False),
         ("commit", busy, RegistryError, f"nothing was changed: the database robot.db {LOCKED}", False),
-        ("commit", gone, RegistryError, "it is not known yet whether this change is stored: the database robot.db "
-         "does not answer any more", False),
+        (
+            "commit",
+            gone,
+            RegistryError,
+            "it is not known yet whether this change is stored: the database robot.db does not answer any more",
+            False,
+        ),
         ("begin", gone, RegistryError, "nothing was changed: the database robot.db does not answer any more", False),
         ("check", lambda: RegistryError("is away"), RegistryError, "nothing was changed: is away", False),
         ("fence", lambda: RegistryError("takes nothing"), RegistryError, "nothing was changed: takes nothing", False),
@@ -259,11 +289,17 @@ def test_one_that_is_wrong_is_given_up_alone_and_a_success_makes_the_pauses_shor
         ("change", lambda: KeyError("a mistake"), KeyError, "a mistake", True),
         ("follow", lambda: KeyError("a mistake"), KeyError, "a mistake", True),
     ],
-)  # fmt: skip
+)
 def test_whoever_makes_a_change_that_fails_is_told_and_nothing_of_it_stays(
-    writer: Writer, script: Scripted, caplog: pytest.LogCaptureFixture, place: str, error: Callable[[], Exception],
-    raised: type[Exception], words: str, is_logged: bool,
-) -> None:  # fmt: skip
+    writer: Writer,
+    script: Scripted,
+    caplog: pytest.LogCaptureFixture,
+    place: str,
+    error: Callable[[], Exception],
+    raised: type[Exception],
+    words: str,
+    is_logged: bool,
+) -> None:
     caplog.set_level(logging.DEBUG)
 
     def at(here: str) -> Note:
@@ -365,10 +401,13 @@ def test_an_idle_database_is_looked_at_once_a_second_and_what_is_wrong_with_it_i
     writer.close()
     silent = "has not answered for 2 s: look whether its server, or the disk, is busy or hangs"
     assert found == [
-        (101.0, None), (102.0, None), None,
+        (101.0, None),
+        (102.0, None),
+        None,
         f"the database robot.db {silent}; changes kept in memory until it can be written: 0",
-        (105.5, LOCKED), (107.5, "was moved"),
-    ]  # fmt: skip
+        (105.5, LOCKED),
+        (107.5, "was moved"),
+    ]
     assert caplog.messages == [
         f"the database robot.db {LOCKED}; until then changes are kept in memory",
         "the database robot.db can be written again",

@@ -142,8 +142,11 @@ class PlainRobot:
         return tuple(found)
 
     def notes(self) -> dict[tuple[str, str], str]:
-        found = {(slot, name): f"set by hand by {who}" for (slot, name, of), (_, _, who) in self.values.items()
-                 if of == "hand"}  # fmt: skip
+        found = {
+            (slot, name): f"set by hand by {who}"
+            for (slot, name, of), (_, _, who) in self.values.items()
+            if of == "hand"
+        }
         found |= {(wire.topic, ""): "changed by hand" for wire in self.wires if wire.origin == "hand"}
         found |= {(wire.topic, ""): "changed by hand" for wire in self.wires if not wire.in_use}
         return found | {("", slot): "made by hand" for slot in self.in_blueprint() if self.slots[slot].origin == "hand"}
@@ -179,9 +182,16 @@ class PlainRobot:
         return self._line(who, now, "value", words, before, ("value", slot, name, value), slot)
 
     def put(
-        self, who: str, now: int, uid: str, slot: str | None, *, by_hand: bool = True, words: str = "",
+        self,
+        who: str,
+        now: int,
+        uid: str,
+        slot: str | None,
+        *,
+        by_hand: bool = True,
+        words: str = "",
         told: Mapping[str, str | None] | None = None,
-    ) -> Line:  # fmt: skip
+    ) -> Line:
         self._known(uid)
         after: dict[str, tuple[str | None, str | None]] = {one: (None, None) for one in self._there(slot)}
         after[uid] = slot, slot if by_hand else None
@@ -214,9 +224,17 @@ class PlainRobot:
         return self._line(who, now, "block", words, ("block", kind, key, old), ("block", kind, key, new))
 
     def bind(
-        self, who: str, now: int, topic: str, type_name: str, source: SlotPort | None, targets: Sequence[SlotPort],
-        *, reliable: bool, move: bool,
-    ) -> Line:  # fmt: skip
+        self,
+        who: str,
+        now: int,
+        topic: str,
+        type_name: str,
+        source: SlotPort | None,
+        targets: Sequence[SlotPort],
+        *,
+        reliable: bool,
+        move: bool,
+    ) -> Line:
         ports = [(source, True)] if source is not None else []
         ports += [(target, False) for target in targets]
         if not ports:
@@ -300,24 +318,34 @@ class PlainRobot:
         return self._line(who, now, "library", words, None, None)
 
     def apply(
-        self, who: str, now: int, blueprint: Blueprint, part_types: Library, slot_by_hand: str,
+        self,
+        who: str,
+        now: int,
+        blueprint: Blueprint,
+        part_types: Library,
+        slot_by_hand: str,
         robots: Sequence[PlainRobot],
-    ) -> Line | None:  # fmt: skip
+    ) -> Line | None:
         is_new = not self.row
         before = self._content()
         configured = {name: self.configuration(name) for name in self.slots}
         self.row = {
-            "version": blueprint.robot.version, "released": blueprint.robot.released,
-            "manufacturer": blueprint.robot.manufacturer, "beat_period_s": blueprint.timing.beat_period_s,
-            "tick_period_s": blueprint.timing.tick_period_s, "life": blueprint.timing.life,
-            "profile_period_s": blueprint.timing.profile_period_s, "explain": blueprint.options.explain,
-            "free_topics": list(blueprint.options.free_topics), "authentication": blueprint.options.authentication,
+            "version": blueprint.robot.version,
+            "released": blueprint.robot.released,
+            "manufacturer": blueprint.robot.manufacturer,
+            "beat_period_s": blueprint.timing.beat_period_s,
+            "tick_period_s": blueprint.timing.tick_period_s,
+            "life": blueprint.timing.life,
+            "profile_period_s": blueprint.timing.profile_period_s,
+            "explain": blueprint.options.explain,
+            "free_topics": list(blueprint.options.free_topics),
+            "authentication": blueprint.options.authentication,
             "in_dds": {
                 **({"": asdict(blueprint.ros)} if blueprint.ros != RosOptions() else {}),
                 **({" library": list(blueprint.library)} if blueprint.library else {}),
                 **{one.topic: asdict(one.in_dds) for one in blueprint.bindings if one.in_dds != InDds()},
             },
-        }  # fmt: skip
+        }
         named = {slot.name for slot in blueprint.slots} | {slot_by_hand}
         kept = [name for name in self.in_blueprint() if self.slots[name].origin == "hand" and name not in named]
         wanted = {slot.name: slot for slot in blueprint.slots}
@@ -341,8 +369,14 @@ class PlainRobot:
         after = self._content()
         if is_new or after == before:
             return None
-        return self._line(who, now, "apply", self._applied(blueprint, slot_by_hand, before, after),
-                          ("apply", before), ("apply", after))  # fmt: skip
+        return self._line(
+            who,
+            now,
+            "apply",
+            self._applied(blueprint, slot_by_hand, before, after),
+            ("apply", before),
+            ("apply", after),
+        )
 
     # How it is done
 
@@ -368,8 +402,10 @@ class PlainRobot:
     def _apply_wires(self, blueprint: Blueprint, order: Sequence[str]) -> None:
         wanted: dict[tuple[str, tuple[str, str, bool]], Wire] = {}
         for one in blueprint.bindings:
-            for end, publishes in [*([(one.source, True)] if one.source.slot else []),
-                                   *((target, False) for target in one.targets)]:  # fmt: skip
+            for end, publishes in [
+                *([(one.source, True)] if one.source.slot else []),
+                *((target, False) for target in one.targets),
+            ]:
                 wire = Wire(one.topic, end.slot, end.port, one.type_name, publishes, one.reliable, "blueprint")
                 wanted[one.topic, wire.at] = wire
         others = []
@@ -413,15 +449,17 @@ class PlainRobot:
     def _content(self) -> Any:
         """Everything that a blueprint decides."""
         here = self.in_blueprint()
-        return deepcopy({
-            "robot": self.row,
-            "slots": {
-                name: (one.position, one.part_number, one.local_name, one.description, one.origin)
-                for name, one in ((name, self.slots[name]) for name in here)
-            },
-            "wires": [wire for wire in self.wires if wire.slot in here],
-            "values": {key: value for key, value in self.values.items() if key[0] in here},
-        })  # fmt: skip
+        return deepcopy(
+            {
+                "robot": self.row,
+                "slots": {
+                    name: (one.position, one.part_number, one.local_name, one.description, one.origin)
+                    for name, one in ((name, self.slots[name]) for name in here)
+                },
+                "wires": [wire for wire in self.wires if wire.slot in here],
+                "values": {key: value for key, value in self.values.items() if key[0] in here},
+            }
+        )
 
     def _slot(self, name: str) -> None:
         if name not in self.in_blueprint():
@@ -447,9 +485,14 @@ class PlainRobot:
         return [end for end in left if end.in_use or end.origin == "blueprint"]
 
     def _move(
-        self, who: str, now: int, after: dict[str, tuple[str | None, str | None]], words: str, slot: str,
+        self,
+        who: str,
+        now: int,
+        after: dict[str, tuple[str | None, str | None]],
+        words: str,
+        slot: str,
         told: Mapping[str, str | None],
-    ) -> Line:  # fmt: skip
+    ) -> Line:
         before = {uid: self.place(uid) for uid in after} | {uid: (where, where) for uid, where in told.items()}
         self._write(("place", after), who, now)
         return self._line(who, now, "place", words, ("place", before), ("place", after), slot)

@@ -254,9 +254,14 @@ def test_a_wire_of_the_blueprint_is_taken_away_and_stays_away(
 def test_a_whole_topic_is_taken_away_and_made_anew(registry: Registry, robot: RobotRecord, store: RobotStore) -> None:
     assert Hand(registry).unbind(robot, "brightness", None, "Ann").slots == ("left", "leg")
     edit = Hand(registry).bind(
-        robot, "other", "Ann", type_name="Light", source=SlotPort("left", "light"), targets=[SlotPort("leg", "goal")],
+        robot,
+        "other",
+        "Ann",
+        type_name="Light",
+        source=SlotPort("left", "light"),
+        targets=[SlotPort("leg", "goal")],
         reliable=False,
-    )  # fmt: skip
+    )
     assert edit.slots == ("left", "leg")
     assert [binding.reliable for binding in store.configuration("leg").bindings] == [False]
 
@@ -265,9 +270,13 @@ def test_a_wire_is_moved_and_who_publishes_there_stays(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
     making = partial(
-        wires.bind, topic="other", type_name="Light", source=SlotPort("right", "light"),
-        targets=[SlotPort("leg", "goal")], move=True,
-    )  # fmt: skip
+        wires.bind,
+        topic="other",
+        type_name="Light",
+        source=SlotPort("right", "light"),
+        targets=[SlotPort("leg", "goal")],
+        move=True,
+    )
     edit = registry.edits.make(robot, "Ann", making)
     assert sorted(edit.slots) == ["leg", "right"]
     assert _topics(store, "leg") == [("goal", "other")]
@@ -284,8 +293,9 @@ def test_a_moved_wire_is_moved_back_whatever_became_of_other_topics_meanwhile(
     registry: Registry, robot: RobotRecord, store: RobotStore
 ) -> None:
     Hand(registry).bind(robot, "glow", "Ann", type_name="Light", source=None, targets=[SlotPort("right", "lamp")])
-    moving = partial(wires.bind, topic="other", type_name="Light", source=None, targets=[SlotPort("leg", "goal")],
-                     move=True)  # fmt: skip
+    moving = partial(
+        wires.bind, topic="other", type_name="Light", source=None, targets=[SlotPort("leg", "goal")], move=True
+    )
     edit = registry.edits.make(robot, "Ann", moving)
     Hand(registry).unbind(robot, "glow", None, "Bob")
     assert _topics(store, "leg") == [("goal", "other")]
@@ -326,15 +336,24 @@ def test_the_blueprint_wins_where_a_wire_made_by_hand_contradicts_it(
     ],
 )
 def test_a_wire_that_cannot_be(
-    registry: Registry, robot: RobotRecord, topic: str, type_name: str, source: str | None, target: str | None,
+    registry: Registry,
+    robot: RobotRecord,
+    topic: str,
+    type_name: str,
+    source: str | None,
+    target: str | None,
     sentence: str,
-) -> None:  # fmt: skip
+) -> None:
     before = registry.runs.begin(robot).configuration("leg")
     words = _refused(
-        Hand(registry).bind, robot, topic, "Ann", type_name=type_name,
+        Hand(registry).bind,
+        robot,
+        topic,
+        "Ann",
+        type_name=type_name,
         source=None if source is None else SlotPort(*source.split(".")),
         targets=[] if target is None else [SlotPort(*target.split("."))],
-    )  # fmt: skip
+    )
     assert sentence in words
     assert registry.runs.begin(robot).configuration("leg") == before
     assert registry.edits.latest(robot) == []

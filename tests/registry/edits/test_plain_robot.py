@@ -55,8 +55,11 @@ STERN = replace(EYE, parameters=(replace(PERIOD, default=9, least=1),), compatib
 DARK = replace(EYE, ports=(EYE.ports[0], replace(EYE.ports[1], safe={"lux": 5})), parameters=(INVERT, PERIOD))
 LIBRARIES = (Library([EYE, LEG, EAR]), Library([STERN, LEG, EAR, SPARE]), Library([DARK, LEG, EAR]))
 NAMES = ("left", "right", "leg", "arm", "tail", "head", "neck", "nose")
-PORTS = {"EYE": (("light", True), ("lamp", False)), "LEG": (("goal", False),),
-         "EAR": (("sound", True), ("echo", False))}  # fmt: skip
+PORTS = {
+    "EYE": (("light", True), ("lamp", False)),
+    "LEG": (("goal", False),),
+    "EAR": (("sound", True), ("echo", False)),
+}
 UIDS = tuple(digit * 16 for digit in "abcd")
 STRANGER = "9" * 16
 
@@ -117,8 +120,11 @@ class Twins:
             case "put":
                 where = random.choice((slot, slot, None))
                 by_hand, words = random.random() < 0.7, random.choice(("", "it is said"))
-                told = {one: random.choice((None, *plain.in_blueprint())) for one in random.sample(UIDS, 1)
-                        if random.random() < 0.3}  # fmt: skip
+                told = {
+                    one: random.choice((None, *plain.in_blueprint()))
+                    for one in random.sample(UIDS, 1)
+                    if random.random() < 0.3
+                }
                 before = {bytes.fromhex(one): there for one, there in told.items()} or None
                 self.both(
                     lambda: part_places.put(
@@ -191,13 +197,17 @@ class Twins:
         reliable = random.random() < 0.5
         self.both(
             lambda: wires.bind(
-                self.connection, author, topic, type_name=type_name, source=source, targets=targets, reliable=reliable,
+                self.connection,
+                author,
+                topic,
+                type_name=type_name,
+                source=source,
+                targets=targets,
+                reliable=reliable,
                 move=move,
             ),
-            lambda: plain.bind(
-                author.who, self.now, topic, type_name, source, targets, reliable=reliable, move=move
-            ),
-        )  # fmt: skip
+            lambda: plain.bind(author.who, self.now, topic, type_name, source, targets, reliable=reliable, move=move),
+        )
 
     def port(self, plain: PlainRobot) -> tuple[SlotPort, bool]:
         slot = self.random.choice(plain.in_blueprint())
@@ -235,8 +245,12 @@ class Twins:
         random = self.random
         names = random.sample(NAMES, random.choice((2, 2, 4, 8, 8)))
         found = [self.slot(one) for one in names]
-        free = [(SlotPort(slot.name, port), publishes, slot.part_number == "EAR") for slot in found
-                for port, publishes in PORTS[slot.part_number] if random.random() < 0.7]  # fmt: skip
+        free = [
+            (SlotPort(slot.name, port), publishes, slot.part_number == "EAR")
+            for slot in found
+            for port, publishes in PORTS[slot.part_number]
+            if random.random() < 0.7
+        ]
         random.shuffle(free)
         made: list[Binding] = []
         for topic, is_sound in (("glow", False), ("brightness", False), ("noise", True)):
@@ -248,15 +262,18 @@ class Twins:
                 continue
             type_name, reliable = "Sound" if is_sound else "Light", random.random() < 0.7
             shown = random.choice((InDds(), InDds(), InDds(export=True), InDds(ros=True, ros_fields=(("a", "x"),))))
-            made += [Binding(topic, type_name, source, targets, reliable, shown)
-                     for source in sources or [SlotPort("", "")]]  # fmt: skip
+            made += [
+                Binding(topic, type_name, source, targets, reliable, shown) for source in sources or [SlotPort("", "")]
+            ]
         return Blueprint(
-            replace(PROFILE, name=name, version=random.choice(("V1", "V2"))), tuple(found), tuple(made),
+            replace(PROFILE, name=name, version=random.choice(("V1", "V2"))),
+            tuple(found),
+            tuple(made),
             random.choice((Timing("thesis", 1.0, 1.0, 4, 60.0), Timing("fast", 0.25, 0.5, 7, 1.0))),
             random.choice((Options(), Options(False, ("chat", "more"), "key"))),
             random.choice(((), ("kit", "more/kit"))),
             ros=random.choice((RosOptions(), RosOptions("r.urdf", clock=True, parameters="read"))),
-        )  # fmt: skip
+        )
 
     def slot(self, name: str) -> Slot:
         random = self.random
@@ -310,25 +327,36 @@ class Twins:
             assert found == [
                 ("added", f"part type {part_type.number}", "", part_type.name)
                 if there is None
-                else ("changed", f"part type {part_type.number}", f"{there.name}, as it was",
-                      f"{part_type.name}, as its file says now")
+                else (
+                    "changed",
+                    f"part type {part_type.number}",
+                    f"{there.name}, as it was",
+                    f"{part_type.name}, as its file says now",
+                )
                 for part_type in mine
                 for there in [shared.types.get(part_type.number)]
                 if there is None or replace(there, source="") != replace(part_type, source="")
-            ]  # fmt: skip
+            ]
 
     def compare_rows(self, numbers: Mapping[int, PlainRobot]) -> None:
         connection = self.connection
         rows = connection.execute(select(slots)).all()
         assert {
-            (row.robot_id, row.name): (row.position, row.part_number, row.local_name, row.description, row.origin,
-                                       row.in_blueprint, row.configuration_version)
+            (row.robot_id, row.name): (
+                row.position,
+                row.part_number,
+                row.local_name,
+                row.description,
+                row.origin,
+                row.in_blueprint,
+                row.configuration_version,
+            )
             for row in rows
         } == {
             (number, name): tuple(vars(one).values())
             for number, plain in numbers.items()
             for name, one in plain.slots.items()
-        }  # fmt: skip
+        }
         names = {row.id: (row.robot_id, row.name) for row in rows}
         assert {
             (*names[row.slot_id], row.name, row.origin): (repr(row.value), row.changed_ns, row.who)
@@ -368,13 +396,17 @@ class Twins:
         assert [_told(edit) for edit in read_edits(connection, number, 4)] == [_line(line) for line in lines[:-5:-1]]
         found = read_configurations(connection, number)
         assert {
-            name: (one.version, one.slot, one.settings,
-                   [(end.port, end.topic, end.type_name, end.publishes, end.reliable) for end in one.bindings])
+            name: (
+                one.version,
+                one.slot,
+                one.settings,
+                [(end.port, end.topic, end.type_name, end.publishes, end.reliable) for end in one.bindings],
+            )
             for name, one in found.items()
         } == {
             name: (slot.version, name, _texts(plain.configuration(name)[1]), plain.configuration(name)[0])
             for name, slot in plain.slots.items()
-        }  # fmt: skip
+        }
         for by_hand in (True, False):
             read = blueprint_reader.read(connection, number, by_hand=by_hand)
             wanted = plain.in_blueprint()
@@ -383,11 +415,18 @@ class Twins:
             assert [
                 (one.name, one.part_number, one.local_name, one.description, one.settings) for one in read.slots
             ] == [
-                (name, *[getattr(plain.slots[name], word) for word in ("part_number", "local_name", "description")],
-                 {key[1]: plain.values[key][0] for origin in origins for key in plain.values
-                  if (key[0], key[2]) == (name, origin)})
+                (
+                    name,
+                    *[getattr(plain.slots[name], word) for word in ("part_number", "local_name", "description")],
+                    {
+                        key[1]: plain.values[key][0]
+                        for origin in origins
+                        for key in plain.values
+                        if (key[0], key[2]) == (name, origin)
+                    },
+                )
                 for name in wanted
-            ]  # fmt: skip
+            ]
             assert [replace(one, in_dds=InDds()) for one in read.bindings] == list(plain.bindings(by_hand=by_hand))
             shown = plain.row["in_dds"]
             assert isinstance(shown, dict)
@@ -431,8 +470,19 @@ def _texts(values: dict[str, Scalar]) -> tuple[tuple[str, str], ...]:
 
 
 def _told(edit: EditRecord) -> tuple[object, ...]:
-    return (edit.id, edit.at_ns, edit.who, edit.kind, edit.slot, edit.words, edit.undone, edit.slots,
-            sorted(edit.placed, key=str), sorted(edit.placed_before, key=str), edit.can_be_undone)  # fmt: skip
+    return (
+        edit.id,
+        edit.at_ns,
+        edit.who,
+        edit.kind,
+        edit.slot,
+        edit.words,
+        edit.undone,
+        edit.slots,
+        sorted(edit.placed, key=str),
+        sorted(edit.placed_before, key=str),
+        edit.can_be_undone,
+    )
 
 
 def _line(line: Line) -> tuple[object, ...]:
@@ -442,15 +492,34 @@ def _line(line: Line) -> tuple[object, ...]:
         case ("value", slot, *_), _:
             changed = [slot]
         case ("topics", before), ("topics", after):
-            changed = [end.slot for old, new in zip(before, after, strict=True)
-                       for end in (*old[1], *new[1]) if end not in old[1] or end not in new[1]]  # fmt: skip
+            changed = [
+                end.slot
+                for old, new in zip(before, after, strict=True)
+                for end in (*old[1], *new[1])
+                if end not in old[1] or end not in new[1]
+            ]
         case ("apply", before), ("apply", after):
             changed = different(before, after)
-    now, then = ([(bytes.fromhex(uid), place[0]) for uid, place in content[1].items()]
-                 if content and content[0] == "place" else [] for content in (line.after, line.before))  # fmt: skip
+    now, then = (
+        [(bytes.fromhex(uid), place[0]) for uid, place in content[1].items()]
+        if content and content[0] == "place"
+        else []
+        for content in (line.after, line.before)
+    )
     can_be = line.undone_by is None and line.kind in ("value", "place", "block", "bind", "apply")
-    return (line.id, line.at_ns, line.who, line.kind, line.slot, line.words, line.undone_by is not None,
-            tuple(sorted(set(changed))), sorted(now, key=str), sorted(then, key=str), can_be)  # fmt: skip
+    return (
+        line.id,
+        line.at_ns,
+        line.who,
+        line.kind,
+        line.slot,
+        line.words,
+        line.undone_by is not None,
+        tuple(sorted(set(changed))),
+        sorted(now, key=str),
+        sorted(then, key=str),
+        can_be,
+    )
 
 
 @pytest.fixture

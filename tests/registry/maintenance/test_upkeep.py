@@ -162,15 +162,19 @@ def test_a_sound_database_has_no_findings(full: Registry, address: str) -> None:
 @pytest.mark.parametrize(
     ("statement", "sentence"),
     [
-        ("DELETE FROM library WHERE number = 'ABCD'",
-         "slot AA wants part number ABCD, which is not in the library"),
+        ("DELETE FROM library WHERE number = 'ABCD'", "slot AA wants part number ABCD, which is not in the library"),
         ("UPDATE slots SET configuration_version = 0 WHERE name = 'CC'", "the configuration of slot CC has no version"),
-        ("INSERT INTO settings (slot_id, name, origin, value, changed_ns, who) SELECT id, 'colour', 'hand', '1', 1, ''"
-         " FROM slots WHERE name = 'AA'", "slot AA has a value for colour, which its part type does not have"),
-        ("UPDATE bindings SET port = 'nose' WHERE port = 'out' AND topic = 'HelloWorldTopic_1_to_2'",
-         '"AA.nose": part ABCD'),
+        (
+            "INSERT INTO settings (slot_id, name, origin, value, changed_ns, who) "
+            "SELECT id, 'colour', 'hand', '1', 1, '' FROM slots WHERE name = 'AA'",
+            "slot AA has a value for colour, which its part type does not have",
+        ),
+        (
+            "UPDATE bindings SET port = 'nose' WHERE port = 'out' AND topic = 'HelloWorldTopic_1_to_2'",
+            '"AA.nose": part ABCD',
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_contradiction_is_found(full: Registry, address: str, statement: str, sentence: str) -> None:
     full.storage.write(lambda connection: connection.execute(text(statement)))
     (finding,) = upkeep.check(address)

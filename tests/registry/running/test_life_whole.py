@@ -89,8 +89,9 @@ class Plain:
         old = self.parts.get(uid.hex())
         seen = PartRecord(self.name, uid, claim.part_number, claim.local_name, there, "checking", "", "", now, now)
         if old is not None:
-            seen = replace(seen, state=old.state, reason=old.reason, address=old.address,
-                           first_seen_ns=old.first_seen_ns)  # fmt: skip
+            seen = replace(
+                seen, state=old.state, reason=old.reason, address=old.address, first_seen_ns=old.first_seen_ns
+            )
         self.parts[uid.hex()] = seen
 
     def journal(self, event: PartEvent, now: int, registered: frozenset[str]) -> None:
@@ -126,10 +127,17 @@ class Plain:
         old = self.parts.get(identity)
         there = event.slot if event.slot in SLOTS[:3] else None
         self.parts[identity] = PartRecord(
-            self.name, event.uid if any(event.uid) else b"", event.part_number, event.local_name,
-            there if event.slot is not None else old.slot if old else None, event.to_state.value, event.reason,
-            event.address, old.first_seen_ns if old else now, now,
-        )  # fmt: skip
+            self.name,
+            event.uid if any(event.uid) else b"",
+            event.part_number,
+            event.local_name,
+            there if event.slot is not None else old.slot if old else None,
+            event.to_state.value,
+            event.reason,
+            event.address,
+            old.first_seen_ns if old else now,
+            now,
+        )
 
     def prune(self, registered: frozenset[str]) -> None:
         kept = [line for line in self.lines if line.event.slot][-LINES:]
@@ -233,12 +241,19 @@ class Lives:
         random = self.random
         number, local = random.choice(("EYE", "LEG", "")), random.choice(("", "local", "Ärm"))
         return PartEvent(
-            at=12.5, part=local or number or "udp", slot=random.choice((None, None, None, None, "", *SLOTS)),
+            at=12.5,
+            part=local or number or "udp",
+            slot=random.choice((None, None, None, None, "", *SLOTS)),
             from_state=random.choice((None, PartState.CHECKING, PartState.LATE)),
-            to_state=random.choice([*PartState]), reason=random.choice(("because", "it fits")),
-            evidence=random.choice(((), (("rule", "outcome"), ("slot", "free")))), part_number=number, local_name=local,
-            uid=uid, client_key=random.randrange(1, 3), address=random.choice(("", "udp 127.0.0.1:5")),
-        )  # fmt: skip
+            to_state=random.choice([*PartState]),
+            reason=random.choice(("because", "it fits")),
+            evidence=random.choice(((), (("rule", "outcome"), ("slot", "free")))),
+            part_number=number,
+            local_name=local,
+            uid=uid,
+            client_key=random.randrange(1, 3),
+            address=random.choice(("", "udp 127.0.0.1:5")),
+        )
 
     @property
     def newest(self) -> int:
@@ -261,10 +276,17 @@ class Lives:
             old = plain.parts[identity]
             assert old.state not in self.over
             event = PartEvent(
-                at=0.0, part=old.local_name or old.slot or old.part_number, slot=old.slot,
-                from_state=PartState(old.state), to_state=PartState.LOST, reason="the master was restarted",
-                part_number=old.part_number, local_name=old.local_name, uid=old.uid, address=old.address,
-            )  # fmt: skip
+                at=0.0,
+                part=old.local_name or old.slot or old.part_number,
+                slot=old.slot,
+                from_state=PartState(old.state),
+                to_state=PartState.LOST,
+                reason="the master was restarted",
+                part_number=old.part_number,
+                local_name=old.local_name,
+                uid=old.uid,
+                address=old.address,
+            )
             plain.line(line.number, event, self.now)
             plain.parts[identity] = replace(old, state="lost", reason=event.reason, changed_ns=self.now)
         assert [one for one in plain.parts.values() if one.state not in self.over] == []
@@ -283,8 +305,9 @@ class Lives:
             assert {*map(repr, self.look.parts(robot))} == {*map(repr, lost)}
             assert statements.read_journal(connection, robot.id, None, 99) == plain.lines
             all_lines += plain.lines
-            slots = [(slot.name, slot.part_number, slot.local_name)
-                     for slot in statements.list_slots(connection, robot.id)]  # fmt: skip
+            slots = [
+                (slot.name, slot.part_number, slot.local_name) for slot in statements.list_slots(connection, robot.id)
+            ]
             assert slots == [(slot.name, slot.part_number, f"of {plain.name}") for slot in ROBOT.slots]
             assert self.look.slot_names(robot) == ["left", "right", "leg"]
             self.compare_memory(index)
@@ -349,8 +372,12 @@ def connection(path: Path, empty_database: bytes) -> Iterator[Connection]:
 def test_what_is_kept_of_two_robots_is_what_the_plain_model_has(
     connection: Connection, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, value in (("PRUNE_EVERY", EVERY), ("JOURNAL_ROWS", LINES), ("STRANGERS", STRANGERS),
-                        ("STRANGERS_ROWS", STRANGER_LINES)):  # fmt: skip
+    for name, value in (
+        ("PRUNE_EVERY", EVERY),
+        ("JOURNAL_ROWS", LINES),
+        ("STRANGERS", STRANGERS),
+        ("STRANGERS_ROWS", STRANGER_LINES),
+    ):
         monkeypatch.setattr(robot_store, name, value)
     lives = Lives(connection, path, Random(3))
     for _ in range(tries(75, 5_000)):

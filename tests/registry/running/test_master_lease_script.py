@@ -308,10 +308,11 @@ def test_who_waits_asks_four_times_a_second_and_exactly_when_the_lease_runs_out(
     assert slept[:3] == [ASKED_EVERY, ASKED_EVERY, pytest.approx(0.85 - 4 * TAKES - 2 * ASKED_EVERY)]
     assert slept[3:] == [ASKED_EVERY] * 5
     assert said == [
-        SERVED.format("another, process 9"), SERVED.format("a master without --standby"),
+        SERVED.format("another, process 9"),
+        SERVED.format("a master without --standby"),
         f"standby: the database {WORDS} {AWAY}; this one takes over when that ends",
         SERVED.format("a master without --standby"),
-    ]  # fmt: skip
+    ]
     alone = ["_LOOK", "_LOOK_ALONE", "_IS_FREE"]
     assert server.asked == ["_MAKE", *["_LOOK"] * 3, *alone, *["_LOOK"] * 2, *alone * 2, *alone, "_TAKE"]
     row = server.rows[7]

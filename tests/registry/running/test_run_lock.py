@@ -186,9 +186,12 @@ def end_sessions_with_the_lock(engine: Engine) -> None:
 
 
 def test_a_session_that_the_server_has_ended_gives_nobody_else_the_robot(
-    clean_server_database: str, sweeper: Engine, blueprint: Blueprint, library: Library,
+    clean_server_database: str,
+    sweeper: Engine,
+    blueprint: Blueprint,
+    library: Library,
     caplog: pytest.LogCaptureFixture,
-) -> None:  # fmt: skip
+) -> None:
     with (
         open_registry(clean_server_database) as first,
         open_registry(clean_server_database) as second,

@@ -54,8 +54,10 @@ def test_it_turns_on_the_spot_and_in_curves() -> None:
 
 
 def test_mecanum_wheels_drive_sideways_where_two_drivers_turn_them_against_each_other() -> None:
-    world = arena(robot='[robot.chassis]\nkind = "omni"\n[[robot.part]]\nslot = "front wheels"\n'
-                        '[[robot.part]]\nslot = "tail"\naxle = "rear"\n')  # fmt: skip
+    world = arena(
+        robot='[robot.chassis]\nkind = "omni"\n[[robot.part]]\nslot = "front wheels"\n'
+        '[[robot.part]]\nslot = "tail"\naxle = "rear"\n'
+    )
     for slot, powers in (("front wheels", (-60.0, 60.0)), ("tail", (60.0, -60.0))):
         world.mount("robot", slot, ["motor.left", "motor.right"])
         world.drive("robot", slot, dict(zip(("motor.left", "motor.right"), powers, strict=True)))
@@ -85,8 +87,10 @@ def test_tyres_slip_where_the_floor_is_slippery() -> None:
 
 
 def test_a_slope_pulls_and_slows_who_drives_up() -> None:
-    up, level = (arena(f'[[area]]\nrectangle = [0.0, 0.0, 3.0, 2.0]\nslope_deg = {slope}\ndownhill_deg = 180\n')
-                 for slope in (8, 0))  # fmt: skip
+    up, level = (
+        arena(f"[[area]]\nrectangle = [0.0, 0.0, 3.0, 2.0]\nslope_deg = {slope}\ndownhill_deg = 180\n")
+        for slope in (8, 0)
+    )
     for world in (up, level):
         driving(world, 60, 60, 2)
     assert 1.0 < up.robot("robot").pose.x < level.robot("robot").pose.x - 0.1

@@ -56,9 +56,16 @@ def play(
             store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
             door = LocalWorldConnection(living, "robot")
             robot = DemoRobot(
-                blueprint, store, library=library, random=Random(1), epoch_ns=lambda: 0, unplugged=["pilot"],
-                door=door, names=names, spares=spares,
-            )  # fmt: skip
+                blueprint,
+                store,
+                library=library,
+                random=Random(1),
+                epoch_ns=lambda: 0,
+                unplugged=["pilot"],
+                door=door,
+                names=names,
+                spares=spares,
+            )
             hub = InprocHub()
             units = {
                 name: make_simulator(_number(blueprint, name), local_name=name, random=Random(number))

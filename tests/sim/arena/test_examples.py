@@ -85,12 +85,15 @@ class Stage:
         """A fiftieth of a second."""
         self._ticks += 1
         for every, port, tell in (
-            (2, "line", self._tell_line), (5, "distance", self._tell_distance), (5, "heading", self._tell_heading),
+            (2, "line", self._tell_line),
+            (5, "distance", self._tell_distance),
+            (5, "heading", self._tell_heading),
             (5, "left_speed", lambda: self._tell_speed("left_wheel")),
             (5, "right_speed", lambda: self._tell_speed("right_wheel")),
             (5, "magnet", lambda: Switch(on=bool(self._sense("reed")["magnet"]))),
-            (5, "holding", lambda: Switch(on=self.robot.held is not None)), (10, "colour", self._tell_colour),
-        ):  # fmt: skip
+            (5, "holding", lambda: Switch(on=self.robot.held is not None)),
+            (10, "colour", self._tell_colour),
+        ):
             handler = self.program.handlers.get(port)
             if handler is not None and self._ticks % every == 0:
                 handler(tell())
@@ -111,8 +114,11 @@ class Stage:
     def _act(self) -> None:
         power = {port: message.percent for port, message in self.program.said.items() if hasattr(message, "percent")}
         for slot, prefix in (("wheels", ""), ("rear_wheels", "rear_")):
-            self.arena.drive("robot", slot, {f"motor.{side}": max(-100.0, min(100.0, power.get(prefix + side, 0.0)))
-                                             for side in ("left", "right")})  # fmt: skip
+            self.arena.drive(
+                "robot",
+                slot,
+                {f"motor.{side}": max(-100.0, min(100.0, power.get(prefix + side, 0.0))) for side in ("left", "right")},
+            )
         wanted = JAW_MM * (1 - power.get("grip", 0.0) / 100)
         step = FINGERS_MM_S * TICK_S
         thing = float(self._sense("hand").get("grip.thing", 0.0))
@@ -143,8 +149,9 @@ class Stage:
 
     def is_in(self, area: str, x: float, y: float) -> bool:
         corners = next(one for one in self.arena.plan.areas if one.name == area).corners
-        return (min(c[0] for c in corners) <= x <= max(c[0] for c in corners)
-                and min(c[1] for c in corners) <= y <= max(c[1] for c in corners))  # fmt: skip
+        return min(c[0] for c in corners) <= x <= max(c[0] for c in corners) and min(c[1] for c in corners) <= y <= max(
+            c[1] for c in corners
+        )
 
 
 def program(monkeypatch: pytest.MonkeyPatch, name: str) -> Program:

@@ -42,8 +42,10 @@ def told(heading_deg: float) -> dict[tuple[Sort, str], Nearby]:
 def test_sides_are_those_of_the_robot_and_what_is_far_is_left_out() -> None:
     found = told(0.0)
     assert {key: one.side for key, one in found.items()} == {
-        (Sort.BOX, "red"): Side.AHEAD, (Sort.WALL, ""): Side.LEFT, (Sort.ROBOT, "other"): Side.RIGHT,
-    }  # fmt: skip
+        (Sort.BOX, "red"): Side.AHEAD,
+        (Sort.WALL, ""): Side.LEFT,
+        (Sort.ROBOT, "other"): Side.RIGHT,
+    }
     assert abs(found[Sort.BOX, "red"].distance_m - 0.25) < 1e-6, "to the side of the box, not to its middle"
     assert 0.28 < found[Sort.WALL, ""].distance_m < 0.3
     assert told(90.0)[Sort.BOX, "red"].side is Side.RIGHT

@@ -10,8 +10,14 @@ from msbot.sim.arena.world_reader import parse_world
 WHEELS = ("motor.left", "motor.right")
 
 
-def arena(text: str = "", *, robot: str = "", size: tuple[float, float] = (3.0, 2.0), at: str = "[1.0, 1.0]",
-          seed: int | None = None) -> Arena:  # fmt: skip
+def arena(
+    text: str = "",
+    *,
+    robot: str = "",
+    size: tuple[float, float] = (3.0, 2.0),
+    at: str = "[1.0, 1.0]",
+    seed: int | None = None,
+) -> Arena:
     """A world with one robot that looks east."""
     world = f'[world]\nname = "test"\nwidth_m = {size[0]}\nheight_m = {size[1]}\n'
     return Arena(parse_world(f'{world}{text}\n[[robot]]\nname = "robot"\nstart = {at}\n{robot}'), seed)

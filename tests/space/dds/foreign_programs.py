@@ -58,8 +58,20 @@ def _build_cyclone(folder: Path) -> None:
 
 def _build_fast(folder: Path) -> None:
     _run(folder, "fastddsgen", "-replace", "-t", str(folder), "Hello.idl")
-    _run(folder, "g++", "-O0", "-std=c++14", "-I.", "fast_peer.cpp", "Hello.cxx", "HelloPubSubTypes.cxx", "-o", "peer",
-         "-lfastrtps", "-lfastcdr")  # fmt: skip
+    _run(
+        folder,
+        "g++",
+        "-O0",
+        "-std=c++14",
+        "-I.",
+        "fast_peer.cpp",
+        "Hello.cxx",
+        "HelloPubSubTypes.cxx",
+        "-o",
+        "peer",
+        "-lfastrtps",
+        "-lfastcdr",
+    )
 
 
 def _run(folder: Path, *command: str) -> None:

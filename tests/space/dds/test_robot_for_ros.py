@@ -53,17 +53,53 @@ async def test_a_ros_node_finds_the_part_and_reads_and_sets_its_parameters(tmp_p
             running = [tasks.create_task(master.run()), tasks.create_task(ros.run())]
             await master.ready.wait()
             plugged = tasks.create_task(part.run_async(hub.connect()))
-            wishes = json.dumps({"parameters": [["period_s", {"type": 3, "double_value": 0.5}],
-                                                ["period_s", {"type": 3, "double_value": 99.0}]]})  # fmt: skip
+            wishes = json.dumps(
+                {
+                    "parameters": [
+                        ["period_s", {"type": 3, "double_value": 0.5}],
+                        ["period_s", {"type": 3, "double_value": 99.0}],
+                    ]
+                }
+            )
             async with program(
-                *NODE, "nodes", KNOB, "rt/ROVER/power", "nodes", "/ROVER", "rt/ROVER/robot_description",
-                "hear", "ROVER/power", "Float32", "1",
-                "hear", "ROVER/diagnostics", "DiagnosticArray", "1", "hear", "ROVER/clock", "Clock", "1",
-                "hear", "ROVER/robot_description", "String", "1",
-                "call", KNOB, "list_parameters", '{"prefixes": [], "depth": 0}',
-                "call", KNOB, "set_parameters", wishes,
-                "call", KNOB, "get_parameters", '{"names": ["period_s"]}', "gone", KNOB,
-            ) as node:  # fmt: skip
+                *NODE,
+                "nodes",
+                KNOB,
+                "rt/ROVER/power",
+                "nodes",
+                "/ROVER",
+                "rt/ROVER/robot_description",
+                "hear",
+                "ROVER/power",
+                "Float32",
+                "1",
+                "hear",
+                "ROVER/diagnostics",
+                "DiagnosticArray",
+                "1",
+                "hear",
+                "ROVER/clock",
+                "Clock",
+                "1",
+                "hear",
+                "ROVER/robot_description",
+                "String",
+                "1",
+                "call",
+                KNOB,
+                "list_parameters",
+                '{"prefixes": [], "depth": 0}',
+                "call",
+                KNOB,
+                "set_parameters",
+                wishes,
+                "call",
+                KNOB,
+                "get_parameters",
+                '{"names": ["period_s"]}',
+                "gone",
+                KNOB,
+            ) as node:
                 await node.says("get_parameters: ")
                 assert f"{KNOB} writes rt/ROVER/power std_msgs::msg::dds_::Float32_" in node.lines
                 assert (

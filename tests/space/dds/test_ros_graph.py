@@ -78,10 +78,14 @@ async def test_a_node_that_is_there_twice_is_told_once_on_both_sides(caplog: pyt
         heard = Inbox()
         there.reader(TOLD, LAST_ONE, heard)
         await until(lambda: "/garden/other" in last_nodes(heard))  # told again, and the twin is known
-        assert caplog.messages == [
-            "another program in this network has a ROS 2 node /garden/knob, too: each hears what is meant for the "
-            "other; give one of the two another name, or another domain"
-        ] * 2  # fmt: skip
+        assert (
+            caplog.messages
+            == [
+                "another program in this network has a ROS 2 node /garden/knob, too: each hears what is meant for the "
+                "other; give one of the two another name, or another domain"
+            ]
+            * 2
+        )
         for writer in (*writers, other):
             writer.close()
         for graph in graphs:
@@ -161,9 +165,21 @@ async def test_a_micro_ros_client_is_a_node_for_a_ros_node_and_talks_to_it() -> 
             await client.until_all_statuses(30)
             request = '{"names": ["speed"]}'
             async with program(
-                *NODE, "nodes", "/garden/blinker", "rt/power", "call", "/garden/blinker", "get_parameters", request,
-                "hear", "power", "Float32", "1", "gone", "/garden/blinker",
-            ) as node:  # fmt: skip
+                *NODE,
+                "nodes",
+                "/garden/blinker",
+                "rt/power",
+                "call",
+                "/garden/blinker",
+                "get_parameters",
+                request,
+                "hear",
+                "power",
+                "Float32",
+                "1",
+                "gone",
+                "/garden/blinker",
+            ) as node:
                 await node.says("node /garden/blinker is complete")
                 mine = {
                     line.removeprefix("/garden/blinker ") for line in node.lines if line.startswith("/garden/blinker ")

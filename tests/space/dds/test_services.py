@@ -20,9 +20,12 @@ from tests.space.dds.foreign_programs import SOURCES, TYPE, command_of
 from tests.space.dds.peers import Inbox, program, until
 
 ADD = ServiceNames(
-    "add_two_ints", "example_interfaces::srv::dds_::AddTwoInts_Request_",
-    "example_interfaces::srv::dds_::AddTwoInts_Response_", "rq/add_two_intsRequest", "rr/add_two_intsReply",
-)  # fmt: skip
+    "add_two_ints",
+    "example_interfaces::srv::dds_::AddTwoInts_Request_",
+    "example_interfaces::srv::dds_::AddTwoInts_Response_",
+    "rq/add_two_intsRequest",
+    "rr/add_two_intsReply",
+)
 NODE = (sys.executable, str(SOURCES / "ros_service.py"))
 
 

@@ -108,9 +108,15 @@ def writer(
 
 
 def write(
-    network: Network, participant: RtpsParticipant, endpoint: RtpsEndpoint, payload: bytes, *,
-    readers: frozenset[Guid] | None = None, related: tuple[Guid, int] | None = None, plain: bytes | None = None,
-) -> None:  # fmt: skip
+    network: Network,
+    participant: RtpsParticipant,
+    endpoint: RtpsEndpoint,
+    payload: bytes,
+    *,
+    readers: frozenset[Guid] | None = None,
+    related: tuple[Guid, int] | None = None,
+    plain: bytes | None = None,
+) -> None:
     """Send a sample."""
     assert endpoint.writer is not None
     change = RtpsSample(payload, Inline(related), readers, plain)

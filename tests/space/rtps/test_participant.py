@@ -312,6 +312,9 @@ def test_submessages_are_read_as_they_were_written(
     sender, found = wire_reader.read(octets)
     assert sender == b"p" * 12
     assert [what for _, _, what in found] == [
-        ack, beat, nack, Gap(one, other, base, said),
+        ack,
+        beat,
+        nack,
+        Gap(one, other, base, said),
         RtpsData(one, other, base, wire.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"),
-    ]  # fmt: skip
+    ]

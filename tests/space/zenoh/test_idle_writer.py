@@ -43,15 +43,26 @@ RELIABLE = Qos(depth=64)
 def test_the_last_sample_is_repeated_more_and_more_seldom_and_then_no_more() -> None:
     # The first look, after 1 s, sees that something was written; the second that nothing was since.
     assert sent_by([(0.5, 1), (0.75, 2)], qos=RELIABLE) == [
-        (0.5, 1, False), (0.75, 2, False), (2.5, 2, True), (4.5, 2, True), (8.5, 2, True), (16.5, 2, True),
-    ]  # fmt: skip
+        (0.5, 1, False),
+        (0.75, 2, False),
+        (2.5, 2, True),
+        (4.5, 2, True),
+        (8.5, 2, True),
+        (16.5, 2, True),
+    ]
 
 
 def test_a_new_sample_takes_its_place() -> None:
     assert sent_by([(0.0, 1), (5.0, 2)], qos=RELIABLE) == [
-        (0.0, 1, False), (2.0, 1, True), (4.0, 1, True),
-        (5.0, 2, False), (7.0, 2, True), (9.0, 2, True), (13.0, 2, True), (21.0, 2, True),
-    ]  # fmt: skip
+        (0.0, 1, False),
+        (2.0, 1, True),
+        (4.0, 1, True),
+        (5.0, 2, False),
+        (7.0, 2, True),
+        (9.0, 2, True),
+        (13.0, 2, True),
+        (21.0, 2, True),
+    ]
 
 
 def test_who_goes_on_writing_repeats_nothing() -> None:

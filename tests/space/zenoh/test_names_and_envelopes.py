@@ -14,10 +14,14 @@ from msbot_xrce.errors import ConfigError
 
 NAMES = st.text(min_size=1, max_size=20)
 QOS = st.builds(
-    Qos, reliable=st.booleans(), transient_local=st.booleans(), exclusive=st.booleans(),
-    deadline_s=st.none() | st.sampled_from((0.1, 2.0, 3600.0)), strength=st.integers(-(2**31), 2**31 - 1),
+    Qos,
+    reliable=st.booleans(),
+    transient_local=st.booleans(),
+    exclusive=st.booleans(),
+    deadline_s=st.none() | st.sampled_from((0.1, 2.0, 3600.0)),
+    strength=st.integers(-(2**31), 2**31 - 1),
     lifespan_s=st.none() | st.sampled_from((0.5, 60.0)),
-)  # fmt: skip
+)
 
 
 @given(NAMES, st.integers(0, 232), NAMES, NAMES)

@@ -164,8 +164,9 @@ async def test_requests_are_answered_to_whom_they_came_from(pair: tuple[ZenohSpa
     await until(lambda: all(len(inbox.samples) == 2 for inbox in answers.values()))
     for inbox in answers.values():  # as in memory: every reader of the topic sees whom each answer is for
         assert {(sample.payload, sample.related) for sample in inbox.samples} == {
-            (b"aa", (guid(1), 1)), (b"bb", (guid(2), 1)),
-        }  # fmt: skip
+            (b"aa", (guid(1), 1)),
+            (b"bb", (guid(2), 1)),
+        }
 
 
 async def test_other_services_stay_in_the_process(pair: tuple[ZenohSpace, ZenohSpace]) -> None:

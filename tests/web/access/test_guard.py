@@ -65,17 +65,29 @@ class Rig:
         )
         self.pages: dict[str, Session] = {}
         self.guard = AccessGuard(
-            inner, self.accounts, hosts, cookies=COOKIES, owns=lambda page, session: self.pages.get(page) is session,
-            beat=lambda: b"{}", is_tls=is_tls,
-        )  # fmt: skip
+            inner,
+            self.accounts,
+            hosts,
+            cookies=COOKIES,
+            owns=lambda page, session: self.pages.get(page) is session,
+            beat=lambda: b"{}",
+            is_tls=is_tls,
+        )
 
     def session(self) -> Session:
         return self.accounts.sessions.begin("bob", Role.STUDENT)
 
     async def ask(
-        self, path: str, method: str = "GET", *, kind: str = "http", session: Session | None = None,
-        bodies: tuple[bytes, ...] = (b"",), more: Mapping[str, str] | None = None, **headers: str,
-    ) -> Answer:  # fmt: skip
+        self,
+        path: str,
+        method: str = "GET",
+        *,
+        kind: str = "http",
+        session: Session | None = None,
+        bodies: tuple[bytes, ...] = (b"",),
+        more: Mapping[str, str] | None = None,
+        **headers: str,
+    ) -> Answer:
         given = {"host": HOST, **{name.replace("_", "-"): value for name, value in headers.items()}, **(more or {})}
         if session is not None:
             given["cookie"] = f"{COOKIE}={session.token}"
@@ -331,10 +343,19 @@ async def test_strangers_get_nothing_of_nicegui_but_its_own_files() -> None:
     assert (await rig.ask("/_nicegui/nothing")).status == 303
 
 
-@pytest.mark.parametrize(("host", "status"), [
-    ("192.168.1.7:8080", 401), ("[fe80::1]:8080", 401), ("robot.local", 401), ("ROBOT.local:8080", 401),
-    ("evil.example", 421), ("", 421), ("192.168.1.7.evil.example", 421), ("[", 421),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("192.168.1.7:8080", 401),
+        ("[fe80::1]:8080", 401),
+        ("robot.local", 401),
+        ("ROBOT.local:8080", 401),
+        ("evil.example", 421),
+        ("", 421),
+        ("192.168.1.7.evil.example", 421),
+        ("[", 421),
+    ],
+)
 async def test_on_all_networks_addresses_and_own_names_are_answered_to(host: str, status: int) -> None:
     rig = Rig(hosts=(ANY_ADDRESS, "robot.local"))
     assert (await rig.ask("/api/robot", more={"host": host})).status == status
@@ -383,9 +404,7 @@ async def test_a_visitor_who_goes_before_the_answer_is_no_error(leaves: bool) ->
     async def send(_message: Message) -> None:
         raise AssertionError("there is nobody to answer")
 
-    guard = AccessGuard(
-        silent, Rig().accounts, ("",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b""
-    )  # fmt: skip
+    guard = AccessGuard(silent, Rig().accounts, ("",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"")
     scope = {"type": "http", "method": "GET", "path": "/login", "headers": []}
     if leaves:
         await guard(scope, receive, send)

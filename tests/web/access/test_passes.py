@@ -49,8 +49,18 @@ def test_nobody_comes_in_by_a_pass_that_was_changed() -> None:
     later = f"{int(ends, 16) + 60:x}"
     changed = ("B" if proof[0] == "A" else "A") + proof[1:]
     other = office.passes.make("Äda B", 1).split(".")[0]
-    wrong = [f"{other}.{ends}.{proof}", f"{name}.{later}.{proof}", f"{name}.{ends}.{changed}", f"{name}.{ends}.",
-             "",              "..", "%%%.1.x", f"{name}.zz.{proof}", f"{name}.-1.{proof}", "x" * 10_000]  # fmt: skip
+    wrong = [
+        f"{other}.{ends}.{proof}",
+        f"{name}.{later}.{proof}",
+        f"{name}.{ends}.{changed}",
+        f"{name}.{ends}.",
+        "",
+        "..",
+        "%%%.1.x",
+        f"{name}.zz.{proof}",
+        f"{name}.-1.{proof}",
+        "x" * 10_000,
+    ]
     for one in wrong:
         with pytest.raises(SignInRefused):
             office.passes.admit(one)

@@ -17,9 +17,11 @@ from msbot_web.root_path import base_of, root
 from msbot_xrce.errors import ConfigError
 
 TOLD = {
-    "x-forwarded-for": "192.0.2.7", "x-forwarded-proto": "https", "x-forwarded-host": "robots.school:8443",
+    "x-forwarded-for": "192.0.2.7",
+    "x-forwarded-proto": "https",
+    "x-forwarded-host": "robots.school:8443",
     "x-forwarded-prefix": "/rex",
-}  # fmt: skip
+}
 
 
 class Seen:
@@ -50,10 +52,15 @@ class Seen:
 
         given = {"host": "127.0.0.1:8080", **{name.replace("_", "-"): value for name, value in headers.items()}}
         scope: Scope = {
-            "type": kind, "client": (peer, 4711), "scheme": "http" if kind == "http" else "ws", "path": "/",
+            "type": kind,
+            "client": (peer, 4711),
+            "scheme": "http" if kind == "http" else "ws",
+            "path": "/",
             "headers": [(name.encode(), value.encode("latin-1")) for name, value in given.items()],
-            "query_string": b"", "method": "GET", "server": ("127.0.0.1", 8080),
-        }  # fmt: skip
+            "query_string": b"",
+            "method": "GET",
+            "server": ("127.0.0.1", 8080),
+        }
         await self.app(scope, receive, send)
         return {name.decode(): value.decode() for name, value in sent[0]["headers"]}
 

@@ -86,8 +86,17 @@ UID = "00112233445566aa"
     ["101#00112233445566AA", "101#0311223344", "103##1FF5566AA0000", "18DA00F1#AA00FF112233", "101#3344556600000000"],
 )
 def test_a_frame_with_a_piece_of_a_uid_is_shown_without_its_data_to_all_but_teachers(notation: str) -> None:
-    row = FrameLine(number=1, age_s=0.0, sender="x", text=f"  {notation.partition('#')[0]}  [8] {notation[4:]}", node=1,
-                    plain=[], about=["a claim"], words=[f"claim with UID {UID}"], notation=notation)  # fmt: skip
+    row = FrameLine(
+        number=1,
+        age_s=0.0,
+        sender="x",
+        text=f"  {notation.partition('#')[0]}  [8] {notation[4:]}",
+        node=1,
+        plain=[],
+        about=["a claim"],
+        words=[f"claim with UID {UID}"],
+        notation=notation,
+    )
     other = row.model_copy(update={"notation": "101#C010000000000000", "text": "  101  [2] C0 10", "words": [UID]})
     hidden, shown = UidRedactor([UID, "0000000000000001", ""]).frames([row, other])
     assert (hidden.text.split()[1:], hidden.notation, hidden.words) == (["…"], "", [])

@@ -219,10 +219,15 @@ def test_markup_in_names_is_only_text(site: Site) -> None:
 @pytest.mark.parametrize(
     "path",
     [
-        "/web/../server.py", "/web/%2e%2e/server.py", "/web/..%2fserver.py", "/library/..%2f..%2fetc%2fpasswd",
-        "/_nicegui/../../../etc/passwd", "/web//etc/passwd", "/api/backup/../../robot.toml",
+        "/web/../server.py",
+        "/web/%2e%2e/server.py",
+        "/web/..%2fserver.py",
+        "/library/..%2f..%2fetc%2fpasswd",
+        "/_nicegui/../../../etc/passwd",
+        "/web//etc/passwd",
+        "/api/backup/../../robot.toml",
     ],
-)  # fmt: skip
+)
 def test_paths_lead_nowhere_else(site: Site, path: str) -> None:
     with site.browser("ada") as visitor:
         answer = visitor.get(path)
@@ -235,10 +240,17 @@ def test_paths_lead_nowhere_else(site: Site, path: str) -> None:
 @pytest.mark.parametrize(
     "body",
     [
-        b'{"value": "\\ud800"}', b'{"value": "x\\udfffy"}', b'{"value": {"\\ud800": 1}}', b'{"\\ud800": 1}',
-        b"[" * 100_000, b'{"value": ' + b"9" * 100_000 + b"}", b"{", b"\xff\xfe", b'{"value": NaN}',
+        b'{"value": "\\ud800"}',
+        b'{"value": "x\\udfffy"}',
+        b'{"value": {"\\ud800": 1}}',
+        b'{"\\ud800": 1}',
+        b"[" * 100_000,
+        b'{"value": ' + b"9" * 100_000 + b"}",
+        b"{",
+        b"\xff\xfe",
+        b'{"value": NaN}',
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_read_or_written_is_refused_with_a_sentence(site: Site, body: bytes) -> None:
     for path in ("/api/sim/AA/press", "/api/slots/AA/values/x", "/api/slots/BB/values/x"):
         headers = {"authorization": f"Bearer {site.tokens['teacher']}", "content-type": "application/json"}

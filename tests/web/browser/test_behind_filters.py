@@ -32,9 +32,11 @@ def ways(demo: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ways]
     servers = "".join(
         SERVER.format(address.rpartition(":")[2], more, demo.base, last)
         for address, more, last in (
-            (ways.rewritten, "", ""), (ways.passed_on, host, ""), (ways.no_channel, host, NO_CHANNEL),
+            (ways.rewritten, "", ""),
+            (ways.passed_on, host, ""),
+            (ways.no_channel, host, NO_CHANNEL),
         )
-    )  # fmt: skip
+    )
     ports = [int(one.rpartition(":")[2]) for one in vars(ways).values()]
     with nginx(Path(tmp_path_factory.mktemp("proxy")) / "nginx", servers, *ports):
         yield ways

@@ -198,9 +198,11 @@ def test_who_is_not_signed_in_gets_the_form_in_the_folder_and_another_name_is_re
 
     def get(path: str, host: str = NAME) -> httpx.Response:
         request = client.build_request(
-            "GET", f"https://127.0.0.1:{place.port}{path}", headers={"host": f"{host}:{place.port}"},
+            "GET",
+            f"https://127.0.0.1:{place.port}{path}",
+            headers={"host": f"{host}:{place.port}"},
             extensions={"sni_hostname": NAME},
-        )  # fmt: skip
+        )
         return client.send(request)
 
     with httpx.Client(verify=False, timeout=60) as client:

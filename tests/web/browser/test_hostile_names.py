@@ -151,8 +151,25 @@ def test_names_are_shown_as_text_on_every_page(browser: Browser, site: Site) -> 
                 expect(page.get_by_role("tabpanel").last).to_contain_text(evil("set"))
             expect(page.locator(".evil")).to_have_count(0)
             shown += page.locator("body").inner_text() + page.content()
-    for word in ("robot", "version", "serial", "factory", "slot", "place", "topic", "part", "spare", "type", "about",
-                 "maker", "parameter", "set", "ada", "bob", "token"):  # fmt: skip
+    for word in (
+        "robot",
+        "version",
+        "serial",
+        "factory",
+        "slot",
+        "place",
+        "topic",
+        "part",
+        "spare",
+        "type",
+        "about",
+        "maker",
+        "parameter",
+        "set",
+        "ada",
+        "bob",
+        "token",
+    ):
         assert evil(word) in shown, word
     page.goto(f"{site.base}/arrivals")
     page.get_by_role("button", name="Identify").click()

@@ -104,8 +104,9 @@ def test_the_recorder_s_time_is_shown_a_view_is_kept_and_a_picture_saved(blank: 
     with page.expect_download() as download:
         page.get_by_role("button", name="Picture (PNG)").click()
     width, height = struct.unpack(">II", Path(download.value.path()).read_bytes()[16:24])
-    across, down = page.evaluate("[...'WH'].map((one) => document.querySelector('.plot-charts')"
-                                 "[one === 'W' ? 'clientWidth' : 'clientHeight'])")  # fmt: skip
+    across, down = page.evaluate(
+        "[...'WH'].map((one) => document.querySelector('.plot-charts')[one === 'W' ? 'clientWidth' : 'clientHeight'])"
+    )
     assert width == 2 * across
     assert height > 2 * down, "the names of the curves are below"
 

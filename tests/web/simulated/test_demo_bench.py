@@ -21,9 +21,13 @@ from msbot_xrce.errors import ConfigError
 
 
 def play(
-    folder: Path, sample: str, scene: Callable[[DemoRobot, DemoControls, PageSources], Awaitable[None]], *,
-    wire: Wire = Wire.CAN, spares: dict[str, str] | None = None,
-) -> None:  # fmt: skip
+    folder: Path,
+    sample: str,
+    scene: Callable[[DemoRobot, DemoControls, PageSources], Awaitable[None]],
+    *,
+    wire: Wire = Wire.CAN,
+    spares: dict[str, str] | None = None,
+) -> None:
     """Run a demo in virtual time, with what its page sees of it."""
 
     async def main() -> None:
@@ -33,9 +37,14 @@ def play(
         with open_registry(folder / "robot.db") as registry:
             record = registry.robots.apply_blueprint(blueprint, library)
             robot = DemoRobot(
-                blueprint, registry.runs.begin(record), wire=wire, library=library, random=Random(1),
-                epoch_ns=lambda: 0, spares=spares,
-            )  # fmt: skip
+                blueprint,
+                registry.runs.begin(record),
+                wire=wire,
+                library=library,
+                random=Random(1),
+                epoch_ns=lambda: 0,
+                spares=spares,
+            )
             seen = seen_of(robot, asyncio.get_running_loop().time)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())

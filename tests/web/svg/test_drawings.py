@@ -29,26 +29,47 @@ FIELDS = ("on", "lux", "percent", "degrees", "red", "celsius", "metres", "in_ran
 
 
 def port(name: str, *, publishes: bool, fields: dict[str, Scalar] | None = None) -> PortLine:
-    return PortLine(
-        port=name, topic="t", type_name="Level", publishes=publishes, reliable=True, fields=fields or {}
-    )  # fmt: skip
+    return PortLine(port=name, topic="t", type_name="Level", publishes=publishes, reliable=True, fields=fields or {})
 
 
 def card(
     *ports: PortLine, category: str = "", part: PartLine | None = None, next_beat_s: float | None = None
 ) -> SlotCard:
     return SlotCard(
-        name="fan", part_number="FAN-5V", type_name="Fan", category=category, description="", state="active", reason="",
-        part=part, ports=list(ports), next_beat_s=next_beat_s, simulated=False, plugged=None,
-    )  # fmt: skip
+        name="fan",
+        part_number="FAN-5V",
+        type_name="Fan",
+        category=category,
+        description="",
+        state="active",
+        reason="",
+        part=part,
+        ports=list(ports),
+        next_beat_s=next_beat_s,
+        simulated=False,
+        plugged=None,
+    )
 
 
 def line(life: int) -> PartLine:
     return PartLine(
-        part="fan", part_number="FAN-5V", local_name="", uid="", slot="fan", state="active", reason="", state_age_s=1.0,
-        life=life, beat_age_s=0.5, beats=3, plug_in_to_active_ms=None, client_key="1", address="", refused_claims=0,
+        part="fan",
+        part_number="FAN-5V",
+        local_name="",
+        uid="",
+        slot="fan",
+        state="active",
+        reason="",
+        state_age_s=1.0,
+        life=life,
+        beat_age_s=0.5,
+        beats=3,
+        plug_in_to_active_ms=None,
+        client_key="1",
+        address="",
+        refused_claims=0,
         duplicates=[],
-    )  # fmt: skip
+    )
 
 
 @settings(deadline=None)

@@ -16,9 +16,14 @@ ends = st.builds(lambda slot, port: f"{slot}.{port}", names, names)
 
 def topic(name: str, publishers: list[str], subscribers: list[str], rate_hz: float = 0.0) -> TopicLine:
     return TopicLine(
-        topic=name, type_name="Level", publishers=publishers, subscribers=subscribers, rate_hz=rate_hz, count=7,
+        topic=name,
+        type_name="Level",
+        publishers=publishers,
+        subscribers=subscribers,
+        rate_hz=rate_hz,
+        count=7,
         fields={},
-    )  # fmt: skip
+    )
 
 
 def ports_of(*lines: TopicLine) -> list[WirePort]:
@@ -30,7 +35,7 @@ def ports_of(*lines: TopicLine) -> list[WirePort]:
                 slot, _, name = end.rpartition(".")
                 found[end, is_source] = WirePort(
                     slot=slot, port=name, type_name=line.type_name, publishes=is_source, topic=line.topic
-                )  # fmt: skip
+                )
     return list(found.values())
 
 
@@ -44,8 +49,10 @@ def test_every_end_is_joined_to_its_topic_and_slots_lead_to_their_drawer() -> No
     text = words(root)
     assert "10.0 Hz · 7 samples" in text
     assert [port.get("data-port") for port in root.findall(".//{*}g[@data-port]")] == [
-        "knob.turn", "fan.power", "lamp.power"
-    ]  # fmt: skip
+        "knob.turn",
+        "fan.power",
+        "lamp.power",
+    ]
     assert root[0].get("aria-label") == "knob.turn to fan.power, lamp.power by speed"
 
 
@@ -82,9 +89,10 @@ def test_only_who_may_change_the_robot_is_offered_to_take_slots_out() -> None:
 @given(
     st.lists(
         st.builds(topic, names, st.lists(ends, max_size=3), st.lists(ends, max_size=3), st.floats(0, 1e4)),
-        max_size=4, unique_by=lambda line: line.topic,
+        max_size=4,
+        unique_by=lambda line: line.topic,
     )
-)  # fmt: skip
+)
 def test_any_names_are_drawn_as_text(lines: list[TopicLine]) -> None:
     text = words(read(wiring_svg(lines, ports_of(*lines), {HARMFUL: HARMFUL}, ENGLISH)))
     for line in lines:

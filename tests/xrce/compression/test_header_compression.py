@@ -158,7 +158,7 @@ submessages: st.SearchStrategy[Submessage] = st.one_of(
     st.builds(StatusAgent, u8),
     st.builds(Timestamp, st.integers(0, 10**18)),
     st.builds(CreateClient, st.integers(0, 0xFFFFFFFF), few, u16),
-)  # fmt: skip
+)
 headers = st.builds(Header, few, st.sampled_from([0, 1, 0x80]) | u8, st.just(0) | u16, st.integers(0, 0xFFFFFFFF))
 
 

@@ -33,9 +33,13 @@ class Bench:
     """A session and an owner that says OK to everything; packets in and out as hex."""
 
     def __init__(
-        self, *, session_id: int = 0x81, mtu: int = MTU, settings: AgentSessionSettings | None = None,
+        self,
+        *,
+        session_id: int = 0x81,
+        mtu: int = MTU,
+        settings: AgentSessionSettings | None = None,
         on_data: DataHandler | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.session = AgentSession(KEY, session_id, mtu, epoch_ns=self._clock, settings=settings, on_data=on_data)
         self.events: list[AgentEvent] = []
         self.now = 0.0

@@ -116,9 +116,14 @@ def prepared(window: int, start: int) -> tuple[ReliableOutput, Outbox]:
     counters = SessionCounters()
     outbox = Outbox(8, counters)
     stream = ReliableOutput(
-        0x80, Envelope(0x81, 1, MTU, pads=False), outbox, counters, window=window, round_trip=RoundTrip(),
+        0x80,
+        Envelope(0x81, 1, MTU, pads=False),
+        outbox,
+        counters,
+        window=window,
+        round_trip=RoundTrip(),
         pool=Memory(10_000_000),
-    )  # fmt: skip
+    )
     for position in range(start):
         stream.send(b"\x07\x01\x00\x00")
         outbox.pull()

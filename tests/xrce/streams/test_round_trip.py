@@ -39,8 +39,17 @@ def test_after_two_repetitions_each_question_without_an_answer_doubles_the_wait(
     trip.measure(0.001)
     trip.note_loss(0.0)
     assert [patience(trip, unanswered=count) for count in range(10)] == [
-        0.005, 0.005, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.2, 0.2
-    ]  # fmt: skip
+        0.005,
+        0.005,
+        0.005,
+        0.01,
+        0.02,
+        0.04,
+        0.08,
+        0.16,
+        0.2,
+        0.2,
+    ]
     assert patience(trip, unanswered=10**9) == 0.2
 
 

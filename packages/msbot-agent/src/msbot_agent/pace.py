@@ -99,9 +99,12 @@ class ConnectionPace:
     """
 
     def __init__(
-        self, of_address: float, in_all: float, knows: Callable[[str], bool],
+        self,
+        of_address: float,
+        in_all: float,
+        knows: Callable[[str], bool],
         is_shared: Callable[[str], bool] = lambda _: False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._is_shared = is_shared
         self._of_address = SteadyRate(of_address, of_address * BURST_S, MOST_ADDRESSES)
         self._in_all = SteadyRate(in_all, in_all * BURST_S, 1)
@@ -152,9 +155,15 @@ class Acceptor:
     """Hands over every connection made to a listening socket."""
 
     def __init__(
-        self, listening: socket.socket, take: Callable[[socket.socket], None], dropped: Tally, *,
-        pace: ConnectionPace | None = None, reserved: int = 0, make_room: Callable[[], bool] = lambda: False,
-    ) -> None:  # fmt: skip
+        self,
+        listening: socket.socket,
+        take: Callable[[socket.socket], None],
+        dropped: Tally,
+        *,
+        pace: ConnectionPace | None = None,
+        reserved: int = 0,
+        make_room: Callable[[], bool] = lambda: False,
+    ) -> None:
         """Begin at once, in the running loop.
 
         Args:

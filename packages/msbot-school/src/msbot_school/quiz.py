@@ -100,17 +100,28 @@ def _which(random: Random) -> Question:
     found = _found(packet, "submessage_id")
     kind = found.words.split()[-1]
     return Question(
-        _shown(packet), said("Which submessage is it?"), kind,
-        said("octet {number} is {octets}: that is {kind}; the message's header has 4 octets before it",
-             number=found.start, octets=found.octets.hex(), kind=kind),
-    )  # fmt: skip
+        _shown(packet),
+        said("Which submessage is it?"),
+        kind,
+        said(
+            "octet {number} is {octets}: that is {kind}; the message's header has 4 octets before it",
+            number=found.start,
+            octets=found.octets.hex(),
+            kind=kind,
+        ),
+    )
 
 
 def _field(random: Random) -> Question:
     packet, _ = _message(random)
     fields, _fault = read_fields(packet)
-    chosen = random.choice([one for one in fields if one.value is not None and one.part != "header"
-                            and one.name not in ("submessage_id", "flags")])  # fmt: skip
+    chosen = random.choice(
+        [
+            one
+            for one in fields
+            if one.value is not None and one.part != "header" and one.name not in ("submessage_id", "flags")
+        ]
+    )
     first, last = chosen.start, chosen.start + len(chosen.octets) - 1
     octets, words = chosen.octets.hex(" "), chosen.words
     where = (
@@ -119,9 +130,11 @@ def _field(random: Random) -> Question:
         else said("octets {first} to {last}, {octets}: {words}", first=first, last=last, octets=octets, words=words)
     )
     return Question(
-        _shown(packet), said("What is the {field} of {submessage}? (a number)", field=chosen.name,
-                             submessage=chosen.part), str(chosen.value), where,
-    )  # fmt: skip
+        _shown(packet),
+        said("What is the {field} of {submessage}? (a number)", field=chosen.name, submessage=chosen.part),
+        str(chosen.value),
+        where,
+    )
 
 
 def _stream(random: Random) -> Question:
@@ -130,10 +143,15 @@ def _stream(random: Random) -> Question:
     assert found.value is not None
     kind = "none" if found.value == 0 else "reliable" if found.value >= STREAM_RELIABLE else "best effort"
     return Question(
-        _shown(packet), said("On which kind of stream is it sent: none, best effort, reliable?"), kind,
-        said("octet {number} is {octets}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
-             number=found.start, octets=found.octets.hex()),
-    )  # fmt: skip
+        _shown(packet),
+        said("On which kind of stream is it sent: none, best effort, reliable?"),
+        kind,
+        said(
+            "octet {number} is {octets}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
+            number=found.start,
+            octets=found.octets.hex(),
+        ),
+    )
 
 
 def _frame(random: Random) -> Frame:
@@ -153,13 +171,22 @@ def _node_of(frame: Frame, _: Random) -> Question:
     assert found is not None, "only frames of nodes are asked about"
     node, up = found
     base = ids.up if up else ids.down
-    why = (said("the identifier 0x{identifier:03X} less 0x{base:03X}: from node {node}",
-                identifier=frame.can_id, base=base, node=node) if up else
-           said("the identifier 0x{identifier:03X} less 0x{base:03X}: to node {node}",
-                identifier=frame.can_id, base=base, node=node))  # fmt: skip
-    return Question(
-        format_frame(frame), said("Which node sends it, or is meant? (a number)"), str(node), why
-    )  # fmt: skip
+    why = (
+        said(
+            "the identifier 0x{identifier:03X} less 0x{base:03X}: from node {node}",
+            identifier=frame.can_id,
+            base=base,
+            node=node,
+        )
+        if up
+        else said(
+            "the identifier 0x{identifier:03X} less 0x{base:03X}: to node {node}",
+            identifier=frame.can_id,
+            base=base,
+            node=node,
+        )
+    )
+    return Question(format_frame(frame), said("Which node sends it, or is meant? (a number)"), str(node), why)
 
 
 def _length(random: Random) -> Question:
@@ -171,12 +198,18 @@ def _length_of(frame: Frame, _: Random) -> Question:
     stuff_bits = sum(bit.stuff for bit in wire_bits(frame))
     return Question(
         format_frame(frame),
-        said("How many bits is it on the wire, with stuff bits (there are {count}) and the pause of 3 after it?",
-             count=stuff_bits),
+        said(
+            "How many bits is it on the wire, with stuff bits (there are {count}) and the pause of 3 after it?",
+            count=stuff_bits,
+        ),
         str(bits),
-        said("47 bits and 8 for each of its octets of data ({octets}), and stuff bits ({count}): {bits}",
-             octets=len(frame.data), count=stuff_bits, bits=bits),
-    )  # fmt: skip
+        said(
+            "47 bits and 8 for each of its octets of data ({octets}), and stuff bits ({count}): {bits}",
+            octets=len(frame.data),
+            count=stuff_bits,
+            bits=bits,
+        ),
+    )
 
 
 def _stuffed(random: Random) -> Question:
@@ -187,10 +220,11 @@ def _stuffed_of(frame: Frame, _: Random) -> Question:
     run = "".join(str(bit.level) for bit in wire_bits(frame) if bit.field == "DATA" and not bit.stuff)[:16]
     shown = stuffed(run)
     return Question(
-        run, said("How many stuff bits does a controller put into this run of bits, if it begins here?"),
+        run,
+        said("How many stuff bits does a controller put into this run of bits, if it begins here?"),
         str(shown.count("(")),
         said("{run}: after five equal bits the opposite one, which counts for the next five", run=shown),
-    )  # fmt: skip
+    )
 
 
 def stuffed(run: str) -> str:

@@ -176,8 +176,11 @@ def _nearby(one: Nearby, *, roughly: bool) -> str:
             what = said("the robot {name}", name=one.name)
     far = 100 * one.distance_m
     where = {
-        "ahead": said("ahead"), "left": said("on the left"), "behind": said("behind it"), "right": said("on the right"),
-    }[one.side.value]  # fmt: skip
+        "ahead": said("ahead"),
+        "left": said("on the left"),
+        "behind": said("behind it"),
+        "right": said("on the right"),
+    }[one.side.value]
     return said("{what} {cm:.0f} cm {where}", what=what, cm=10 * round(far / 10) if roughly else far, where=where)
 
 

@@ -94,10 +94,18 @@ class RobotPages:
     """
 
     def __init__(
-        self, master: Master, operations: RunningOperations, library: Library, *,
-        database: Database | None, seen: PageSources, settings: WebSettings, entry_link: bool = False,
-        lessons: LessonController | None = None, space: SpaceAddress | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        master: Master,
+        operations: RunningOperations,
+        library: Library,
+        *,
+        database: Database | None,
+        seen: PageSources,
+        settings: WebSettings,
+        entry_link: bool = False,
+        lessons: LessonController | None = None,
+        space: SpaceAddress | None = None,
+    ) -> None:
         self._master = master
         self._space = space or SpaceAddress()
         self._frames = seen.frames
@@ -122,9 +130,12 @@ class RobotPages:
         self._noting = MetricsSampler(master.agent, master)
         self._is_noting = asyncio.Event()
         self._collecting = Collecting(
-            master.agent, master=master, page=self.figures, noting=self._noting,
+            master.agent,
+            master=master,
+            page=self.figures,
+            noting=self._noting,
             database=None if database is None else partial(_database_figures, database.registry),
-        )  # fmt: skip
+        )
         self._use_library(library)
         operations.on_library(self._use_library)
         self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
@@ -140,12 +151,19 @@ class RobotPages:
             )
         )
         self.service = Service(
-            views=self._views, operations=operations, accounts=accounts, records=records, robot=describe, clock=clock,
+            views=self._views,
+            operations=operations,
+            accounts=accounts,
+            records=records,
+            robot=describe,
+            clock=clock,
             programs=None if database is None else RegistryProgramStore(database.registry),
             doctor=Examining(partial(self._patient, master, database), clock),
-            figures=self._read_figures, arena=seen.arena, neighbours=LocalMasters.of_group(lambda: master.stop_group),
+            figures=self._read_figures,
+            arena=seen.arena,
+            neighbours=LocalMasters.of_group(lambda: master.stop_group),
             learning=Learning(lessons, None if database is None else database.registry, accounts),
-        )  # fmt: skip
+        )
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)
         self._sessions = session_file(accounts, self.server.mark)

@@ -80,9 +80,11 @@ class CallPace:
             self._told_at = now
             name = session.name if isinstance(session, Session) else "somebody"
             _log.warning(
-                "the API is called too often by %s from %s: %s refused so far", name, address,
+                "the API is called too often by %s from %s: %s refused so far",
+                name,
+                address,
                 amount(sum(self.refused.values()), "call"),
-            )  # fmt: skip
+            )
 
 
 def _first(one: tuple[float, SteadyRate, str]) -> float:
@@ -99,14 +101,16 @@ async def _refuse(scope: Scope, send: Send, wait_s: float, pace: SteadyRate, who
     words = (
         said(
             "more than {per_s} calls a second come from your address: ask again in {seconds} s",
-            per_s=per_s, seconds=seconds,
+            per_s=per_s,
+            seconds=seconds,
         )
         if who is ADDRESS
         else said(
             "you make more than {per_s} calls a second: ask again in {seconds} s, and less often",
-            per_s=per_s, seconds=seconds,
+            per_s=per_s,
+            seconds=seconds,
         )
-    )  # fmt: skip
+    )
     headers = [(b"content-type", b"application/json"), (b"retry-after", str(seconds).encode())]
     body = json.dumps({"error": language_of(HTTPConnection(scope)).say(words)}).encode()
     await send({"type": "http.response.start", "status": 429, "headers": headers})

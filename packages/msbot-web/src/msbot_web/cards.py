@@ -46,11 +46,16 @@ def no_wear(_client_key: int) -> SessionFaultCounts | None:
 def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -> StopState:
     """STOP as pages and API show it."""
     return StopState(
-        stopped=status.stopped, number=status.number, by=status.by, also_by=list(status.also_by), reason=status.reason,
+        stopped=status.stopped,
+        number=status.number,
+        by=status.by,
+        also_by=list(status.also_by),
+        reason=status.reason,
         since_s=None if status.since_ns is None else max(epoch_ns() - status.since_ns, 0) / 1e9,
         confirmed=[StopConfirmed(part=one.part, ms=one.ms) for one in status.confirmed],
-        silent=list(status.silent), trouble=status.trouble,
-    )  # fmt: skip
+        silent=list(status.silent),
+        trouble=status.trouble,
+    )
 
 
 class SlotCards:
@@ -64,12 +69,21 @@ class SlotCards:
     """
 
     def __init__(
-        self, *, parts: Callable[[float], Sequence[PartInfo]], beat_s: Callable[[], float],
-        blueprint: Callable[[], Blueprint], library: Library, live: Live, clock: Callable[[], float],
-        ignored: Callable[[PartInfo], bool], stop: Callable[[], StopState], by_hand: SaidByHand,
-        plugged: Callable[[], Mapping[str, bool]] = dict, wear: Callable[[int], SessionFaultCounts | None] = no_wear,
+        self,
+        *,
+        parts: Callable[[float], Sequence[PartInfo]],
+        beat_s: Callable[[], float],
+        blueprint: Callable[[], Blueprint],
+        library: Library,
+        live: Live,
+        clock: Callable[[], float],
+        ignored: Callable[[PartInfo], bool],
+        stop: Callable[[], StopState],
+        by_hand: SaidByHand,
+        plugged: Callable[[], Mapping[str, bool]] = dict,
+        wear: Callable[[int], SessionFaultCounts | None] = no_wear,
         planted: Callable[[str], Sequence[str]] = lambda _: (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.live = live
         self.library = library
         self._parts = parts
@@ -232,9 +246,12 @@ def _says_port(port: Port) -> PortDeclaration:
     fields = {} if message is None else {name: message.units.get(name, "") for name in message.fields}
     safe = ", ".join(f"{name} = {scalar_text(value)}" for name, value in (port.safe or {}).items())
     return PortDeclaration(
-        name=port.name, direction=port.direction.value, type=port.type_name,
-        fields=[f"{name} {unit}".strip() for name, unit in fields.items()], safe=safe,
-    )  # fmt: skip
+        name=port.name,
+        direction=port.direction.value,
+        type=port.type_name,
+        fields=[f"{name} {unit}".strip() for name, unit in fields.items()],
+        safe=safe,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,9 +80,16 @@ class ClassRollOuts:
     """
 
     def __init__(
-        self, records: Records, accounts: Accounts, library: Callable[[], Library], clock: Callable[[], float],
-        *, accesses: RemoteAccessFile | None = None, book: RollOutLog | None = None, read: Read | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        records: Records,
+        accounts: Accounts,
+        library: Callable[[], Library],
+        clock: Callable[[], float],
+        *,
+        accesses: RemoteAccessFile | None = None,
+        book: RollOutLog | None = None,
+        read: Read | None = None,
+    ) -> None:
         self._records = records
         self._accounts = accounts
         self._library = library

@@ -31,9 +31,11 @@ class Examining:
     """
 
     def __init__(
-        self, patient: Callable[[], Examined], clock: Callable[[], float],
+        self,
+        patient: Callable[[], Examined],
+        clock: Callable[[], float],
         look: Callable[[Examined], Examination] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._patient = patient
         self._clock = clock
         self._look = look or _examine

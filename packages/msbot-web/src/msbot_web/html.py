@@ -24,9 +24,7 @@ class _KeptTemplates(BaseLoader):
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def load(
-        self, environment: Environment, name: str, globals: MutableMapping[str, Any] | None = None
-    ) -> Template:  # fmt: skip
+    def load(self, environment: Environment, name: str, globals: MutableMapping[str, Any] | None = None) -> Template:
         """As the environment asks for it."""
         path = self._folder / name
         ways = (environment.autoescape, environment.trim_blocks, environment.lstrip_blocks)

@@ -88,13 +88,22 @@ class Language:
             return int(plain)
         if len(plain) <= LONGEST_NUMBER and _GROUPED.fullmatch(plain) and self.thousands in text:
             raise ConfigError(
-                said("{text!r} may be {large} or {small}: write it in one of these ways", text=text.strip(),
-                     large=plain.replace(".", ""), small=self.digits(str(float(plain))))
-            )  # fmt: skip
+                said(
+                    "{text!r} may be {large} or {small}: write it in one of these ways",
+                    text=text.strip(),
+                    large=plain.replace(".", ""),
+                    small=self.digits(str(float(plain))),
+                )
+            )
         number = float(plain) if len(plain) <= LONGEST_NUMBER and _NUMBER.fullmatch(plain) else math.nan
         if not math.isfinite(number):
-            raise ConfigError(said("{text!r} is not a number: write 12 or {example}", text=text[:LONGEST_NUMBER],
-                                   example=self.number(0.1)))  # fmt: skip
+            raise ConfigError(
+                said(
+                    "{text!r} is not a number: write 12 or {example}",
+                    text=text[:LONGEST_NUMBER],
+                    example=self.number(0.1),
+                )
+            )
         if is_whole and not number.is_integer():
             raise ConfigError(said("{number} is not a whole number", number=self.number(number)))
         return int(number) if is_whole else number

@@ -215,9 +215,7 @@ class Live:
             curve.points.popleft()
         return [value for _, value in curve.points]
 
-    def _follow(
-        self, curve: _Curve, watch: TopicWatch, field: str, kept: _Kept
-    ) -> None:  # fmt: skip
+    def _follow(self, curve: _Curve, watch: TopicWatch, field: str, kept: _Kept) -> None:
         """Take apart what came since the last look, at most this many at once."""
         curve.asked_at = self._clock()
         newer = kept.after(curve.taken)

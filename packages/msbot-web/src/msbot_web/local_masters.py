@@ -101,10 +101,17 @@ def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
         return found[:MOST_TEXT] if isinstance(found, str) else ""
 
     return LocalMaster(
-        text("robot"), text("serial_number"), _link_to(text("page")),
-        told_count(answer.get("slots")), told_count(answer.get("active")),
-        answer.get("stopped") is True, text("database"), text("version"), text("blueprint"), text("msbot"),
-    )  # fmt: skip
+        text("robot"),
+        text("serial_number"),
+        _link_to(text("page")),
+        told_count(answer.get("slots")),
+        told_count(answer.get("active")),
+        answer.get("stopped") is True,
+        text("database"),
+        text("version"),
+        text("blueprint"),
+        text("msbot"),
+    )
 
 
 def _link_to(address: str) -> str:

@@ -21,9 +21,12 @@ _STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
 """Seconds between the lines of the time scale."""
 _LIGHT = {STATE_COLOURS[state] for state in ("late", "new", "empty")}
 _MARKS = {
-    What.NAMED: ("#0b6e99", "?"), What.REPAIRED: ("#5a4bb0", "R"), What.HINT: ("#8a5a00", "!"),
-    What.ACT: ("#5b6b78", "A"), What.LOOKED: ("#b3261e", "L"),
-}  # fmt: skip
+    What.NAMED: ("#0b6e99", "?"),
+    What.REPAIRED: ("#5a4bb0", "R"),
+    What.HINT: ("#8a5a00", "!"),
+    What.ACT: ("#5b6b78", "A"),
+    What.LOOKED: ("#b3261e", "L"),
+}
 """Colour and letter of what people did; the list below says it in words."""
 
 
@@ -48,13 +51,21 @@ def report_body(played: PlayedMission, language: Language, *, heading: str = "h2
     """The report for a page that is there already; `heading` is the element of its title."""
     found, say = played.grade(), language.say
     return render(
-        "mission_report", heading=heading, say=say, number=language.number, mission=played.mission, found=found,
+        "mission_report",
+        heading=heading,
+        say=say,
+        number=language.number,
+        mission=played.mission,
+        found=found,
         seed=played.seed,
-        who=played.who, began=datetime.fromtimestamp(played.began_ms / 1000).strftime("%Y-%m-%d %H:%M"),
+        who=played.who,
+        began=datetime.fromtimestamp(played.began_ms / 1000).strftime("%Y-%m-%d %H:%M"),
         reason=say(found.reason) if found.reason else say("it was broken off"),
-        faults=[_fault(one, language) for one in found.faults], people=_people(played.facts),
-        steps=_steps(played.facts, language), picture=_picture(played, found, language),
-    )  # fmt: skip
+        faults=[_fault(one, language) for one in found.faults],
+        people=_people(played.facts),
+        steps=_steps(played.facts, language),
+        picture=_picture(played, found, language),
+    )
 
 
 def _fault(one: FaultGrade, language: Language) -> Mapping[str, object]:
@@ -134,26 +145,46 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
         }
 
     lanes: list[Mapping[str, object]] = [
-        {"name": language.say("fault {number}", number=one.fault.number), "marks": [],
-         "bars": [] if one.began_s is None else
-         [bar(one.began_s, span_s if one.over_s is None else one.over_s, "#b92f26", KINDS[one.fault.kind].words)]}
+        {
+            "name": language.say("fault {number}", number=one.fault.number),
+            "marks": [],
+            "bars": []
+            if one.began_s is None
+            else [
+                bar(one.began_s, span_s if one.over_s is None else one.over_s, "#b92f26", KINDS[one.fault.kind].words)
+            ],
+        }
         for one in found.faults
-    ]  # fmt: skip
+    ]
     slots = dict.fromkeys([*played.mission.needs, *(one.slot for one in played.facts if one.what is What.NAMED)])
     for slot in slots:
         if slot:
             lanes.append({"name": shortened(slot, 18), "marks": [], "bars": _states(played.facts, slot, span_s, bar)})
     marks = [
-        {"x": x(fact.at_s), "colour": _MARKS[fact.what][0], "letter": _MARKS[fact.what][1],
-         "words": language.say(_step(fact))}
-        for fact in played.facts if fact.what in _MARKS
-    ]  # fmt: skip
+        {
+            "x": x(fact.at_s),
+            "colour": _MARKS[fact.what][0],
+            "letter": _MARKS[fact.what][1],
+            "words": language.say(_step(fact)),
+        }
+        for fact in played.facts
+        if fact.what in _MARKS
+    ]
     lanes.append({"name": language.say("people"), "bars": [], "marks": marks})
     step_s = next((one for one in _STEPS_S if span_s / one <= _TICKS), _STEPS_S[-1])
-    ticks = [(x(step_s * number), language.number(step_s * number, ".0f"))
-             for number in range(int(span_s / step_s) + 1)]  # fmt: skip
-    return render("mission_picture", say=language.say, width=_WIDTH, left=_LEFT, height=34 + _ROW * len(lanes),
-                  row=_ROW, lanes=lanes, ticks=ticks)  # fmt: skip
+    ticks = [
+        (x(step_s * number), language.number(step_s * number, ".0f")) for number in range(int(span_s / step_s) + 1)
+    ]
+    return render(
+        "mission_picture",
+        say=language.say,
+        width=_WIDTH,
+        left=_LEFT,
+        height=34 + _ROW * len(lanes),
+        row=_ROW,
+        lanes=lanes,
+        ticks=ticks,
+    )
 
 
 def _states(facts: Sequence[Fact], slot: str, span_s: float, bar: object) -> list[Mapping[str, object]]:

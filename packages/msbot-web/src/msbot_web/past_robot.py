@@ -64,16 +64,22 @@ def wire_ports(blueprint: Blueprint, library: Library) -> list[WirePort]:
         for port in () if part_type is None else part_type.ports:
             end = f"{slot.name}.{port.name}"
             lines[end] = WirePort(
-                slot=slot.name, port=port.name, type_name=port.type_name,
-                publishes=port.direction is Direction.PUBLISH, topic=wired[end].topic if end in wired else "",
-            )  # fmt: skip
+                slot=slot.name,
+                port=port.name,
+                type_name=port.type_name,
+                publishes=port.direction is Direction.PUBLISH,
+                topic=wired[end].topic if end in wired else "",
+            )
     for end, binding in wired.items():  # of parts that the library does not know
         slot_name, _, port_name = end.rpartition(".")
         if end not in lines:
             lines[end] = WirePort(
-                slot=slot_name, port=port_name, type_name=binding.type_name,
-                publishes=str(binding.source) == end, topic=binding.topic,
-            )  # fmt: skip
+                slot=slot_name,
+                port=port_name,
+                type_name=binding.type_name,
+                publishes=str(binding.source) == end,
+                topic=binding.topic,
+            )
     return list(lines.values())
 
 
@@ -157,9 +163,13 @@ class PastRobot:
     """
 
     def __init__(
-        self, at_ns: int, messages: Sequence[RecordedMessage], before: Sequence[RecordedMessage], library: Library,
+        self,
+        at_ns: int,
+        messages: Sequence[RecordedMessage],
+        before: Sequence[RecordedMessage],
+        library: Library,
         endpoints: Sequence[KnownEndpoint] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._at_s = self._now = at_ns / NS
         self._library = library
         self._events: dict[str, dict[str, object]] = {}
@@ -274,15 +284,24 @@ class PastRobot:
         nature = _text(self._slots.get(slot, {}), "nature").upper()
         key = event.get("client_key")
         return PartInfo(
-            part=_text(event, "part"), part_number=_text(event, "part_number"),
+            part=_text(event, "part"),
+            part_number=_text(event, "part_number"),
             local_name=_text(self._slots.get(slot, {}), "local_name"),
-            uid=bytes.fromhex(_text(event, "uid")), slot=slot or None, state=state, reason=from_json(event.get("said")),
+            uid=bytes.fromhex(_text(event, "uid")),
+            slot=slot or None,
+            state=state,
+            reason=from_json(event.get("said")),
             state_age_s=self._at_s - (number_of(event.get("at_s")) or self._at_s),
             life=int(left or 0) if state.is_registered else 0,
-            beat_age_s=None if beat_at is None else max(self._at_s - beat_at, 0.0), beats=0,
-            plug_in_to_active_ms=None, client_key=key if isinstance(key, int) else 0, address="", refused_claims=0,
-            duplicates=(), nature=Nature[nature] if nature in Nature.__members__ else Nature.UNKNOWN,
-        )  # fmt: skip
+            beat_age_s=None if beat_at is None else max(self._at_s - beat_at, 0.0),
+            beats=0,
+            plug_in_to_active_ms=None,
+            client_key=key if isinstance(key, int) else 0,
+            address="",
+            refused_claims=0,
+            duplicates=(),
+            nature=Nature[nature] if nature in Nature.__members__ else Nature.UNKNOWN,
+        )
 
     def _class_of(self, type_name: str) -> type[Message] | None:
         message = self._library.messages.get(type_name)
@@ -300,21 +319,36 @@ class PastRobot:
         profile, blueprint = self._states.get(ROBOT, {}), self._states.get(BLUEPRINT, {})
         stop, links = self._stop(), _list(blueprint.get("links"))
         cards = SlotCards(
-            parts=lambda _: self._infos, beat_s=lambda: number_of(blueprint.get("beat_s")) or 1.0,
-            blueprint=lambda: self._blueprint, library=self._library, live=self._live, clock=self._clock,
-            ignored=lambda _: False, stop=lambda: stop_state(stop, lambda: round(self._at_s * NS)),
-            by_hand=self._by_hand, planted=self._faults,
-        )  # fmt: skip
+            parts=lambda _: self._infos,
+            beat_s=lambda: number_of(blueprint.get("beat_s")) or 1.0,
+            blueprint=lambda: self._blueprint,
+            library=self._library,
+            live=self._live,
+            clock=self._clock,
+            ignored=lambda _: False,
+            stop=lambda: stop_state(stop, lambda: round(self._at_s * NS)),
+            by_hand=self._by_hand,
+            planted=self._faults,
+        )
         slots = [_still(card) for card in cards.all()]
         return Robot(
-            name=_text(profile, "name"), version=_text(profile, "version"),
-            serial_number=_text(profile, "serial_number"), released=_text(profile, "released"),
-            manufacturer=_text(profile, "manufacturer"), links=[str(one) for one in links],
-            beat_s=number_of(blueprint.get("beat_s")) or 1.0, tick_s=number_of(blueprint.get("tick_s")) or 1.0,
-            life=int(number_of(blueprint.get("life")) or 0), stopped=stop.stopped,
-            stop=stop_state(stop, lambda: round(self._at_s * NS)), window_s=0.0, trouble="", slots=slots, arrivals=0,
+            name=_text(profile, "name"),
+            version=_text(profile, "version"),
+            serial_number=_text(profile, "serial_number"),
+            released=_text(profile, "released"),
+            manufacturer=_text(profile, "manufacturer"),
+            links=[str(one) for one in links],
+            beat_s=number_of(blueprint.get("beat_s")) or 1.0,
+            tick_s=number_of(blueprint.get("tick_s")) or 1.0,
+            life=int(number_of(blueprint.get("life")) or 0),
+            stopped=stop.stopped,
+            stop=stop_state(stop, lambda: round(self._at_s * NS)),
+            window_s=0.0,
+            trouble="",
+            slots=slots,
+            arrivals=0,
             faults=list(self._faults("")),
-        )  # fmt: skip
+        )
 
     def _stop(self) -> StopStatus:
         value = self._states.get(STOP, {})
@@ -328,10 +362,13 @@ class PastRobot:
         late = [one.part for one in told if one.ms > held_ms]
         silent = [*(str(one) for one in _list(value.get("silent"))), *late]
         return StopStatus(
-            stopped=value.get("stopped") is True, by=_text(value, "by"), reason=_text(value, "reason"),
-            since_ns=since if isinstance(since, int) else None, confirmed=tuple(confirmed),
+            stopped=value.get("stopped") is True,
+            by=_text(value, "by"),
+            reason=_text(value, "reason"),
+            since_ns=since if isinstance(since, int) else None,
+            confirmed=tuple(confirmed),
             silent=tuple(silent),
-        )  # fmt: skip
+        )
 
     def _by_hand(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
         rows = self._states.get(SHOWN, {}).get("by_hand")
@@ -376,11 +413,14 @@ class PastRobot:
         ]
         measured = sum(rate > 0 for rate in bitrates.values())
         return BusFigures(
-            watched=True, name=", ".join(topic.removeprefix(FRAMES) for topic in links),
-            bitrate=round(sum(bitrates.values())), frames=0,
+            watched=True,
+            name=", ".join(topic.removeprefix(FRAMES) for topic in links),
+            bitrate=round(sum(bitrates.values())),
+            frames=0,
             load_percent=100 * sum(busy_s) / (LOAD_S * max(measured, 1)),
-            frames_per_second=len(latest) / LOAD_S, errors=0,
-        )  # fmt: skip
+            frames_per_second=len(latest) / LOAD_S,
+            errors=0,
+        )
 
 
 _NOBODY: Final = bytes(16)

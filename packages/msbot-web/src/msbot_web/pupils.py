@@ -106,9 +106,13 @@ class ClassController:
     """
 
     def __init__(
-        self, accounts: Accounts, operations: RunningOperations, passes: TicketCodes, shelf: ProgramStore,
+        self,
+        accounts: Accounts,
+        operations: RunningOperations,
+        passes: TicketCodes,
+        shelf: ProgramStore,
         learning: Learning,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._accounts = accounts
         self._operations = operations
         self._control = operations.pupils
@@ -233,13 +237,18 @@ class ClassController:
         names = {*self.pupils(), *here, *hands, *(name for group in control.groups for name in group.pupils)}
         found = [
             PupilNow(
-                name=name, group=control.group_of(name), slots=here.get(name, ()), runs=name in here,
-                is_open=bool(self._screens.get(name)), held=control.held(name),
-                taken_by=taken.by if (taken := control.taken_by(name)) else "", hand_s=hands.get(name),
+                name=name,
+                group=control.group_of(name),
+                slots=here.get(name, ()),
+                runs=name in here,
+                is_open=bool(self._screens.get(name)),
+                held=control.held(name),
+                taken_by=taken.by if (taken := control.taken_by(name)) else "",
+                hand_s=hands.get(name),
                 lesson=lessons[name].words if name in lessons else "",
             )
             for name in names
-        ]  # fmt: skip
+        ]
         return sorted(found, key=lambda one: (one.hand_s is None, -(one.hand_s or 0.0), one.group, one.name.casefold()))
 
     async def groups_now(
@@ -258,12 +267,16 @@ class ClassController:
             groups.append(("", rest, free))
         return [
             GroupNow(
-                group=name, pupils=pupils, active=len(active.intersection(slots)), slots=len(slots),
-                running=sum(pupil in here for pupil in pupils), hands=sum(pupil in hands for pupil in pupils),
+                group=name,
+                pupils=pupils,
+                active=len(active.intersection(slots)),
+                slots=len(slots),
+                running=sum(pupil in here for pupil in pupils),
+                hands=sum(pupil in hands for pupil in pupils),
                 done=_mean(lessons[pupil].share for pupil in pupils if pupil in lessons),
             )
             for name, pupils, slots in groups
-        ]  # fmt: skip
+        ]
 
     # Programs
 

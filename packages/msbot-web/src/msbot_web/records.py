@@ -219,9 +219,18 @@ def no_records(robot: Callable[[], Robot]) -> Records:
     async def tile() -> list[RobotTile]:
         one = robot()
         return [
-            RobotTile(name=one.name, serial_number=one.serial_number, running=True, here=True, owner="",
-                      slots=len(one.slots), active=0, last_event="", last_event_age_s=None)
-        ]  # fmt: skip
+            RobotTile(
+                name=one.name,
+                serial_number=one.serial_number,
+                running=True,
+                here=True,
+                owner="",
+                slots=len(one.slots),
+                active=0,
+                last_event="",
+                last_event_age_s=None,
+            )
+        ]
 
     return Records(
         journal=no_lines,
@@ -282,10 +291,15 @@ def robot_tiles(
             marks.pop(one.robot.id, None)
         now_ns = epoch_ns()
         return [
-            _tile(one, marks.get(one.robot.id, (0, ""))[1], now_ns, is_here=one.robot.id == here.id,
-                  is_run=one.robot.id == here.id or registry.runs.is_run(one.robot))
+            _tile(
+                one,
+                marks.get(one.robot.id, (0, ""))[1],
+                now_ns,
+                is_here=one.robot.id == here.id,
+                is_run=one.robot.id == here.id or registry.runs.is_run(one.robot),
+            )
             for one in found
-        ]  # fmt: skip
+        ]
 
     async def read_in_time() -> list[RobotTile]:
         return await registry.storage.in_time(read)

@@ -117,4 +117,4 @@ def _unknown(access: RemoteAccess) -> ClassRobot:
     trouble = f"{access.address}: its name is being looked up"
     return ClassRobot(
         access.robot, access.serial_number, "", access.address, None, far=RemoteRobot(access, {}, trouble)
-    )  # fmt: skip
+    )

@@ -241,10 +241,15 @@ class WebServer:
         say_errors_once()
         guard = AccessGuard(
             CallPace(PageSockets(PageAdmission(app)), LATE_PATHS, STOP_PATH, time.monotonic),
-            service.accounts, _names_of(settings), cookies=cookies, owns=pages.may_use,
-            beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(), is_tls=self._tls is not None, api=app,
+            service.accounts,
+            _names_of(settings),
+            cookies=cookies,
+            owns=pages.may_use,
+            beat=lambda: json.dumps({"stopped": service.is_stopped}).encode(),
+            is_tls=self._tls is not None,
+            api=app,
             signed_in=self._known.note,
-        )  # fmt: skip
+        )
         return uvicorn.Config(
             BehindProxies(guard, self._proxies),
             log_config=None,  # its own handlers would write past the robot's, which bounds what strangers can cause

@@ -79,12 +79,22 @@ class Service:
     """
 
     def __init__(
-        self, *, views: Views, operations: RunningOperations, accounts: Accounts, records: Records,
-        robot: Callable[[], Robot], clock: Callable[[], float], neighbours: LocalMasters | None = None,
-        programs: ProgramStore | None = None, doctor: Examining | None = None,
-        figures: Callable[[], MomentFigures] | None = None, arena: RunningArena | None = None,
-        learning: Learning | None = None, far: RemoteRobots | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        *,
+        views: Views,
+        operations: RunningOperations,
+        accounts: Accounts,
+        records: Records,
+        robot: Callable[[], Robot],
+        clock: Callable[[], float],
+        neighbours: LocalMasters | None = None,
+        programs: ProgramStore | None = None,
+        doctor: Examining | None = None,
+        figures: Callable[[], MomentFigures] | None = None,
+        arena: RunningArena | None = None,
+        learning: Learning | None = None,
+        far: RemoteRobots | None = None,
+    ) -> None:
         self.views = views
         self.accounts = accounts
         self.operations = operations
@@ -94,14 +104,22 @@ class Service:
         self._doctor = doctor
         self._figures = figures
         self.whole_class = WholeClass(
-            operations, records, robot, accounts, clock=clock, neighbours=neighbours or LocalMasters(),
-            library=lambda: views.library, far=far, asker=self.asker,
-        )  # fmt: skip
+            operations,
+            records,
+            robot,
+            accounts,
+            clock=clock,
+            neighbours=neighbours or LocalMasters(),
+            library=lambda: views.library,
+            far=far,
+            asker=self.asker,
+        )
         """All robots of the class."""
         self.past = RecordedPast(
-            lambda: str(operations.recording.recording().answer.get("folder") or ""), lambda: views.library,
+            lambda: str(operations.recording.recording().answer.get("folder") or ""),
+            lambda: views.library,
             views.endpoints,
-        )  # fmt: skip
+        )
         """What the recorder has."""
         self.arena = ArenaView(arena)
         self.learning = learning or Learning(None, None, accounts)
@@ -402,9 +420,15 @@ class Service:
 
 def _edit_line(edit: EditRecord) -> EditLine:
     return EditLine(
-        number=edit.id, at_ms=edit.at_ns // 1_000_000, who=edit.who, kind=edit.kind, slot=edit.slot, words=edit.words,
-        undone=edit.undone, undoable=edit.can_be_undone,
-    )  # fmt: skip
+        number=edit.id,
+        at_ms=edit.at_ns // 1_000_000,
+        who=edit.who,
+        kind=edit.kind,
+        slot=edit.slot,
+        words=edit.words,
+        undone=edit.undone,
+        undoable=edit.can_be_undone,
+    )
 
 
 def _check_size(toml: str) -> None:

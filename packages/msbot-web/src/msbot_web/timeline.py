@@ -128,10 +128,17 @@ class LiveCurves:
     """
 
     def __init__(
-        self, master: Master, *, blueprint: Callable[[], Blueprint], library: Callable[[], Library], live: Live,
-        timeline: Timeline, load_percent: Callable[[], float] | None, frames: Callable[[], int],
+        self,
+        master: Master,
+        *,
+        blueprint: Callable[[], Blueprint],
+        library: Callable[[], Library],
+        live: Live,
+        timeline: Timeline,
+        load_percent: Callable[[], float] | None,
+        frames: Callable[[], int],
         clock: Callable[[], float],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._master = master
         self._blueprint = blueprint
         self._library = library

@@ -74,11 +74,22 @@ class Views:
     """
 
     def __init__(
-        self, master: Master, *, blueprint: Callable[[], Blueprint], library: Library, live: Live, frames: FrameRing,
-        timeline: Timeline, bench: SimulatedControls, clock: Callable[[], float], ignored: Callable[[PartInfo], bool],
-        bus: BusMeter | None = None, stop: Callable[[], StopState] = StopState, by_hand: SaidByHand = dict,
+        self,
+        master: Master,
+        *,
+        blueprint: Callable[[], Blueprint],
+        library: Library,
+        live: Live,
+        frames: FrameRing,
+        timeline: Timeline,
+        bench: SimulatedControls,
+        clock: Callable[[], float],
+        ignored: Callable[[PartInfo], bool],
+        bus: BusMeter | None = None,
+        stop: Callable[[], StopState] = StopState,
+        by_hand: SaidByHand = dict,
         planted: Callable[[str], Sequence[str]] = lambda _: (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.live = live
         self.frames = frames
         self.library = library
@@ -90,14 +101,29 @@ class Views:
         self._ignored = ignored
         self._bus = bus or BusMeter()
         self._cards = SlotCards(
-            parts=master.inventory.view, beat_s=lambda: master.inventory.timing.beat_s, blueprint=blueprint,
-            library=library, live=live, clock=clock, ignored=ignored, stop=stop, by_hand=by_hand, planted=planted,
-            plugged=lambda: {slot: bench.is_plugged(slot) for slot in bench.slots()}, wear=master.agent.wear,
-        )  # fmt: skip
+            parts=master.inventory.view,
+            beat_s=lambda: master.inventory.timing.beat_s,
+            blueprint=blueprint,
+            library=library,
+            live=live,
+            clock=clock,
+            ignored=ignored,
+            stop=stop,
+            by_hand=by_hand,
+            planted=planted,
+            plugged=lambda: {slot: bench.is_plugged(slot) for slot in bench.slots()},
+            wear=master.agent.wear,
+        )
         self.curves = LiveCurves(
-            master, blueprint=blueprint, library=lambda: self.library, live=live, timeline=timeline,
-            load_percent=self._bus.load_percent if self._bus.name else None, frames=lambda: frames.total, clock=clock,
-        )  # fmt: skip
+            master,
+            blueprint=blueprint,
+            library=lambda: self.library,
+            live=live,
+            timeline=timeline,
+            load_percent=self._bus.load_percent if self._bus.name else None,
+            frames=lambda: frames.total,
+            clock=clock,
+        )
         self._rate: tuple[float, int, float] = (clock(), 0, 0.0)
 
     def use_library(self, library: Library) -> None:

@@ -47,10 +47,18 @@ class WholeClass:
     """
 
     def __init__(
-        self, operations: RunningOperations, records: Records, robot: Callable[[], Robot], accounts: Accounts, *,
-        clock: Callable[[], float], neighbours: LocalMasters, library: Callable[[], Library],
-        asker: Callable[[Session], Asker], far: RemoteRobots | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        operations: RunningOperations,
+        records: Records,
+        robot: Callable[[], Robot],
+        accounts: Accounts,
+        *,
+        clock: Callable[[], float],
+        neighbours: LocalMasters,
+        library: Callable[[], Library],
+        asker: Callable[[Session], Asker],
+        far: RemoteRobots | None = None,
+    ) -> None:
         self._operations = operations
         self._asker = asker
         self._records = records
@@ -71,13 +79,23 @@ class WholeClass:
         robot, stop, database = self._robot(), self._operations.stopping.status, self._records.database
         slots, active = self._operations.filled()
         return RobotStatus(
-            robot=robot.name, version=robot.version, serial_number=robot.serial_number, released=robot.released,
-            manufacturer=robot.manufacturer, stop_group=self._operations.stop_group,
-            msbot=own_version(), blueprint=self._operations.blueprint_mark,
-            database=database_mark(database) if database else "", slots=slots, active=active, stopped=stop.stopped,
-            told=stop.told, not_confirmed=len(stop.silent), silent=list(stop.silent[:MOST_SILENT]),
+            robot=robot.name,
+            version=robot.version,
+            serial_number=robot.serial_number,
+            released=robot.released,
+            manufacturer=robot.manufacturer,
+            stop_group=self._operations.stop_group,
+            msbot=own_version(),
+            blueprint=self._operations.blueprint_mark,
+            database=database_mark(database) if database else "",
+            slots=slots,
+            active=active,
+            stopped=stop.stopped,
+            told=stop.told,
+            not_confirmed=len(stop.silent),
+            silent=list(stop.silent[:MOST_SILENT]),
             trouble=self._records.trouble(),
-        )  # fmt: skip
+        )
 
     async def robots(self) -> list[RobotTile]:
         """All robots of the database, those whose masters run on this computer, and those elsewhere with an access.
@@ -139,9 +157,12 @@ def together(here: StopForAll, far: Sequence[RemoteStop]) -> StopForAll:
         + sum(max(0, told - told_count(answer.get("not_confirmed"))) for _, answer, told in known),
         waiting=(*here.waiting, *waiting, *(robot for robot, answer in taken if answer.get("told") is None)),
         not_stored=(*here.not_stored, *(robot for robot, answer in taken if answer.get("stored") is False)),
-        not_told=tuple(f"{one.robot}: {one.trouble}" if one.trouble else one.robot for one in far
-                       if one.answer is None or not one.answer.get("stopped")),
-    )  # fmt: skip
+        not_told=tuple(
+            f"{one.robot}: {one.trouble}" if one.trouble else one.robot
+            for one in far
+            if one.answer is None or not one.answer.get("stopped")
+        ),
+    )
 
 
 def _not_confirmed(answer: Answer) -> str:
@@ -163,18 +184,34 @@ def with_far(tiles: Sequence[RobotTile], far: Iterable[ClassRobot], database: st
     for one in far:
         assert one.far is not None
         told = {
-            "running": one.answers, "address": one.page, "active": one.active, "slots": one.slots, "elsewhere": True,
-            "stopped": one.far.status.get("stopped") is True, "reachable": one.answers, "version": one.version,
-            "blueprint": one.blueprint, "msbot": one.msbot, "trouble": one.far.trouble, "database": one.database_mark,
-        }  # fmt: skip
+            "running": one.answers,
+            "address": one.page,
+            "active": one.active,
+            "slots": one.slots,
+            "elsewhere": True,
+            "stopped": one.far.status.get("stopped") is True,
+            "reachable": one.answers,
+            "version": one.version,
+            "blueprint": one.blueprint,
+            "msbot": one.msbot,
+            "trouble": one.far.trouble,
+            "database": one.database_mark,
+        }
         number = known.get((one.name, one.serial_number)) if mark and one.far.text("database") == mark else None
         if number is None:
             found.append(
                 RobotTile(
-                    name=one.name, serial_number=one.serial_number, running=one.answers, here=False, owner="",
-                    slots=one.slots, active=one.active, last_event="", last_event_age_s=None,
+                    name=one.name,
+                    serial_number=one.serial_number,
+                    running=one.answers,
+                    here=False,
+                    owner="",
+                    slots=one.slots,
+                    active=one.active,
+                    last_event="",
+                    last_event_age_s=None,
                 ).model_copy(update=told)
-            )  # fmt: skip
+            )
         elif not found[number].reachable:  # else it is one of this computer, which has said so itself
             found[number] = found[number].model_copy(update={**told, "running": True})
     return found
@@ -195,13 +232,28 @@ def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], da
     for one in found:
         key = (one.database if database else "", one.robot, one.serial_number)
         tile = known.get(key) or RobotTile(
-            name=one.robot, serial_number=one.serial_number, running=True, here=False, owner="", slots=one.slots,
-            active=one.active, last_event="", last_event_age_s=None,
+            name=one.robot,
+            serial_number=one.serial_number,
+            running=True,
+            here=False,
+            owner="",
+            slots=one.slots,
+            active=one.active,
+            last_event="",
+            last_event_age_s=None,
             database=database_mark(one.database) if one.database else "",
-        )  # fmt: skip
+        )
         known[key] = tile.model_copy(
-            update={"running": True, "address": one.page, "active": one.active, "slots": one.slots,
-                    "stopped": one.stopped, "reachable": True, "version": one.version or tile.version,
-                    "blueprint": one.blueprint or tile.blueprint, "msbot": one.msbot}
-        )  # fmt: skip
+            update={
+                "running": True,
+                "address": one.page,
+                "active": one.active,
+                "slots": one.slots,
+                "stopped": one.stopped,
+                "reachable": True,
+                "version": one.version or tile.version,
+                "blueprint": one.blueprint or tile.blueprint,
+                "msbot": one.msbot,
+            }
+        )
     return list(known.values())

@@ -169,7 +169,7 @@ def _read(
     start: int,
     end: int,
     little: bool,
-) -> None:  # fmt: skip
+) -> None:
     for field in fields:
         size = field.size or end - start
         if size <= 0 or start + size > end:

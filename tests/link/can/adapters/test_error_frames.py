@@ -36,8 +36,14 @@ def test_states_of_the_controller(classes: int, data: str, state: BusState | Non
         (0x002, "05", (can_errors.LOST_ARBITRATION_WORDS,)),
         (0x004, "0003", (can_errors.RX_OVERFLOW_WORDS, can_errors.TX_OVERFLOW_WORDS)),
         (0x020, "", (can_errors.NO_ACK_WORDS,)),
-        (0x0A8, "00000819", (can_errors.NO_ACK_WORDS, "dominant bit not seen on the bus: wire broken or transceiver "
-         "off in the acknowledgement")),
+        (
+            0x0A8,
+            "00000819",
+            (
+                can_errors.NO_ACK_WORDS,
+                "dominant bit not seen on the bus: wire broken or transceiver off in the acknowledgement",
+            ),
+        ),
         (0x008, "00000408", ("stuff error in the check sum",)),
         (0x008, "000003ff", ("bit error", "form error")),
         (0x008, "", (can_errors.BUS_ERROR_WORDS,)),
@@ -48,7 +54,7 @@ def test_states_of_the_controller(classes: int, data: str, state: BusState | Non
         (0x010, "0000000000", ("the transceiver reports an error",)),
         (0x200, "", ()),
     ],
-)  # fmt: skip
+)
 def test_single_events(classes: int, data: str, events: tuple[str, ...]) -> None:
     assert read_report(classes, bytes.fromhex(data)).events == events
 
@@ -115,11 +121,15 @@ def test_every_class_of_an_error_frame_is_a_bit_of_its_own(bits: set[int]) -> No
     assert report.state is (BusState.OFF if off else BusState.ACTIVE if back else None)
     assert (report.transmit_errors == 0) == (9 in bits)
     told = {
-        can_errors.TX_TIMEOUT_WORDS: 0 in bits, can_errors.LOST_ARBITRATION_WORDS: 1 in bits,
-        can_errors.RX_OVERFLOW_WORDS: 2 in bits, can_errors.TX_OVERFLOW_WORDS: 2 in bits, "bit error": 3 in bits,
-        "the transceiver reports an error": 4 in bits, can_errors.NO_ACK_WORDS: 5 in bits,
+        can_errors.TX_TIMEOUT_WORDS: 0 in bits,
+        can_errors.LOST_ARBITRATION_WORDS: 1 in bits,
+        can_errors.RX_OVERFLOW_WORDS: 2 in bits,
+        can_errors.TX_OVERFLOW_WORDS: 2 in bits,
+        "bit error": 3 in bits,
+        "the transceiver reports an error": 4 in bits,
+        can_errors.NO_ACK_WORDS: 5 in bits,
         can_errors.BUS_ERROR_WORDS: 7 in bits and not bits & {3, 5},
-    }  # fmt: skip
+    }
     assert set(report.events) == {words for words, is_told in told.items() if is_told}
 
 
@@ -127,16 +137,25 @@ def test_every_class_of_an_error_frame_is_a_bit_of_its_own(bits: set[int]) -> No
 def test_each_bit_of_the_controllers_octet_says_one_thing(bit: int) -> None:
     report = read_report(0x004, bytes((0, 1 << bit)))
     events = {0: (can_errors.RX_OVERFLOW_WORDS,), 1: (can_errors.TX_OVERFLOW_WORDS,)}
-    states = {2: WARNING_WORDS, 3: WARNING_WORDS, 4: STATE_WORDS[BusState.PASSIVE], 5: STATE_WORDS[BusState.PASSIVE],
-              6: STATE_WORDS[BusState.ACTIVE]}  # fmt: skip
+    states = {
+        2: WARNING_WORDS,
+        3: WARNING_WORDS,
+        4: STATE_WORDS[BusState.PASSIVE],
+        5: STATE_WORDS[BusState.PASSIVE],
+        6: STATE_WORDS[BusState.ACTIVE],
+    }
     assert (report.events, report.words) == (events.get(bit, ()), states.get(bit, ""))
 
 
 @pytest.mark.parametrize("high", range(16))
 @pytest.mark.parametrize("low", range(8))
 def test_each_wire_is_told_by_itself(high: int, low: int) -> None:
-    words = {4: "no wire", 5: "short circuit to the battery", 6: "short circuit to the supply",
-             7: "short circuit to ground"}  # fmt: skip
+    words = {
+        4: "no wire",
+        5: "short circuit to the battery",
+        6: "short circuit to the supply",
+        7: "short circuit to ground",
+    }
     events = read_report(0x010, bytes((0, 0, 0, 0, low << 4 | high))).events
     expected = [f"CAN high: {words[high]}"] if high in words else []
     expected += [f"CAN low: {words[low]}"] if low in words else []

@@ -30,9 +30,16 @@ LOOPBACK, VIRTUAL, ADAPTER, BUS_OFF = ANSWERS
 
 def test_answers_of_a_real_kernel() -> None:
     adapter = CanInterface(
-        "can0", 4, is_can=True, is_up=True, mtu=16, kind="can", bitrate=250_000, state=BusState.ACTIVE,
+        "can0",
+        4,
+        is_can=True,
+        is_up=True,
+        mtu=16,
+        kind="can",
+        bitrate=250_000,
+        state=BusState.ACTIVE,
         totals=CanTotals(),
-    )  # fmt: skip
+    )
     assert parse_interface(LOOPBACK) == CanInterface("lo", 1, is_can=False, is_up=True, mtu=65536)
     assert parse_interface(VIRTUAL) == CanInterface("vcan0", 2, is_can=True, is_up=True, mtu=72, kind="vcan")
     assert parse_interface(ADAPTER) == adapter
@@ -63,9 +70,18 @@ def test_a_can_fd_controller_with_all_its_settings() -> None:
     )
     about = attribute(0x8000 | 18, attribute(1, b"can\0") + attribute(0x8000 | 2, data))
     assert parse_interface(answer(attribute(3, b"can1\0"), attribute(4, struct.pack("=I", 72)), about)) == CanInterface(
-        "can1", 9, is_can=True, is_up=False, mtu=72, kind="can", bitrate=500_000, data_bitrate=2_000_000,
-        state=BusState.PASSIVE, restart_ms=100, listen_only=True,
-    )  # fmt: skip
+        "can1",
+        9,
+        is_can=True,
+        is_up=False,
+        mtu=72,
+        kind="can",
+        bitrate=500_000,
+        data_bitrate=2_000_000,
+        state=BusState.PASSIVE,
+        restart_ms=100,
+        listen_only=True,
+    )
 
 
 @pytest.mark.parametrize(("number", "state"), [(1, BusState.ACTIVE), (4, None), (77, None)])
@@ -218,13 +234,27 @@ def test_only_can_interfaces_are_listed_and_none_where_the_kernel_is_silent(
 
 
 def test_an_interface_of_which_little_is_known() -> None:
-    assert parse_interface(answer()) == CanInterface("", 9, is_can=True, is_up=False, mtu=0, kind="", bitrate=None,
-        data_bitrate=None, state=None, restart_ms=0, listen_only=False, transmit_errors=None, receive_errors=None,
-        totals=None)  # fmt: skip
+    assert parse_interface(answer()) == CanInterface(
+        "",
+        9,
+        is_can=True,
+        is_up=False,
+        mtu=0,
+        kind="",
+        bitrate=None,
+        data_bitrate=None,
+        state=None,
+        restart_ms=0,
+        listen_only=False,
+        transmit_errors=None,
+        receive_errors=None,
+        totals=None,
+    )
     ethernet = answer(
         attribute(18, attribute(1, b"dummy\0") + attribute(2, attribute(1, bytes(32))) + attribute(3, bytes(24))),
-        link_type=1, flags=0x41,
-    )  # fmt: skip
+        link_type=1,
+        flags=0x41,
+    )
     found = parse_interface(ethernet)
     assert found is not None
     assert (found.is_can, found.is_up, found.kind, found.bitrate, found.totals) == (False, True, "dummy", None, None)
@@ -259,5 +289,8 @@ def test_attributes_end_where_a_length_makes_no_sense() -> None:
         assert found is not None
         assert found.mtu == expected
     assert [CanInterface("x", 1, is_can=True, is_up=True, mtu=mtu).fd for mtu in (16, 71, 72, 73)] == [
-        False, False, True, True,
-    ]  # fmt: skip
+        False,
+        False,
+        True,
+        True,
+    ]

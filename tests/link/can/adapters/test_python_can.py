@@ -333,21 +333,33 @@ def timing_of(clock: int, bitrate: int, data_bitrate: int) -> can.BitTimingFd:
 @pytest.mark.parametrize(
     ("interface", "info", "expected"),
     [
-        ("kvaser", CanBusInfo("", 500_000, 2_000_000, fd=True),
-         {"fd": True, "bitrate": 500_000, "data_bitrate": 2_000_000}),
+        (
+            "kvaser",
+            CanBusInfo("", 500_000, 2_000_000, fd=True),
+            {"fd": True, "bitrate": 500_000, "data_bitrate": 2_000_000},
+        ),
         ("kvaser", CanBusInfo("", 500_000, None, fd=True), {"fd": True, "bitrate": 500_000}),
-        ("pcan", CanBusInfo("", 500_000, 2_000_000, fd=True),
-         {"fd": True, "timing": timing_of(80_000_000, 500_000, 2_000_000)}),
-        ("pcan", CanBusInfo("", 500_000, None, fd=True),
-         {"fd": True, "timing": timing_of(80_000_000, 500_000, 500_000)}),
+        (
+            "pcan",
+            CanBusInfo("", 500_000, 2_000_000, fd=True),
+            {"fd": True, "timing": timing_of(80_000_000, 500_000, 2_000_000)},
+        ),
+        (
+            "pcan",
+            CanBusInfo("", 500_000, None, fd=True),
+            {"fd": True, "timing": timing_of(80_000_000, 500_000, 500_000)},
+        ),
         ("pcan", CanBusInfo("", None, None, fd=True), {"fd": True}),
-        ("slcan", CanBusInfo("", 250_000, 1_000_000, fd=True),
-         {"fd": True, "timing": timing_of(8_000_000, 250_000, 1_000_000)}),
+        (
+            "slcan",
+            CanBusInfo("", 250_000, 1_000_000, fd=True),
+            {"fd": True, "timing": timing_of(8_000_000, 250_000, 1_000_000)},
+        ),
         ("virtual", CanBusInfo("", None, None, fd=True), {"protocol": can.CanProtocol.CAN_FD}),
         ("gs_usb", CanBusInfo("", 500_000), {"bitrate": 500_000}),
         ("vector", CanBusInfo("", None), {}),
     ],
-)  # fmt: skip
+)
 async def test_rates_are_given_as_each_interface_wants_them(
     interface: str, info: CanBusInfo, expected: dict[str, object], made: list[SocketBus]
 ) -> None:

@@ -99,9 +99,11 @@ class SegmentMachine(RuleBasedStateMachine):
         if at < len(row):
             row[at] = row[at][:size]
 
-    @rule(node=nodes, frame=st.binary(max_size=8) | st.sampled_from([12, 64]).flatmap(
-        lambda size: st.binary(min_size=size, max_size=size)
-    ))  # fmt: skip
+    @rule(
+        node=nodes,
+        frame=st.binary(max_size=8)
+        | st.sampled_from([12, 64]).flatmap(lambda size: st.binary(min_size=size, max_size=size)),
+    )
     def somebody_else_uses_the_identifier(self, node: int, frame: bytes) -> None:
         self.hear(node, frame)
 

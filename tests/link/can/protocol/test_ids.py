@@ -152,9 +152,19 @@ def test_bases_may_be_as_close_as_their_identifiers_allow() -> None:
 
 @pytest.mark.parametrize(
     ("stop", "is_free"),
-    [(0x0FF, True), (0x100, True), (0x101, False), (0x178, False), (0x179, True), (0x6FF, True), (0x700, False),
-     (0x7FF, True), (0x800, False), (-1, False)],
-)  # fmt: skip
+    [
+        (0x0FF, True),
+        (0x100, True),
+        (0x101, False),
+        (0x178, False),
+        (0x179, True),
+        (0x6FF, True),
+        (0x700, False),
+        (0x7FF, True),
+        (0x800, False),
+        (-1, False),
+    ],
+)
 def test_up_and_down_take_the_120_identifiers_above_their_bases(stop: int, is_free: bool) -> None:
     if is_free:
         assert CanIds(stop=stop).stop == stop

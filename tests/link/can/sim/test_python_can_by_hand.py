@@ -204,8 +204,9 @@ def test_received_and_own_frames(stage: Stage, own: bool) -> None:
         bus._handle(FrameSent(1, 13.0))
         got = [message for message in (bus.recv(0), bus.recv(0), bus.recv(0)) if message is not None]
         assert [(frame_of(it), it.is_rx, it.channel) for it in got] == [
-            (Frame(5), True, "classroom"), (FRAME, False, "classroom"),
-        ][: 1 + own]  # fmt: skip
+            (Frame(5), True, "classroom"),
+            (FRAME, False, "classroom"),
+        ][: 1 + own]
         assert [it.timestamp - bus._epoch_s for it in got] == pytest.approx([10.0, 12.0][: 1 + own], abs=1e-3)
         assert (sent.channel, sent.timestamp) == (None, 0.0), "the caller's message stays as it was"
         assert not bus._outstanding

@@ -35,8 +35,9 @@ class Node:
     def __init__(self):
         self.participant = DomainParticipant(0, Qos(Policy.Userdata(b"enclave=/;")))
         # As rmw_dds_common: all that is told is kept, by participant the last.
-        keep_all = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal,
-                       Policy.History.KeepAll)  # fmt: skip
+        keep_all = Qos(
+            Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal, Policy.History.KeepAll
+        )
         self.topic = Topic(self.participant, "ros_discovery_info", ros_types.ParticipantEntitiesInfo)
         self.info = DataReader(self.participant, self.topic, qos=keep_all)
         self.endpoints = [

@@ -120,9 +120,14 @@ class DiscoveryResponder:
     """Tells clients that look for an agent where this one is."""
 
     def __init__(
-        self, service_port: int, *, port: int = DISCOVERY_PORT, group: str = DISCOVERY_GROUP,
-        interface: str | None = None, told: Callable[[], Sequence[str]] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        service_port: int,
+        *,
+        port: int = DISCOVERY_PORT,
+        group: str = DISCOVERY_GROUP,
+        interface: str | None = None,
+        told: Callable[[], Sequence[str]] | None = None,
+    ) -> None:
         """Answer for the service on that UDP port.
 
         Args:

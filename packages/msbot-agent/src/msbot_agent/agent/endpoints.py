@@ -199,8 +199,12 @@ class Requester(Endpoint):
             self._answers.enter()
 
     def _open_reader(
-        self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner  # noqa: ARG002 - one for all requesters
-    ) -> Reader:  # fmt: skip
+        self,
+        topic: Topic,
+        qos: Qos,  # noqa: ARG002
+        deliver: Deliver,
+        owner: Owner,  # noqa: ARG002 - one for all requesters
+    ) -> Reader:
         assert self._shape.guid is not None
         return self._host.replies.reader(topic, self._shape.guid, deliver)
 

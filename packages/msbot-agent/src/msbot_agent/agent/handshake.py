@@ -73,9 +73,18 @@ class Handshake:
     """Answers messages outside of a session and applies the rules of logging in (XRCE 1.0 §8.4.3)."""
 
     def __init__(
-        self, clients: ClientTable, gate: Gate, settings: AgentSettings, *, budget: SessionBudget, rivals: KeyConflicts,
-        predecessors: StaleSessionProbe, queue: JoinQueue, open_session: OpenSession, end_session: EndSession,
-    ) -> None:  # fmt: skip
+        self,
+        clients: ClientTable,
+        gate: Gate,
+        settings: AgentSettings,
+        *,
+        budget: SessionBudget,
+        rivals: KeyConflicts,
+        predecessors: StaleSessionProbe,
+        queue: JoinQueue,
+        open_session: OpenSession,
+        end_session: EndSession,
+    ) -> None:
         self._clients = clients
         self._gate = gate
         self._settings = settings
@@ -132,8 +141,10 @@ class Handshake:
         if share.is_news(now):
             logger.warning(
                 "%s: more packets outside of sessions than %g a second, now from %s: the rest is not read",
-                link.info.name, self._settings.max_outside_per_s, link.describe(peer),
-            )  # fmt: skip
+                link.info.name,
+                self._settings.max_outside_per_s,
+                link.describe(peer),
+            )
         return False
 
     def _wait_s(self, port: ServedLink, info: ClientInfo, now: float) -> float:
@@ -151,7 +162,7 @@ class Handshake:
 
     def _answer_again(
         self, port: ServedLink, header: Header, request: CreateClient, *, is_latest: bool
-    ) -> bytes | None:  # fmt: skip
+    ) -> bytes | None:
         """The answer to a copy of a login. To start the streams over once more would lose what is on its way."""
         if is_latest:
             return _status_agent(header, request, Status.OK_MATCHED)

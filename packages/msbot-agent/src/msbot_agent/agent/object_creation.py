@@ -99,9 +99,13 @@ class Creator:
         self._qos = IdentityCache(self._make_qos, KEPT)
 
     def make(
-        self, host: EndpointHost, object_id: int, definition: Definition, parent: ClientObject | None,
+        self,
+        host: EndpointHost,
+        object_id: int,
+        definition: Definition,
+        parent: ClientObject | None,
         topics: dict[int, ClientObject],
-    ) -> ClientObject:  # fmt: skip
+    ) -> ClientObject:
         """Make the object of that id.
 
         Args:
@@ -124,23 +128,35 @@ class Creator:
         return make(self, host, object_id, definition, parent.participant, topics)
 
     def _make_topic(
-        self, host: EndpointHost, object_id: int, definition: TopicDef, participant: Participant,  # noqa: ARG002
+        self,
+        host: EndpointHost,  # noqa: ARG002
+        object_id: int,  # noqa: ARG002
+        definition: TopicDef,
+        participant: Participant,
         topics: dict[int, ClientObject],  # noqa: ARG002 - one signature for all
-    ) -> ClientObject:  # fmt: skip
+    ) -> ClientObject:
         return ClientObject(definition, participant, participant.use(definition.name, definition.type_name))
 
     def _make_writer(
-        self, host: EndpointHost, object_id: int, definition: WriterDef, participant: Participant,
+        self,
+        host: EndpointHost,
+        object_id: int,
+        definition: WriterDef,
+        participant: Participant,
         topics: dict[int, ClientObject],
-    ) -> ClientObject:  # fmt: skip
+    ) -> ClientObject:
         topic = self._topic_of(definition, participant, topics)
         endpoint = DataWriter(host, object_id, topic, self._qos(definition), participant.owner)
         return ClientObject(definition, participant, topic, endpoint)
 
     def _make_reader(
-        self, host: EndpointHost, object_id: int, definition: ReaderDef, participant: Participant,
+        self,
+        host: EndpointHost,
+        object_id: int,
+        definition: ReaderDef,
+        participant: Participant,
         topics: dict[int, ClientObject],
-    ) -> ClientObject:  # fmt: skip
+    ) -> ClientObject:
         topic = self._topic_of(definition, participant, topics)
         qos = self._qos(definition)
         if host.is_latched(topic.name) and not qos.transient_local:
@@ -149,9 +165,13 @@ class Creator:
         return ClientObject(definition, participant, topic, endpoint)
 
     def _make_service(
-        self, host: EndpointHost, object_id: int, definition: RequesterDef | ReplierDef, participant: Participant,
+        self,
+        host: EndpointHost,
+        object_id: int,
+        definition: RequesterDef | ReplierDef,
+        participant: Participant,
         topics: dict[int, ClientObject],  # noqa: ARG002 - they need no topic objects
-    ) -> ClientObject:  # fmt: skip
+    ) -> ClientObject:
         make = Requester if isinstance(definition, RequesterDef) else Replier
         request, reply = _service(definition, participant)
         endpoint = make(host, object_id, request, reply, self._service_qos(), participant.owner)

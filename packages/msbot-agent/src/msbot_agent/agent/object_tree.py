@@ -98,9 +98,12 @@ class ObjectTree:
     __slots__ = ("_budget", "_creator", "_entities", "_references", "_settings", "endpoints")
 
     def __init__(
-        self, settings: AgentSettings, budget: ObjectBudget, references: References | None = None,
+        self,
+        settings: AgentSettings,
+        budget: ObjectBudget,
+        references: References | None = None,
         creator: Creator | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`creator`: makes the objects, for several clients; absent: one of its own."""
         self._settings = settings
         self._budget = budget

@@ -58,16 +58,52 @@ class Proxy:
     """Acts for one client in the data space. Satisfies `EndpointHost`."""
 
     __slots__ = (
-        "__weakref__", "_dead_after_s", "_endpoints", "_gate", "_gone_at", "_guard", "_opened_at", "_probes",
-        "_settings", "_surroundings", "_timed", "_tree", "_turn", "bytes_in", "bytes_out", "clock", "dropped",
-        "gone", "info", "is_blocked", "is_marked", "is_over", "key", "limit", "logins", "max_requests", "outbox",
-        "own_filter", "place", "refused", "replies", "session", "space", "transit",
-    )  # fmt: skip
+        "__weakref__",
+        "_dead_after_s",
+        "_endpoints",
+        "_gate",
+        "_gone_at",
+        "_guard",
+        "_opened_at",
+        "_probes",
+        "_settings",
+        "_surroundings",
+        "_timed",
+        "_tree",
+        "_turn",
+        "bytes_in",
+        "bytes_out",
+        "clock",
+        "dropped",
+        "gone",
+        "info",
+        "is_blocked",
+        "is_marked",
+        "is_over",
+        "key",
+        "limit",
+        "logins",
+        "max_requests",
+        "outbox",
+        "own_filter",
+        "place",
+        "refused",
+        "replies",
+        "session",
+        "space",
+        "transit",
+    )
 
     def __init__(
-        self, info: ClientInfo, open_session: OpenSession, surroundings: SharedAgentState, now: float, *,
-        dead_after_s: float, echo: bool = True,
-    ) -> None:  # fmt: skip
+        self,
+        info: ClientInfo,
+        open_session: OpenSession,
+        surroundings: SharedAgentState,
+        now: float,
+        *,
+        dead_after_s: float,
+        echo: bool = True,
+    ) -> None:
         """`echo=False` keeps the client's own samples from it (property `uxr_sm`)."""
         settings = surroundings.settings
         self.info = info
@@ -358,8 +394,11 @@ class Proxy:
             return
         logger.debug(
             "client %08X reads %04X on stream %02X: %s",
-            self.info.key, event.object_id, event.read.stream_id, endpoint.topic,
-        )  # fmt: skip
+            self.info.key,
+            event.object_id,
+            event.read.stream_id,
+            endpoint.topic,
+        )
         endpoint.incoming.start(event.request_id, event.read.stream_id, event.read.delivery)
 
     def _is_own(self, writer: Guid) -> bool:

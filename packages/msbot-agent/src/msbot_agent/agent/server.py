@@ -50,11 +50,17 @@ class Agent:
     """Serves DDS-XRCE clients on any number of links and acts for them in one data space."""
 
     def __init__(
-        self, space: Space, *, gate: Gate | None = None, settings: AgentSettings | None = None,
-        references: References | None = None, epoch_ns: Callable[[], int] = time.time_ns,
-        agent_id: bytes | None = None, signal: AgentSignalHandler | None = None,
+        self,
+        space: Space,
+        *,
+        gate: Gate | None = None,
+        settings: AgentSettings | None = None,
+        references: References | None = None,
+        epoch_ns: Callable[[], int] = time.time_ns,
+        agent_id: bytes | None = None,
+        signal: AgentSignalHandler | None = None,
         relay_greeting: RelayGreeting | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Put an agent together; it serves once `run` is awaited.
 
         Args:
@@ -76,10 +82,16 @@ class Agent:
         self._queue = JoinQueue(self._gate, places=settings.max_joining, most_waiting=settings.max_unsettled)
         self._relays = Relays(self.add_link, relay_greeting or RelayGreeting(), settings.max_outside_per_s)
         self._handshake = Handshake(
-            self._clients, self._gate, settings, budget=self._budget, rivals=self._rivals,
-            predecessors=predecessors, queue=self._queue,
-            open_session=self._open_session, end_session=self._end_session,
-        )  # fmt: skip
+            self._clients,
+            self._gate,
+            settings,
+            budget=self._budget,
+            rivals=self._rivals,
+            predecessors=predecessors,
+            queue=self._queue,
+            open_session=self._open_session,
+            end_session=self._end_session,
+        )
         self._share = FairShare[Proxy](
             settings.max_packets_per_s,
             settings.max_packets_in_all_per_s,
@@ -89,11 +101,19 @@ class Agent:
         """How long messages take."""
         self._flusher = Flusher(self._now, self._end_session, self._compare, transit=self.latency.transit)
         self._surroundings = SharedAgentState(
-            space=space, gate=self._gate, settings=settings, clock=self._now,
-            agent_id=agent_id or os.urandom(8), mark=self._flusher.mark, replies=ReplyExchange(space),
-            transit=self.latency.transit, references=references, topics=TopicTable(settings.max_topics),
-            budget=ObjectBudget(settings.max_objects_in_all), creator=Creator(settings),
-        )  # fmt: skip
+            space=space,
+            gate=self._gate,
+            settings=settings,
+            clock=self._now,
+            agent_id=agent_id or os.urandom(8),
+            mark=self._flusher.mark,
+            replies=ReplyExchange(space),
+            transit=self.latency.transit,
+            references=references,
+            topics=TopicTable(settings.max_topics),
+            budget=ObjectBudget(settings.max_objects_in_all),
+            creator=Creator(settings),
+        )
         self._session_settings = cache(partial(session_settings, settings))
         self._held = Memory(settings.max_held_in_all)
         self._unacked = Memory(settings.max_unacked_in_all)
@@ -326,9 +346,15 @@ class Agent:
     def _open_session(self, info: ClientInfo, port: ServedLink, request: CreateClient, now: float) -> Proxy:
         settings = self._session_settings(port.link.info, is_stock=not login_number(request))
         open_session = partial(
-            AgentSession, request.client_key, request.session_id, min(request.mtu, port.link.info.mtu),
-            settings=settings, epoch_ns=self._epoch_ns, memory=self._held, unacked=self._unacked,
-        )  # fmt: skip
+            AgentSession,
+            request.client_key,
+            request.session_id,
+            min(request.mtu, port.link.info.mtu),
+            settings=settings,
+            epoch_ns=self._epoch_ns,
+            memory=self._held,
+            unacked=self._unacked,
+        )
         silence_s = dead_after_s(request, self._settings.dead_after_s)
         proxy = Proxy(info, open_session, self._surroundings, now, dead_after_s=silence_s, echo=wants_echo(request))
         self._flusher.watch_life(proxy, now + proxy.dead_after_s)

@@ -136,8 +136,10 @@ class KeyConflicts:
         for other in others:
             logger.info(
                 "client %08X on %s: a second session with its key is held beside it, from %s",
-                other.info.key, other.info.link, newcomer.info.address,
-            )  # fmt: skip
+                other.info.key,
+                other.info.link,
+                newcomer.info.address,
+            )
             other.probe()
         for probe in range(1, PROBES):
             self._call_at(now + patience_s * probe / PROBES, partial(self._probe, others, now))

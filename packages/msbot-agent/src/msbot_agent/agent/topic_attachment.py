@@ -42,8 +42,18 @@ class ReadTask:
     gets stuck behind it.
     """
 
-    __slots__ = ("_bytes_per_s", "_filled_at", "_next_at", "_pace_s", "_remaining", "_tokens", "_until", "limited",
-                 "request_id", "stream_id")  # fmt: skip
+    __slots__ = (
+        "_bytes_per_s",
+        "_filled_at",
+        "_next_at",
+        "_pace_s",
+        "_remaining",
+        "_tokens",
+        "_until",
+        "limited",
+        "request_id",
+        "stream_id",
+    )
 
     def __init__(self, request_id: int, stream_id: int, control: DeliveryControl | None, now: float) -> None:
         """Start a read; no control means exactly one sample (seen on the wire)."""
@@ -203,13 +213,34 @@ class ReadSide:
     full window or link), all later ones wait behind it in the reader's bounded history until `pull` gets through.
     """
 
-    __slots__ = ("_host", "_object_id", "_on_hand", "_open_reader", "_owner", "_qos", "_shape", "_since", "_topic",
-                 "_traffic", "delivered", "is_waiting", "read", "reader")  # fmt: skip
+    __slots__ = (
+        "_host",
+        "_object_id",
+        "_on_hand",
+        "_open_reader",
+        "_owner",
+        "_qos",
+        "_shape",
+        "_since",
+        "_topic",
+        "_traffic",
+        "delivered",
+        "is_waiting",
+        "read",
+        "reader",
+    )
 
     def __init__(
-        self, host: EndpointHost, object_id: int, topic: Topic, qos: Qos, owner: Owner, *,
-        shape: Shape | None = None, open_reader: OpenReader | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        host: EndpointHost,
+        object_id: int,
+        topic: Topic,
+        qos: Qos,
+        owner: Owner,
+        *,
+        shape: Shape | None = None,
+        open_reader: OpenReader | None = None,
+    ) -> None:
         """Stay outside the space until `recheck`.
 
         Args:

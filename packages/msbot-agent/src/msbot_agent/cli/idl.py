@@ -14,9 +14,12 @@ _PACKAGE = click.option(
     "--package", default="", metavar="NAME", help="The ROS package of a .msg or .srv file; else from its folder."
 )
 _INCLUDE = click.option(
-    "--include", multiple=True, metavar="FOLDER", type=click.Path(exists=True, file_okay=False, path_type=Path),
+    "--include",
+    multiple=True,
+    metavar="FOLDER",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="A folder that holds ROS packages; may be repeated.",
-)  # fmt: skip
+)
 _ROS = click.option("--ros", is_flag=True, help="Type names as ROS 2 has them in DDS, for an .idl file.")
 _OUT = click.option(
     "--out", "-o", metavar="PATH", type=click.Path(path_type=Path), help="Where to write; else it is printed."

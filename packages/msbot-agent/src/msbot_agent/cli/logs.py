@@ -17,8 +17,11 @@ from msbot_agent.process.user_folders import PACKAGES, UNDIVIDED
 from msbot_xrce.lazy import dataclass
 
 LEVELS = {
-    "debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR,
-}  # fmt: skip
+    "debug": logging.DEBUG,
+    "info": logging.INFO,
+    "warning": logging.WARNING,
+    "error": logging.ERROR,
+}
 EVENTS = "msbot.pnp.events"
 """The logger of what happens to parts, in JSON; quiet in other forms, in which it is said in another way."""
 
@@ -94,10 +97,20 @@ class RoomLevel(click.ParamType[tuple[str, int]]):
 def log_options(function: _C) -> _C:
     """Add the options to a command, which gets them as `log_wishes`."""
 
-    @click.option("--log-format", type=click.Choice(["text", "json"]), default="text", show_default=True,
-                  help="json: every line of the log is a JSON object, for programs.")  # fmt: skip
-    @click.option("--log-level", "log_levels", type=RoomLevel(), multiple=True,
-                  help="What is logged: debug, info, warning, error; for one room with ROOM=; repeatable.")  # fmt: skip
+    @click.option(
+        "--log-format",
+        type=click.Choice(["text", "json"]),
+        default="text",
+        show_default=True,
+        help="json: every line of the log is a JSON object, for programs.",
+    )
+    @click.option(
+        "--log-level",
+        "log_levels",
+        type=RoomLevel(),
+        multiple=True,
+        help="What is logged: debug, info, warning, error; for one room with ROOM=; repeatable.",
+    )
     @wraps(function)
     def wrapped(log_format: str, log_levels: tuple[tuple[str, int], ...], **others: object) -> object:
         return function(log_wishes=LogOptions(log_format == "json", log_levels), **others)

@@ -25,8 +25,13 @@ _CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
 @click.command("relay")
 @click.argument("parts")
 @click.argument("master")
-@click.option("--name", default=lambda: platform.node() or "relay", show_default="the computer's name", metavar="NAME",
-              help="What the master calls this relay when it says where a part is.")  # fmt: skip
+@click.option(
+    "--name",
+    default=lambda: platform.node() or "relay",
+    show_default="the computer's name",
+    metavar="NAME",
+    help="What the master calls this relay when it says where a part is.",
+)
 def command(parts: str, master: str, name: str) -> None:
     """Carry the parts on the link PARTS to the master at MASTER, until Ctrl-C.
 

@@ -10,9 +10,12 @@ from msbot_xrce.errors import MsbotError
 
 
 async def run_until_signal(
-    work: Coroutine[object, object, None], *, beside: Iterable[Coroutine[object, object, None]] = (),
-    ready: asyncio.Event | None = None, say: Callable[[], None] | None = None,
-) -> None:  # fmt: skip
+    work: Coroutine[object, object, None],
+    *,
+    beside: Iterable[Coroutine[object, object, None]] = (),
+    ready: asyncio.Event | None = None,
+    say: Callable[[], None] | None = None,
+) -> None:
     """Run until the work ends, or until SIGINT, SIGTERM or SIGHUP, which end it cleanly.
 
     Args:

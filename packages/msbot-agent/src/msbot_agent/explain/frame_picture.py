@@ -325,9 +325,12 @@ def frame_picture(frame: Frame, *, bitrate: int, data_bitrate: int | None = None
     """Any frame as SVG."""
     title = f"The frame {format_frame(frame)}"
     return frame_svg(
-        title if len(title) <= LONGEST_TITLE else f"{title[: LONGEST_TITLE - 1]}…", rows_of(spans_of(frame)),
-        bitrate=bitrate, data_bitrate=data_bitrate, kind="FD" if frame.fd else "classic",
-    )  # fmt: skip
+        title if len(title) <= LONGEST_TITLE else f"{title[: LONGEST_TITLE - 1]}…",
+        rows_of(spans_of(frame)),
+        bitrate=bitrate,
+        data_bitrate=data_bitrate,
+        kind="FD" if frame.fd else "classic",
+    )
 
 
 LONGEST_TITLE = 66

@@ -29,8 +29,14 @@ _KEYWORDS = frozenset((
 ))  # fmt: skip
 
 
-def to_c(definitions: Definitions, source: str, stem: str, *, text_bound: int = TEXT_BOUND,
-         sequence_bound: int = SEQUENCE_BOUND) -> tuple[str, str]:  # fmt: skip
+def to_c(
+    definitions: Definitions,
+    source: str,
+    stem: str,
+    *,
+    text_bound: int = TEXT_BOUND,
+    sequence_bound: int = SEQUENCE_BOUND,
+) -> tuple[str, str]:
     """The definitions as a header and its source file.
 
     Args:
@@ -58,9 +64,19 @@ class _Writer:
         guard = re.sub(r"\W", "_", f"{self._stem}_H_").upper()
         head = [
             f"/* Written by msbot idl from {self._source}. */",
-            f"#ifndef {guard}", f"#define {guard}", "", "#include <stdbool.h>", "#include <stdint.h>", "",
-            "#include <ucdr/microcdr.h>", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
-        ]  # fmt: skip
+            f"#ifndef {guard}",
+            f"#define {guard}",
+            "",
+            "#include <stdbool.h>",
+            "#include <stdint.h>",
+            "",
+            "#include <ucdr/microcdr.h>",
+            "",
+            "#ifdef __cplusplus",
+            'extern "C" {',
+            "#endif",
+            "",
+        ]
         for one in self._all.constants.values():
             value = f'"{one.value}"' if isinstance(one.value, str) else str(one.value)
             head.append(f"#define {_c_name(one.name)} {value.lower() if isinstance(one.value, bool) else value}")
@@ -89,10 +105,16 @@ class _Writer:
         ]
         members = [f"    {self._declare(member.type, _c_field(member.name))}" for member in one.members]
         return [
-            *constants, f'#define {name}_TYPE_NAME "{one.type_name}"', f"typedef struct {name} {{", *members,
-            f"}} {name};", "", f"bool {name}_serialize(ucdrBuffer* buffer, const {name}* message);",
-            f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message);", "",
-        ]  # fmt: skip
+            *constants,
+            f'#define {name}_TYPE_NAME "{one.type_name}"',
+            f"typedef struct {name} {{",
+            *members,
+            f"}} {name};",
+            "",
+            f"bool {name}_serialize(ucdrBuffer* buffer, const {name}* message);",
+            f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message);",
+            "",
+        ]
 
     def _declare(self, kind: Type, name: str) -> str:
         match kind:
@@ -117,11 +139,21 @@ class _Writer:
             line for member in one.members for line in self._read(member.type, f"message->{_c_field(member.name)}")
         ]
         return [
-            f"bool {name}_serialize(ucdrBuffer* buffer, const {name}* message)", "{", "    bool ok = true;",
-            *("    " + line for line in writing), "    return ok && !buffer->error;", "}", "",
-            f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message)", "{", "    bool ok = true;",
-            *("    " + line for line in reading), "    return ok && !buffer->error;", "}", "",
-        ]  # fmt: skip
+            f"bool {name}_serialize(ucdrBuffer* buffer, const {name}* message)",
+            "{",
+            "    bool ok = true;",
+            *("    " + line for line in writing),
+            "    return ok && !buffer->error;",
+            "}",
+            "",
+            f"bool {name}_deserialize(ucdrBuffer* buffer, {name}* message)",
+            "{",
+            "    bool ok = true;",
+            *("    " + line for line in reading),
+            "    return ok && !buffer->error;",
+            "}",
+            "",
+        ]
 
     def _write(self, kind: Type, what: str, depth: int = 0) -> list[str]:
         match kind:
@@ -179,10 +211,13 @@ class _Writer:
         name = self._names[one.name]
         known = " || ".join(f"number == {name}_{member}" for member, _ in one.members)
         return [
-            "if (ok) {", "    uint32_t number = 0;",
-            "    ok = ucdr_deserialize_uint32_t(buffer, &number);", f"    ok = ok && ({known});",
-            f"    if (ok) {what} = ({name})number;", "}",
-        ]  # fmt: skip
+            "if (ok) {",
+            "    uint32_t number = 0;",
+            "    ok = ucdr_deserialize_uint32_t(buffer, &number);",
+            f"    ok = ok && ({known});",
+            f"    if (ok) {what} = ({name})number;",
+            "}",
+        ]
 
     def _loop(self, depth: int, count: str, inside: list[str]) -> list[str]:
         head = f"for (uint32_t i{depth} = 0; ok && i{depth} < {count}; ++i{depth}) {{"

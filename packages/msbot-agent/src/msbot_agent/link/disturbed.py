@@ -55,9 +55,16 @@ class Disturbance:
     """
 
     def __init__(
-        self, random: Random, *, drop: float = 0.0, duplicate: float = 0.0, reorder: float = 0.0, delay: float = 0.0,
-        jitter: float = 0.0, overtaken_s: float = OVERTAKEN_S,
-    ) -> None:  # fmt: skip
+        self,
+        random: Random,
+        *,
+        drop: float = 0.0,
+        duplicate: float = 0.0,
+        reorder: float = 0.0,
+        delay: float = 0.0,
+        jitter: float = 0.0,
+        overtaken_s: float = OVERTAKEN_S,
+    ) -> None:
         self.drop = drop
         self.duplicate = duplicate
         self.reorder = reorder
@@ -261,9 +268,15 @@ class LossyLink(DisturbedLink):
     """
 
     def __init__(
-        self, link: Link, *, random: Random, drop: float = 0.0, duplicate: float = 0.0, reorder: float = 0.0,
+        self,
+        link: Link,
+        *,
+        random: Random,
+        drop: float = 0.0,
+        duplicate: float = 0.0,
+        reorder: float = 0.0,
         delay: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.disturbance = Disturbance(random, drop=drop, duplicate=duplicate, reorder=reorder, delay=delay)
         """What happens to the packets; may be changed while the link runs."""
         super().__init__(link, self.disturbance)

@@ -47,9 +47,13 @@ class RosGraph:
     """Publishes the nodes of this program. Must be made on the event loop that the space lives on."""
 
     def __init__(
-        self, space: SharedSpace, *, node_of: NodeOf | None = None, standing: Callable[[], Iterable[NodeName]] = tuple,
+        self,
+        space: SharedSpace,
+        *,
+        node_of: NodeOf | None = None,
+        standing: Callable[[], Iterable[NodeName]] = tuple,
         environment: Mapping[str, str] = os.environ,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Begin to publish.
 
         Args:
@@ -213,8 +217,10 @@ class RosGraph:
         more = f" and {len(twins) - 1} more" if len(twins) > 1 else ""
         logger.warning(
             "another program in this network has a ROS 2 node %s%s, too: each hears what is meant for the other; "
-            "give one of the two another name, or another domain", shortest, more,
-        )  # fmt: skip
+            "give one of the two another name, or another domain",
+            shortest,
+            more,
+        )
 
     def _heard(self, own: Guid, sample: Sample) -> bool:
         """Learn from other nodes which form the network uses, and whether a name is there twice."""
@@ -233,8 +239,9 @@ class RosGraph:
             logger.warning(
                 "a ROS 2 node tells of its nodes with GIDs of %d octets, here they have %d: it does not see this "
                 "program's nodes (ROS 2 up to Humble has 24, from Iron on 16; ROS_DISTRO says which is right here)",
-                theirs, self._octets,
-            )  # fmt: skip
+                theirs,
+                self._octets,
+            )
         return True
 
 

@@ -63,8 +63,12 @@ class MemorySpace:
         return writer
 
     def reader(
-        self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM  # noqa: ARG002
-    ) -> MemoryReader:  # fmt: skip
+        self,
+        topic: Topic,
+        qos: Qos,
+        deliver: Deliver,
+        owner: Owner = THIS_PROGRAM,  # noqa: ARG002
+    ) -> MemoryReader:
         """Make a reader; a transient-local one gets at once, writer by writer, the samples such writers have kept."""
         meeting = self._meeting(topic)
         make = SelectiveReader if is_selective(qos) else MemoryReader
@@ -80,8 +84,10 @@ class MemorySpace:
             for other in namesakes:
                 logger.info(
                     "topic %s has two types, %s and %s: they do not meet",
-                    topic.name, other.topic.type_name, topic.type_name,
-                )  # fmt: skip
+                    topic.name,
+                    other.topic.type_name,
+                    topic.type_name,
+                )
             meeting = self._meetings[topic] = _Meeting(topic, namesakes, self._close)
             namesakes.append(meeting)
         return meeting
@@ -98,8 +104,20 @@ class MemorySpace:
 class MemoryWriter:
     """Satisfies `Writer`; made by `MemorySpace.writer`."""
 
-    __slots__ = ("_clock", "_delivering", "_feedback", "_history", "_later", "_meeting", "_open", "guid", "published",
-                 "qos", "route", "topic")  # fmt: skip
+    __slots__ = (
+        "_clock",
+        "_delivering",
+        "_feedback",
+        "_history",
+        "_later",
+        "_meeting",
+        "_open",
+        "guid",
+        "published",
+        "qos",
+        "route",
+        "topic",
+    )
 
     def __init__(  # noqa: PLR0917 - made by MemorySpace only
         self, topic: Topic, qos: Qos, guid: Guid, meeting: _Meeting, store: Store, clock: Clock

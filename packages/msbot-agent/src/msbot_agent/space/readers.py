@@ -86,8 +86,19 @@ def is_selective(qos: Qos) -> bool:
 class MemoryReader:
     """Satisfies `Reader`; made by `MemorySpace.reader`."""
 
-    __slots__ = ("_backlog", "_clock", "_deliver", "_history", "_meeting", "_open", "_waiting", "delivered", "lost",
-                 "qos", "topic")  # fmt: skip
+    __slots__ = (
+        "_backlog",
+        "_clock",
+        "_deliver",
+        "_history",
+        "_meeting",
+        "_open",
+        "_waiting",
+        "delivered",
+        "lost",
+        "qos",
+        "topic",
+    )
 
     def __init__(  # noqa: PLR0917 - made by MemorySpace only
         self, topic: Topic, qos: Qos, deliver: Deliver, store: Store, meeting: ReadersMeeting, clock: Clock

@@ -99,8 +99,9 @@ def check_endpoint(endpoint: str, *, least_port: int = 1) -> None:
     """
     match = _ENDPOINT.fullmatch(endpoint)
     if match is None:
-        raise ConfigError(f"{endpoint!r} is no endpoint: tcp/HOST:PORT or tls/HOST:PORT is needed, for example "
-                          f"{ZENOH_HERE}")  # fmt: skip
+        raise ConfigError(
+            f"{endpoint!r} is no endpoint: tcp/HOST:PORT or tls/HOST:PORT is needed, for example {ZENOH_HERE}"
+        )
     if not least_port <= int(match["port"]) <= 65535:
         raise ConfigError(f"{endpoint!r}: a port is a number from {least_port} to 65535")
 
@@ -112,7 +113,7 @@ def robot_partition(address: SpaceAddress, robot: str) -> str:
 
 def open_space(
     address: SpaceAddress, *, partition: str = "", dds_topics_of: DdsTopicsOf = as_it_is
-) -> AbstractContextManager[Space]:  # fmt: skip
+) -> AbstractContextManager[Space]:
     """Open the space, for use with `with` on a running event loop.
 
     Args:

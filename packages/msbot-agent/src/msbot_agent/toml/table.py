@@ -110,8 +110,9 @@ class Table:
             if isinstance(text, str):
                 self._check_prose(text, most, key, position)
         if not all(isinstance(text, str) for text in texts):
-            self.problem(said('must be a list of texts, for example {key} = ["{example}"]', key=key, example=example),
-                         key)  # fmt: skip
+            self.problem(
+                said('must be a list of texts, for example {key} = ["{example}"]', key=key, example=example), key
+            )
         return [text.strip() for text in texts if isinstance(text, str)]
 
     def choice(self, key: str, choices: Sequence[str], *, default: str | None = None) -> str:

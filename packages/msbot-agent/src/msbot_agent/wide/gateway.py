@@ -60,9 +60,12 @@ class BridgedTopic:
         """Its quality of service in one of the two spaces, where robots have partitions of their own names."""
         partition = robot_partition(address, self.robot) if self.robot else ""
         return Qos(
-            reliable=self.qos.reliable, transient_local=self.qos.transient_local, depth=self.qos.depth,
-            separation_s=self.qos.separation_s, partitions=(partition,),
-        )  # fmt: skip
+            reliable=self.qos.reliable,
+            transient_local=self.qos.transient_local,
+            depth=self.qos.depth,
+            separation_s=self.qos.separation_s,
+            partitions=(partition,),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +195,11 @@ class Gateway:
         for crossing in crossings:
             for direction, (here, there) in ((BridgeDirection.OUT, sides), (BridgeDirection.IN, sides[::-1])):
                 if crossing.direction in (direction, BridgeDirection.BOTH):
-                    self._open(_Way(crossing, direction, crossing.qos_in(here[1]), crossing.qos_in(there[1])),
-                               here[0], there[0])  # fmt: skip
+                    self._open(
+                        _Way(crossing, direction, crossing.qos_in(here[1]), crossing.qos_in(there[1])),
+                        here[0],
+                        there[0],
+                    )
 
     async def run(self) -> None:
         """Say once of each topic what keeps it from crossing; carrying itself needs no task. Never ends."""

@@ -69,8 +69,10 @@ def _endpoints(root: Table, key: str) -> list[str]:
 def _tls(table: Table, folder: Path) -> TlsFiles | None:
     if not table.is_there:
         return None
-    ca, certificate, key = (table.name(name, f"{example}") for name, example in
-                            (("ca", "ca.pem"), ("certificate", "router.pem"), ("key", "router.key")))  # fmt: skip
+    ca, certificate, key = (
+        table.name(name, f"{example}")
+        for name, example in (("ca", "ca.pem"), ("certificate", "router.pem"), ("key", "router.key"))
+    )
     table.finish()
     return TlsFiles(folder / ca, folder / certificate, folder / key)
 
@@ -84,8 +86,10 @@ def _allowed(table: Table, *, has_tls: bool) -> Allowed:
         if key and not _KEY.fullmatch(key):
             table.problem(
                 f'"{key}" is no key: words with / between them, * for one of them and ** for any number, '
-                'for example "ROVER/**"', "keys", position,
-            )  # fmt: skip
+                'for example "ROVER/**"',
+                "keys",
+                position,
+            )
     may = table.names("may", SENDS) or [SENDS, RECEIVES]
     for position, word in enumerate(may):
         if word and word not in (SENDS, RECEIVES):

@@ -75,9 +75,10 @@ class RemoteAccessFile:
             raise ConfigError(
                 said(
                     "cannot read which robots are in the class, {path}: {error}; move it away",
-                    path=str(self.path), error=str(error),
+                    path=str(self.path),
+                    error=str(error),
                 )
-            ) from error  # fmt: skip
+            ) from error
 
     def keep(self, access: RemoteAccess) -> None:
         """Add an access, in place of another one for that address.

@@ -158,9 +158,7 @@ def open_database(database: str) -> Iterator[Registry]:
 
 def find_record(registry: Registry, name: str, serial_number: str) -> RobotRecord | None:
     """The robot of a database with that name and serial number."""
-    return next(
-        (one for one in registry.robots.all() if (one.name, one.serial_number) == (name, serial_number)), None
-    )  # fmt: skip
+    return next((one for one in registry.robots.all() if (one.name, one.serial_number) == (name, serial_number)), None)
 
 
 def database_mark(identity: str) -> str:
@@ -169,9 +167,13 @@ def database_mark(identity: str) -> str:
 
 
 def class_robots(
-    database: str | None, accesses: Sequence[RemoteAccess], words: Sequence[str] = (), *, path: str = "",
+    database: str | None,
+    accesses: Sequence[RemoteAccess],
+    words: Sequence[str] = (),
+    *,
+    path: str = "",
     read: Read = directly,
-) -> list[ClassRobot]:  # fmt: skip
+) -> list[ClassRobot]:
     """All robots of the class that fit the words: of the masters here, of a database, and of the accesses.
 
     Args:
@@ -210,9 +212,15 @@ def far_robots(accesses: Sequence[RemoteAccess], asking: ParallelRequest[dict[st
             continue
         far = RemoteRobot(access, answer)
         yield ClassRobot(
-            far.text("robot") or access.robot, far.text("serial_number") or access.serial_number, far.text("version"),
-            access.address, None, blueprint=far.text("blueprint"), msbot=far.text("msbot"), far=far,
-        )  # fmt: skip
+            far.text("robot") or access.robot,
+            far.text("serial_number") or access.serial_number,
+            far.text("version"),
+            access.address,
+            None,
+            blueprint=far.text("blueprint"),
+            msbot=far.text("msbot"),
+            far=far,
+        )
 
 
 def _key(name: str, serial_number: str, identity: str) -> tuple[str, str, str]:
@@ -226,10 +234,14 @@ def _local(path: str) -> Iterator[ClassRobot]:
         details = one.details
         identity = details.get("database", "")
         yield ClassRobot(
-            details.get("robot", ""), details.get("serial_number", ""), details.get("version", ""),
+            details.get("robot", ""),
+            details.get("serial_number", ""),
+            details.get("version", ""),
             path if path and database_identity(path) == identity else identity,
-            one, blueprint=details.get("blueprint", ""), msbot=details.get("msbot", ""),
-        )  # fmt: skip
+            one,
+            blueprint=details.get("blueprint", ""),
+            msbot=details.get("msbot", ""),
+        )
 
 
 def _stored(path: str, known: frozenset[tuple[str, str, str]]) -> list[ClassRobot]:
@@ -240,9 +252,14 @@ def _stored(path: str, known: frozenset[tuple[str, str, str]]) -> list[ClassRobo
     with open_database(path) as registry:
         return [
             ClassRobot(
-                record.name, record.serial_number, record.version, path, None, registry.runs.is_run(record),
+                record.name,
+                record.serial_number,
+                record.version,
+                path,
+                None,
+                registry.runs.is_run(record),
                 blueprint_mark(registry.robots.blueprint(record)),
             )
             for record in registry.robots.all()
             if _key(record.name, record.serial_number, identity) not in known
-        ]  # fmt: skip
+        ]

@@ -64,9 +64,12 @@ class Announced:
     def texts(self) -> dict[str, str]:
         """What is said beside address and port."""
         return {
-            "robot": self.robot[:LONGEST], "serial": self.serial_number[:LONGEST], "version": self.version[:LONGEST],
-            "class": self.class_name[:LONGEST], "tls": "1" if self.is_tls else "0",
-        }  # fmt: skip
+            "robot": self.robot[:LONGEST],
+            "serial": self.serial_number[:LONGEST],
+            "version": self.version[:LONGEST],
+            "class": self.class_name[:LONGEST],
+            "tls": "1" if self.is_tls else "0",
+        }
 
 
 def check_class_name(name: str) -> str:
@@ -213,7 +216,7 @@ def heard(texts: Mapping[bytes, bytes | None], port: int | None, addresses: list
     if port and text("robot") and hosts:
         yield Announced(
             text("robot"), text("serial"), text("version"), text("class"), port, text("tls") == "1", hosts[0]
-        )  # fmt: skip
+        )
 
 
 def _why(error: Exception) -> str:
@@ -235,10 +238,13 @@ def _info(announced: Announced, addresses: list[str]) -> ServiceInfo:
     mark = sha256(own.encode()).hexdigest()[:8]
     shown = "".join(letter if letter.isalnum() else "-" for letter in f"{announced.robot}-{announced.serial_number}")
     return ServiceInfo(
-        SERVICE, f"{shown.encode('ascii', 'replace').decode().replace('?', '-')[:40]}-{mark}.{SERVICE}",
-        addresses=[socket.inet_aton(one) for one in addresses], port=announced.port, properties=announced.texts,
+        SERVICE,
+        f"{shown.encode('ascii', 'replace').decode().replace('?', '-')[:40]}-{mark}.{SERVICE}",
+        addresses=[socket.inet_aton(one) for one in addresses],
+        port=announced.port,
+        properties=announced.texts,
         server=f"msbot-{mark}.local.",
-    )  # fmt: skip
+    )
 
 
 def _open(addresses: list[str]) -> Zeroconf:

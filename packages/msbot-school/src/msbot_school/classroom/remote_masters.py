@@ -99,8 +99,10 @@ class RemoteMasterConnection:
         except ssl.SSLCertVerificationError as error:
             words = said(
                 "{address}: its certificate is not the one that is trusted here ({error}); if that is right, "
-                "`msbot class join {address}` again", address=where, error=error.verify_message,
-            )  # fmt: skip
+                "`msbot class join {address}` again",
+                address=where,
+                error=error.verify_message,
+            )
             raise RemoteMasterError(words) from None
         except TimeoutError:
             raise _too_late(where) from None

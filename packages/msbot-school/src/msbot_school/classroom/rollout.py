@@ -114,8 +114,9 @@ def _far_plan(robot: ClassRobot, far: RemoteRobot, blueprint: Blueprint) -> Roll
         known = f"{far.access.robot} {far.access.serial_number}"
         obstacle = said(
             "another robot answers there than {known}: `msbot class join {page}` if that is right",
-            known=known, page=robot.page,
-        )  # fmt: skip
+            known=known,
+            page=robot.page,
+        )
         return RollOutPlan(robot, None, obstacle=obstacle)
     names = ("robot", "version", "serial_number", "released", "manufacturer", "stop_group")
     wanted = replace(blueprint, robot=RobotProfile(*(far.text(name) for name in names)))
@@ -168,9 +169,16 @@ class RollOut:
     """
 
     def __init__(
-        self, blueprint: str, folder: Path, library: Library, folders: Sequence[Path], who: str, *,
-        book: RollOutLog | None = None, read: Read = directly,
-    ) -> None:  # fmt: skip
+        self,
+        blueprint: str,
+        folder: Path,
+        library: Library,
+        folders: Sequence[Path],
+        who: str,
+        *,
+        book: RollOutLog | None = None,
+        read: Read = directly,
+    ) -> None:
         self._folder = folder
         self._who = who
         self._library = library
@@ -309,9 +317,7 @@ def was_undone(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Re
 
 def _robot_of(done: RolledOut, robots: Sequence[ClassRobot]) -> ClassRobot | None:
     key = (done.robot, done.serial_number, done.database)
-    return next(
-        (one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None
-    )  # fmt: skip
+    return next((one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None)
 
 
 def _perform_stored(database: str, name: str, serial_number: str, request: dict[str, object]) -> Answer:

@@ -89,7 +89,7 @@ class RollOutRun:
 
     def __init__(
         self, blueprint: str, jobs: Sequence[RobotJob], *, is_undo: bool = False, turn_s: float = TURN_S
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.blueprint = blueprint
         self.is_undo = is_undo
         self.began_at = time.time()

@@ -35,10 +35,15 @@ def fault_command() -> None:
 @click.option("--port", default="", metavar="PORT", help="stuck, drift: only this port of the part.")
 @click.option("--number", default="", metavar="NUMBER", help="wrong-number: the part number of the wrong part.")
 @click.option("--after", type=FiniteRange(0, 3600), default=0.0, metavar="SECONDS", help="Not before that time.")
-@click.option("--for", "for_s", type=FiniteRange(0.1, 3600), metavar="SECONDS",
-              help="How long it is there; 60 if left out.")  # fmt: skip
-@click.option("--when", default="", metavar="CONDITION",
-              help="Begin when this holds: 'fan is active', 'knob.level > 60', 'load > 40'.")  # fmt: skip
+@click.option(
+    "--for", "for_s", type=FiniteRange(0.1, 3600), metavar="SECONDS", help="How long it is there; 60 if left out."
+)
+@click.option(
+    "--when",
+    default="",
+    metavar="CONDITION",
+    help="Begin when this holds: 'fan is active', 'knob.level > 60', 'load > 40'.",
+)
 @click.option("--chance", type=FiniteRange(0, 1), metavar="P", help="Begin in each second with this probability.")
 @click.option("--seed", type=WholeRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
 @click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
@@ -78,13 +83,31 @@ def kinds(*, as_json: bool) -> None:
     from msbot_school.faults.kinds import KINDS
 
     if as_json:
-        click.echo(json.dumps({"kinds": [
-            {"kind": kind.name, "words": kind.words, "acts": kind.acts.value, "at_part": kind.at_part,
-             "amount": None if kind.amount is None else
-             {"default": kind.amount.default, "least": kind.amount.least, "most": kind.amount.most,
-              "unit": kind.amount.unit, "words": kind.amount.words}, "options": sorted(kind.options)}
-            for kind in KINDS.values()
-        ]}))  # fmt: skip
+        click.echo(
+            json.dumps(
+                {
+                    "kinds": [
+                        {
+                            "kind": kind.name,
+                            "words": kind.words,
+                            "acts": kind.acts.value,
+                            "at_part": kind.at_part,
+                            "amount": None
+                            if kind.amount is None
+                            else {
+                                "default": kind.amount.default,
+                                "least": kind.amount.least,
+                                "most": kind.amount.most,
+                                "unit": kind.amount.unit,
+                                "words": kind.amount.words,
+                            },
+                            "options": sorted(kind.options),
+                        }
+                        for kind in KINDS.values()
+                    ]
+                }
+            )
+        )
         return
     for kind in KINDS.values():
         where = " SLOT" if kind.at_part else ""
@@ -144,8 +167,16 @@ def quiz_command(*, count: int, seed: int | None, as_json: bool) -> None:
         right = question.is_right(given)
         if not as_json:
             click.echo(f"   {'Right' if right else f'No: {question.answer}'}: {question.why}")
-        results.append({"shown": question.shown, "question": question.text, "given": given, "right": right,
-                        "answer": question.answer, "why": question.why})  # fmt: skip
+        results.append(
+            {
+                "shown": question.shown,
+                "question": question.text,
+                "given": given,
+                "right": right,
+                "answer": question.answer,
+                "why": question.why,
+            }
+        )
     score = sum(bool(result["right"]) for result in results)
     if as_json:
         click.echo(json.dumps({"seed": seed, "right": score, "of": count, "questions": results}))

@@ -34,10 +34,23 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
 
     found, wrong = LessonCatalog(lessons).all()
     if as_json:
-        click.echo(json.dumps({"lessons": [
-            {"lesson": one.name, "title": one.title, "minutes": one.minutes, "checks": len(one.checks),
-             "robot": one.robot or str(one.blueprint)} for one in found
-        ], "wrong": wrong}))  # fmt: skip
+        click.echo(
+            json.dumps(
+                {
+                    "lessons": [
+                        {
+                            "lesson": one.name,
+                            "title": one.title,
+                            "minutes": one.minutes,
+                            "checks": len(one.checks),
+                            "robot": one.robot or str(one.blueprint),
+                        }
+                        for one in found
+                    ],
+                    "wrong": wrong,
+                }
+            )
+        )
         return
     for one in found:
         click.echo(f"{one.name:<18}{one.title} ({amount(one.minutes, 'minute')}, {amount(len(one.checks), 'check')})")

@@ -57,8 +57,10 @@ def check(file: Path, *, as_json: bool) -> None:
         click.echo(json.dumps({"problems": [], **_json(mission)}))
         return
     needs = ", ".join(mission.needs) or "none in particular"
-    click.echo(f"{file} is right: faults: {len(mission.faults)}, things to do: {len(mission.tasks)}, "
-               f"{mission.time_s:g} s; slots: {needs}")  # fmt: skip
+    click.echo(
+        f"{file} is right: faults: {len(mission.faults)}, things to do: {len(mission.tasks)}, "
+        f"{mission.time_s:g} s; slots: {needs}"
+    )
 
 
 @command.command("start")
@@ -107,10 +109,16 @@ def repairs(*, as_json: bool) -> None:
     from msbot_school.missions.mission import REPAIRS
 
     if as_json:
-        click.echo(json.dumps({"repairs": [
-            {"repair": one.name, "words": one.words, "mends": sorted(one.mends), "at_part": one.at_part}
-            for one in REPAIRS.values()
-        ]}))  # fmt: skip
+        click.echo(
+            json.dumps(
+                {
+                    "repairs": [
+                        {"repair": one.name, "words": one.words, "mends": sorted(one.mends), "at_part": one.at_part}
+                        for one in REPAIRS.values()
+                    ]
+                }
+            )
+        )
         return
     for one in REPAIRS.values():
         where = " SLOT" if one.at_part else ""
@@ -156,9 +164,15 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 @json_option
 @robot_options
 def report(
-    db: str | None, robot: str | None, *, number: int | None, recording: Path | None, html: Path | None,
-    language: str, as_json: bool,
-) -> None:  # fmt: skip
+    db: str | None,
+    robot: str | None,
+    *,
+    number: int | None,
+    recording: Path | None,
+    html: Path | None,
+    language: str,
+    as_json: bool,
+) -> None:
     """Show marks, times and wrong acts of a finished mission."""
     played, damage = _played(recording, number) if recording else (_asked(db, robot, number), "")
     if html is not None:
@@ -238,7 +252,13 @@ def _line(line: object) -> str:
 
 def _json(mission: Mission) -> dict[str, object]:
     return {
-        "mission": mission.name, "title": mission.title, "story": mission.story, "time_s": mission.time_s,
-        "robot": mission.sample, "slots": list(mission.needs), "faults": len(mission.faults),
-        "tasks": len(mission.tasks), "hints": len(mission.hints),
-    }  # fmt: skip
+        "mission": mission.name,
+        "title": mission.title,
+        "story": mission.story,
+        "time_s": mission.time_s,
+        "robot": mission.sample,
+        "slots": list(mission.needs),
+        "faults": len(mission.faults),
+        "tasks": len(mission.tasks),
+        "hints": len(mission.hints),
+    }

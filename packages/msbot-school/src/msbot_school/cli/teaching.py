@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     from msbot_school.lessons.catalog import LessonCatalog
 
 lessons_option = click.option(
-    "--lessons", "lessons", multiple=True, type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER",
+    "--lessons",
+    "lessons",
+    multiple=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
     help="A folder with more lessons (Markdown files), besides those that MsBOT brings; may be given several times.",
-)  # fmt: skip
+)
 
 
 class Teaching(CommandService["LessonCatalog", "MasterContext"]):

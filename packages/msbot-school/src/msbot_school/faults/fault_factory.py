@@ -22,7 +22,7 @@ from msbot_school.faults.effects import (
     PulledOut,
     Together,
     UnexpectedPart,
-)  # fmt: skip
+)
 from msbot_school.faults.engine import FOR_S, FaultSpec
 from msbot_school.faults.kinds import (
     KINDS,
@@ -90,19 +90,31 @@ class FaultFactory:
                 raise ConfigError(
                     said(
                         "{kind}: {amount:g} {unit} is not possible; it is {least:g} to {most:g} {unit}",
-                        kind=kind.name, amount=amount, unit=kind.amount.unit, least=kind.amount.least,
+                        kind=kind.name,
+                        amount=amount,
+                        unit=kind.amount.unit,
+                        least=kind.amount.least,
                         most=kind.amount.most,
                     )
-                )  # fmt: skip
+                )
         elif wish.amount is not None:
             raise ConfigError(said("{kind} takes no --{option}", kind=kind.name, option="amount"))
         when = read_condition(wish.when) if wish.when else None
         self.check_condition(when)
         return FaultSpec(
-            kind, at, amount, wish.jitter_ms or 0.0, wish.port, wish.number, wish.after_s,
-            FOR_S if wish.for_s is None else wish.for_s, when, wish.chance,
-            1 if wish.seed is None else wish.seed, hidden=wish.hidden,
-        )  # fmt: skip
+            kind,
+            at,
+            amount,
+            wish.jitter_ms or 0.0,
+            wish.port,
+            wish.number,
+            wish.after_s,
+            FOR_S if wish.for_s is None else wish.for_s,
+            when,
+            wish.chance,
+            1 if wish.seed is None else wish.seed,
+            hidden=wish.hidden,
+        )
 
     def _default(self, kind: FaultKind) -> float:
         assert kind.amount is not None

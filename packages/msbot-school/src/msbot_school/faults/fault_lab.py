@@ -35,9 +35,13 @@ class FaultLab:
     """
 
     def __init__(
-        self, operations: RunningOperations, *, parts: PartsHere | None = None, bus: SimBusDriver | None = None,
+        self,
+        operations: RunningOperations,
+        *,
+        parts: PartsHere | None = None,
+        bus: SimBusDriver | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._faults = operations.faults
         self._running = running = operations.faults.running
         self._parts: PartsHere = operations.stand_ins if parts is None else parts
@@ -64,9 +68,11 @@ class FaultLab:
         """
         if self._mission:
             raise ConfigError(
-                said("the mission {mission} runs, and no other fault may come in between: `msbot mission stop` ends it",
-                     mission=self._mission)
-            )  # fmt: skip
+                said(
+                    "the mission {mission} runs, and no other fault may come in between: `msbot mission stop` ends it",
+                    mission=self._mission,
+                )
+            )
         (fault,) = self._plant([wish], who)
         self._look()
         return said(
@@ -90,8 +96,11 @@ class FaultLab:
     def as_json(self, *, with_answers: bool) -> Mapping[str, object]:
         """See `FaultControl`."""
         hides = self._mission and not with_answers
-        return {"faults": [{**self._json(fault), **(_concealed(self._mission) if hides else {})}
-                           for fault in self._engine.faults]}  # fmt: skip
+        return {
+            "faults": [
+                {**self._json(fault), **(_concealed(self._mission) if hides else {})} for fault in self._engine.faults
+            ]
+        }
 
     def told(self, slot: str) -> Sequence[str]:
         """See `FaultControl`: those that are there now and are not hidden."""
@@ -226,22 +235,26 @@ class FaultLab:
             )
         if fault.spec.hidden:  # people read the journal
             line = said("fault {number} begins or ends: it is hidden", number=fault.number)
-        value = {
-            "begins": change.begins, "reason": str(change.reason), "mended": change.is_mended, **self._json(fault)
-        }  # fmt: skip
+        value = {"begins": change.begins, "reason": str(change.reason), "mended": change.is_mended, **self._json(fault)}
         self._faults.changed(value, line, who)
 
     def _json(self, fault: Fault) -> dict[str, object]:
         spec, now = fault.spec, self._running.now()
         ends_at = fault.ends_at
         return {
-            "number": fault.number, "kind": spec.kind.name, "at": spec.at, "words": spec.words, "who": fault.who,
-            "active": fault.is_active, "hidden": spec.hidden, "when": str(spec.when or ""),
+            "number": fault.number,
+            "kind": spec.kind.name,
+            "at": spec.at,
+            "words": spec.words,
+            "who": fault.who,
+            "active": fault.is_active,
+            "hidden": spec.hidden,
+            "when": str(spec.when or ""),
             "begins_in_s": None if fault.is_active or fault.begins_at is None else max(fault.begins_at - now, 0.0),
             "since_s": None if fault.began_at is None else now - fault.began_at,
             "left_s": None if not fault.is_active or ends_at is None else max(ends_at - now, 0.0),
             "for_s": spec.for_s,
-        }  # fmt: skip
+        }
 
     @staticmethod
     def _sentence(fault: Fault) -> str:
@@ -279,5 +292,15 @@ class FaultLab:
 def _concealed(mission: str) -> Mapping[str, object]:
     """What may be told of a fault that is to be found."""
     words = said("a fault of the mission {mission}; which one is to be found", mission=mission)
-    return {"kind": "", "at": "", "words": words, "when": "", "begins_in_s": None, "for_s": None, "left_s": None,
-            "since_s": None, "active": False, "concealed": True}  # fmt: skip
+    return {
+        "kind": "",
+        "at": "",
+        "words": words,
+        "when": "",
+        "begins_in_s": None,
+        "for_s": None,
+        "left_s": None,
+        "since_s": None,
+        "active": False,
+        "concealed": True,
+    }

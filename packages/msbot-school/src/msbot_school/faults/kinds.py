@@ -172,8 +172,12 @@ def contradiction(one: FaultKind, one_at: str, other: FaultKind, other_at: str) 
 
 
 _OPERATORS: Final[Mapping[str, Callable[[float, float], bool]]] = {
-    ">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt, "=": operator.eq,
-}  # fmt: skip
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+    "=": operator.eq,
+}
 _STATES: Final = ("empty", *(state.value for state in PartState))
 _STATE = re.compile(r"\s*(?P<slot>\S+)\s+is\s+(?P<state>\S+)\s*")
 _NUMBER = re.compile(r"\s*(?P<source>[^\s<>=]+)\s*(?P<operator>>=|<=|>|<|=)\s*(?P<number>\S+)\s*")

@@ -21,8 +21,12 @@ from msbot_xrce.lazy import dataclass
 LONGEST: Final = 200
 """Most characters of a condition."""
 _COMPARE: Final[Mapping[str, Callable[[float, float], bool]]] = {
-    ">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt, "=": operator.eq,
-}  # fmt: skip
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+    "=": operator.eq,
+}
 
 
 class RobotNow(Protocol):
@@ -145,8 +149,10 @@ class MovedBy(Condition):
             return _number_seen(robot, self.source)
         return said(
             "{source} was between {least:g} and {most:g}",
-            source=self.source, least=round(memory.least, 2), most=round(memory.most, 2),
-        )  # fmt: skip
+            source=self.source,
+            least=round(memory.least, 2),
+            most=round(memory.most, 2),
+        )
 
     def __str__(self) -> str:
         return f"{self.source} spans {self.width:g}"
@@ -371,9 +377,10 @@ def read_lesson_condition(text: str) -> Condition:
         raise ConfigError(
             said(
                 "the condition {text!r} cannot be read; write for example {examples}",
-                text=words, examples=", ".join(f"'{one}'" for one in EXAMPLES),
+                text=words,
+                examples=", ".join(f"'{one}'" for one in EXAMPLES),
             )
-        ) from error  # fmt: skip
+        ) from error
 
 
 def sources(condition: Condition) -> tuple[str, ...]:

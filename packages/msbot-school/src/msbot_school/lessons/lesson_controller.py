@@ -77,9 +77,15 @@ class LessonController:
     """
 
     def __init__(
-        self, operations: RunningOperations, shelf: LessonCatalog, *, parts: PartsHere | None = None,
-        bus: SimBusDriver | None = None, world: str = "", epoch_ns: Callable[[], int] = time.time_ns,
-    ) -> None:  # fmt: skip
+        self,
+        operations: RunningOperations,
+        shelf: LessonCatalog,
+        *,
+        parts: PartsHere | None = None,
+        bus: SimBusDriver | None = None,
+        world: str = "",
+        epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
         self._operations = operations
         self._running = operations.faults.running
         self.shelf = shelf
@@ -121,9 +127,11 @@ class LessonController:
                 raise ConfigError(
                     said(
                         "the lesson {title!r} needs a robot in the world {world}: `msbot demo --lesson {name}` has one",
-                        title=wanted.title, world=wanted.world, name=wanted.name,
+                        title=wanted.title,
+                        world=wanted.world,
+                        name=wanted.name,
                     )
-                )  # fmt: skip
+                )
             return await self._set_up(wanted, who)
         finally:
             self._is_busy = False
@@ -210,18 +218,28 @@ class LessonController:
         run = begun.run
         lesson, hint = run.lesson, run.hint(self._robot, now)
         return {
-            "lesson": lesson.name, "title": lesson.title, "who": begun.who, "since_s": now - run.begun_at,
-            "step": run.step, "steps": len(lesson.steps), "done": run.is_done,
+            "lesson": lesson.name,
+            "title": lesson.title,
+            "who": begun.who,
+            "since_s": now - run.begun_at,
+            "step": run.step,
+            "steps": len(lesson.steps),
+            "done": run.is_done,
             "checks": [
-                {"check": check.name, "says": check.says, "ticked": check.name in run.ticked,
-                 "after_s": None if check.name not in run.ticked else run.ticked[check.name] - run.begun_at}
+                {
+                    "check": check.name,
+                    "says": check.says,
+                    "ticked": check.name in run.ticked,
+                    "after_s": None if check.name not in run.ticked else run.ticked[check.name] - run.begun_at,
+                }
                 for check in lesson.checks
             ],
             "quiet_s": run.since_tick(now),
             "hint": None if hint is None else {"check": hint.check, "seen": hint.seen, "look": hint.look},
-            "people": list(begun.people), "hands": {name: now - at for name, at in begun.hands.items()},
+            "people": list(begun.people),
+            "hands": {name: now - at for name, at in begun.hands.items()},
             "trouble": self._trouble,
-        }  # fmt: skip
+        }
 
     async def run(self) -> None:
         """Look at the checks of the lesson that runs, until cancelled."""

@@ -35,9 +35,15 @@ class PersonInLesson:
     def as_json(self) -> dict[str, object]:
         """For programs."""
         return {
-            "person": self.person, "lesson": self.lesson, "title": self.title, "ticked": self.ticked,
-            "checks": self.checks, "done": self.is_done, "begun_ms": self.begun_ms, "last_tick_ms": self.last_ms,
-        }  # fmt: skip
+            "person": self.person,
+            "lesson": self.lesson,
+            "title": self.title,
+            "ticked": self.ticked,
+            "checks": self.checks,
+            "done": self.is_done,
+            "begun_ms": self.begun_ms,
+            "last_tick_ms": self.last_ms,
+        }
 
 
 def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[PersonInLesson]:

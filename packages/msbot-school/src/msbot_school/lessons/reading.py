@@ -74,9 +74,13 @@ class _Reader:
             header.problem(said('is missing; add robot = "rover", or blueprint = "FILE" for one of your own'), "robot")
         if robot and robot not in SAMPLES:
             header.problem(
-                said("there is no sample {robot!r}; {right}", robot=robot,
-                     right=suggestion(robot, sorted(SAMPLES), none_known="")), "robot",
-            )  # fmt: skip
+                said(
+                    "there is no sample {robot!r}; {right}",
+                    robot=robot,
+                    right=suggestion(robot, sorted(SAMPLES), none_known=""),
+                ),
+                "robot",
+            )
         if blueprint and not (self._path.parent / blueprint).is_file():
             header.problem(said("there is no such file beside the lesson"), "blueprint")
         lesson = Lesson(

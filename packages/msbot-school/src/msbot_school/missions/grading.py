@@ -85,15 +85,12 @@ class Grade:
     @property
     def is_complete(self) -> bool:
         """Whether everything is found, mended and done that there was."""
-        return (
-            all(
-                one.began_s is not None
-                and (not one.fault.find or one.found_s is not None)
-                and (not one.fault.mend or one.over_s is not None)
-                for one in self.faults
-            )
-            and all(task.is_done for task in self.tasks)
-        )  # fmt: skip
+        return all(
+            one.began_s is not None
+            and (not one.fault.find or one.found_s is not None)
+            and (not one.fault.mend or one.over_s is not None)
+            for one in self.faults
+        ) and all(task.is_done for task in self.tasks)
 
 
 def grade(mission: Mission, faults: Sequence[DrawnFault], facts: Sequence[Fact]) -> Grade:
@@ -112,9 +109,14 @@ def grade(mission: Mission, faults: Sequence[DrawnFault], facts: Sequence[Fact])
             case What.REPAIRED:
                 _repaired(mission, found, by_number, fact)
             case What.ACT if fact.word in mission.avoid:
-                found.wrong.append(WrongAct(
-                    fact.at_s, fact.who, said("{operation} was to be avoided", operation=fact.word), mission.marks.wrong
-                ))  # fmt: skip
+                found.wrong.append(
+                    WrongAct(
+                        fact.at_s,
+                        fact.who,
+                        said("{operation} was to be avoided", operation=fact.word),
+                        mission.marks.wrong,
+                    )
+                )
             case What.HINT:
                 words = said("hint {number}", number=fact.number)
                 found.wrong.append(WrongAct(fact.at_s, fact.who, words, mission.marks.hint))
@@ -165,16 +167,23 @@ def _named(mission: Mission, found: Grade, fact: Fact) -> None:
         about.is_looked_up = bool(found.looked_by)
     if is_wrong(verdict):
         what = place_words(said("{kind}: {words}", kind=fact.word, words=KINDS[fact.word].words), fact.slot)
-        found.wrong.append(WrongAct(
-            fact.at_s, fact.who, said("wrong answer: {what} ({verdict})", what=what, verdict=VERDICTS[verdict]),
-            mission.marks.wrong,
-        ))  # fmt: skip
+        found.wrong.append(
+            WrongAct(
+                fact.at_s,
+                fact.who,
+                said("wrong answer: {what} ({verdict})", what=what, verdict=VERDICTS[verdict]),
+                mission.marks.wrong,
+            )
+        )
 
 
 VERDICTS = {
-    "right": said("right"), "again": said("that was found already"), "place": said("only the place is right"),
-    "early": said("nothing has gone wrong yet"), "wrong": said("nothing of that kind is wrong there"),
-}  # fmt: skip
+    "right": said("right"),
+    "again": said("that was found already"),
+    "place": said("only the place is right"),
+    "early": said("nothing has gone wrong yet"),
+    "wrong": said("nothing of that kind is wrong there"),
+}
 """What is said to an answer."""
 
 

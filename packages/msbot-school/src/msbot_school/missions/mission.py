@@ -145,9 +145,19 @@ def _drawn(mission: Mission, number: int, fault: MissionFault, random: Random) -
     kind, at = random.choice(fault.kinds), random.choice(fault.at) if fault.at else ""
     seed = random.getrandbits(32) if fault.seed is None else fault.seed
     wish = FaultRequest(
-        kind, at if KINDS[kind].at_part else "", fault.amount, fault.jitter_ms, fault.port, fault.number, fault.after_s,
-        mission.time_s if fault.for_s is None else fault.for_s, fault.when, fault.chance, seed, hidden=True,
-    )  # fmt: skip
+        kind,
+        at if KINDS[kind].at_part else "",
+        fault.amount,
+        fault.jitter_ms,
+        fault.port,
+        fault.number,
+        fault.after_s,
+        mission.time_s if fault.for_s is None else fault.for_s,
+        fault.when,
+        fault.chance,
+        seed,
+        hidden=True,
+    )
     return DrawnFault(number, wish, fault.find, fault.mend)
 
 
@@ -251,9 +261,15 @@ class Fact:
         """For a recording."""
         text: JsonSentence = to_json(self.text)
         return {
-            "at_s": self.at_s, "what": self.what.value, "who": self.who, "number": self.number, "slot": self.slot,
-            "word": self.word, "text": text, "arguments": dict(self.arguments),
-        }  # fmt: skip
+            "at_s": self.at_s,
+            "what": self.what.value,
+            "who": self.who,
+            "number": self.number,
+            "slot": self.slot,
+            "word": self.word,
+            "text": text,
+            "arguments": dict(self.arguments),
+        }
 
 
 FACT_LONGEST_S: Final = 1e9
@@ -272,9 +288,15 @@ def facts_from_json(notes: Iterable[object]) -> list[Fact]:
 def _fact(note: object) -> Fact:
     match note:
         case {
-            "at_s": int() | float() as at_s, "what": str(what), "who": str(who), "number": int(number),
-            "slot": str(slot), "word": str(word), "text": text, "arguments": dict(arguments),
-        } if what in {one.value for one in What} and abs(at_s) < FACT_LONGEST_S:  # fmt: skip
+            "at_s": int() | float() as at_s,
+            "what": str(what),
+            "who": str(who),
+            "number": int(number),
+            "slot": str(slot),
+            "word": str(word),
+            "text": text,
+            "arguments": dict(arguments),
+        } if what in {one.value for one in What} and abs(at_s) < FACT_LONGEST_S:
             named = {str(name): str(value) for name, value in arguments.items()}
             return Fact(float(at_s), What(what), who, number, slot, word, from_json(text), named)
     raise RemoteProtocolError(f"no note of a mission: {note!r:.200}")

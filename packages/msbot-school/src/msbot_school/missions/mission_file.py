@@ -173,13 +173,18 @@ def _fault(table: Table, time_s: float) -> MissionFault:
         if kind not in KINDS:
             table.problem(
                 said("there is no fault {name!r}; there are {kinds}", name=kind, kinds=", ".join(KINDS)),
-                "kind", *([position] if len(kinds) > 1 else []),
-            )  # fmt: skip
+                "kind",
+                *([position] if len(kinds) > 1 else []),
+            )
     if not kinds and "kind" in table:
         table.problem(said('is empty; write for example kind = "loss"'), "kind")
     if any(kind.at_part for kind in known) and not at:
-        table.problem(said("{kind} is planted at a part: add at = \"SLOT\"",
-                           kind=next(kind.name for kind in known if kind.at_part)), "kind")  # fmt: skip
+        table.problem(
+            said(
+                '{kind} is planted at a part: add at = "SLOT"', kind=next(kind.name for kind in known if kind.at_part)
+            ),
+            "kind",
+        )
     if at and known and not any(kind.at_part for kind in known):
         table.problem(said("{kind} concerns the whole robot: remove it", kind=known[0].name), "at")
     amount = _amount(table, known)
@@ -188,7 +193,9 @@ def _fault(table: Table, time_s: float) -> MissionFault:
         if key in table and not any(option in kind.options for kind in known):
             table.problem(said("{kind} knows no {key}: remove it", kind=", ".join(kinds), key=key), key)
     fault = MissionFault(
-        kinds, at, amount,
+        kinds,
+        at,
+        amount,
         jitter_ms=table.number("jitter_ms", default=0.0, least=0.0, most=10_000.0, unit="ms") or None,
         port=table.text("port", "level"),
         number=table.text("number", "LED"),
@@ -199,7 +206,7 @@ def _fault(table: Table, time_s: float) -> MissionFault:
         seed=table.whole("seed", default=0, least=0, most=2**53) if "seed" in table else None,
         find=table.flag("find", default=True),
         mend=table.flag("mend", default=True),
-    )  # fmt: skip
+    )
     table.finish()
     return fault
 
@@ -221,17 +228,24 @@ def _task(table: Table, time_s: float) -> Task:
     operation = table.name("operation", "identify", default="")
     until = _condition(table, "until")
     if bool(operation) == bool(until):
-        table.problem(said('either operation or until must be there, as in operation = "identify" or until = '
-                           '"fan is active"'))  # fmt: skip
+        table.problem(
+            said('either operation or until must be there, as in operation = "identify" or until = "fan is active"')
+        )
     arguments = {name: str(value) for name, value in table.scalars("with").items()}
     if operation and _check_operation(table, operation, "operation"):
         for name in arguments:
             if OPERATIONS[operation].argument(name) is None:
                 known = ", ".join(one.name for one in OPERATIONS[operation].arguments) or said("nothing")
                 table.problem(
-                    said("{operation} knows no {unknown}; it takes {names}", operation=operation, unknown=name,
-                         names=known), "with", name,
-                )  # fmt: skip
+                    said(
+                        "{operation} knows no {unknown}; it takes {names}",
+                        operation=operation,
+                        unknown=name,
+                        names=known,
+                    ),
+                    "with",
+                    name,
+                )
     task = Task(
         words=table.prose("words", "Make the fan show itself."),
         operation=operation,
@@ -246,9 +260,14 @@ def _task(table: Table, time_s: float) -> Task:
 def _check_operation(table: Table, name: str, *steps: str | int) -> bool:
     row = OPERATIONS.get(name)
     if row is None:
-        table.problem(said("there is no operation {operation!r}; there are {operations}", operation=name,
-                           operations=", ".join(one.name for one in OPERATIONS.values() if not one.is_question)),
-                      *steps)  # fmt: skip
+        table.problem(
+            said(
+                "there is no operation {operation!r}; there are {operations}",
+                operation=name,
+                operations=", ".join(one.name for one in OPERATIONS.values() if not one.is_question),
+            ),
+            *steps,
+        )
     elif row.is_question:
         table.problem(said("{operation} only asks: nobody notes who did", operation=name), *steps)
         return False
@@ -285,6 +304,12 @@ def _check_contradictions(top: Table, mission: Mission) -> None:
             second_end = second.after_s + (second.for_s or LONGEST_S)
             reason = contradict(one, other)
             if reason and first.after_s < second_end and second.after_s < first_end:
-                top.problem(said("contradicts fault[{index}]: {reason}; let one end (for_s) before the other begins "
-                                 "(after_s)", index=one.number - 1, reason=reason),
-                            "fault", other.number - 1)  # fmt: skip
+                top.problem(
+                    said(
+                        "contradicts fault[{index}]: {reason}; let one end (for_s) before the other begins (after_s)",
+                        index=one.number - 1,
+                        reason=reason,
+                    ),
+                    "fault",
+                    other.number - 1,
+                )

@@ -158,15 +158,22 @@ class MissionLab:
         to_find = [one for one in grade.faults if one.fault.find]
         to_mend = [one for one in grade.faults if one.fault.mend]
         return {
-            "mission": run.mission.name, "title": run.mission.title, "story": run.mission.story, "who": run.who,
-            "time_s": run.mission.time_s, "left_s": max(run.ends_at - self._running.now(), 0.0),
-            "found": sum(one.found_s is not None for one in to_find), "to_find": len(to_find),
-            "mended": sum(one.over_s is not None for one in to_mend), "to_mend": len(to_mend),
+            "mission": run.mission.name,
+            "title": run.mission.title,
+            "story": run.mission.story,
+            "who": run.who,
+            "time_s": run.mission.time_s,
+            "left_s": max(run.ends_at - self._running.now(), 0.0),
+            "found": sum(one.found_s is not None for one in to_find),
+            "to_find": len(to_find),
+            "mended": sum(one.over_s is not None for one in to_mend),
+            "to_mend": len(to_mend),
             "hints": list(run.mission.hints[: run.hints_given]),
             "hints_left": len(run.mission.hints) - run.hints_given,
             "tasks": [{"words": one.task.words, "done": one.is_done} for one in grade.tasks],
-            "told": self._told(run), "reports": [one.number for one in self._reports],
-        }  # fmt: skip
+            "told": self._told(run),
+            "reports": [one.number for one in self._reports],
+        }
 
     def report(self, number: int | None) -> Mapping[str, object]:
         """See `MissionControl`."""
@@ -182,9 +189,11 @@ class MissionLab:
         if not found:
             known = ", ".join(str(one.number) for one in self._reports) or said("none")
             raise ConfigError(
-                said("there is no report of a mission that is over, or none with that number; there are {known}",
-                     known=known)
-            )  # fmt: skip
+                said(
+                    "there is no report of a mission that is over, or none with that number; there are {known}",
+                    known=known,
+                )
+            )
         return found[-1]
 
     async def run(self) -> None:
@@ -204,9 +213,13 @@ class MissionLab:
         if missing:
             sample = said(": `msbot demo --robot {sample}` has them", sample=mission.sample) if mission.sample else ""
             raise ConfigError(
-                said("the mission {mission} needs a robot with the slots {missing}{sample}", mission=mission.name,
-                     missing=", ".join(missing), sample=sample)
-            )  # fmt: skip
+                said(
+                    "the mission {mission} needs a robot with the slots {missing}{sample}",
+                    mission=mission.name,
+                    missing=", ".join(missing),
+                    sample=sample,
+                )
+            )
         ill = [slot for slot in mission.needs if self._running.state_of(slot) != PartState.ACTIVE.value]
         if ill:
             raise ConfigError(
@@ -264,10 +277,16 @@ class MissionLab:
         """The latest answers, repairs and hints, as they were answered."""
         told = [fact for fact in run.facts if fact.what in (What.NAMED, What.REPAIRED)]
         return [
-            {"at_s": fact.at_s, "who": fact.who, "what": fact.what.value, "word": fact.word, "slot": fact.slot,
-             "text": fact.text}
+            {
+                "at_s": fact.at_s,
+                "who": fact.who,
+                "what": fact.what.value,
+                "word": fact.word,
+                "slot": fact.slot,
+                "text": fact.text,
+            }
             for fact in told[-MOST_TOLD:]
-        ]  # fmt: skip
+        ]
 
     # What is heard.
 

@@ -29,9 +29,14 @@ class MissionRun:
     """
 
     def __init__(
-        self, mission: Mission, faults: Sequence[DrawnFault], who: str, now: float, *,
+        self,
+        mission: Mission,
+        faults: Sequence[DrawnFault],
+        who: str,
+        now: float,
+        *,
         on_fact: Callable[[Fact], object] = lambda _: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.mission = mission
         self.faults = tuple(faults)
         self.who = who
@@ -111,9 +116,13 @@ class MissionRun:
             slot = ""
         self._count(What.REPAIRED, MOST_REPAIRS, said("{most} repairs were tried: that is the most", most=MOST_REPAIRS))
         mended = next(
-            (one.number for one in self.faults if one.number in self._there and one.kind in repair.mends
-             and one.at == slot), 0,
-        )  # fmt: skip
+            (
+                one.number
+                for one in self.faults
+                if one.number in self._there and one.kind in repair.mends and one.at == slot
+            ),
+            0,
+        )
         what = place_words(repair.words, slot)
         words = (
             said("{what}: that has mended it", what=what)

@@ -50,9 +50,12 @@ class PlayedMission:
     def head(self) -> dict[str, object]:
         """The same without its notes."""
         return {
-            "number": self.number, "mission": self.mission.name, "toml": self.mission.source, "seed": self.seed,
+            "number": self.number,
+            "mission": self.mission.name,
+            "toml": self.mission.source,
+            "seed": self.seed,
             "began_ms": self.began_ms,
-        }  # fmt: skip
+        }
 
 
 def played_from_json(content: Mapping[str, object]) -> PlayedMission:
@@ -64,9 +67,13 @@ def played_from_json(content: Mapping[str, object]) -> PlayedMission:
     """
     match content:
         case {
-            "number": int(number), "mission": str(name), "toml": str(toml), "seed": int(seed), "began_ms": int(began),
+            "number": int(number),
+            "mission": str(name),
+            "toml": str(toml),
+            "seed": int(seed),
+            "began_ms": int(began),
             "facts": list(facts),
-        }:  # fmt: skip
+        }:
             mission = parse_mission(toml, f"{name}.toml")
             return PlayedMission(number, mission, seed, began, tuple(facts_from_json(facts)))
     raise RemoteProtocolError(f"no mission: {content!r:.200}")
@@ -76,20 +83,49 @@ def grade_json(played: PlayedMission) -> dict[str, object]:
     """Marks, times and wrong acts, for programs."""
     found = played.grade()
     return {
-        "number": played.number, "mission": played.mission.name, "title": played.mission.title, "seed": played.seed,
-        "who": played.who, "began_ms": played.began_ms, "seconds": found.seconds, "reason": found.reason,
-        "marks": found.marks, "of": found.of, "percent": round(found.percent, 1), "looked_by": found.looked_by,
+        "number": played.number,
+        "mission": played.mission.name,
+        "title": played.mission.title,
+        "seed": played.seed,
+        "who": played.who,
+        "began_ms": played.began_ms,
+        "seconds": found.seconds,
+        "reason": found.reason,
+        "marks": found.marks,
+        "of": found.of,
+        "percent": round(found.percent, 1),
+        "looked_by": found.looked_by,
         "faults": [
-            {"kind": one.fault.kind, "at": one.fault.at, "began_s": one.began_s, "over_s": one.over_s,
-             "place_by": one.place_by, "found_by": one.found_by, "found_s": one.found_s, "quick": one.is_quick,
-             "mended_by": one.mended_by, "mended_s": one.mended_s, "repair": one.mended_how, "marks": one.marks,
-             "of": one.of}
+            {
+                "kind": one.fault.kind,
+                "at": one.fault.at,
+                "began_s": one.began_s,
+                "over_s": one.over_s,
+                "place_by": one.place_by,
+                "found_by": one.found_by,
+                "found_s": one.found_s,
+                "quick": one.is_quick,
+                "mended_by": one.mended_by,
+                "mended_s": one.mended_s,
+                "repair": one.mended_how,
+                "marks": one.marks,
+                "of": one.of,
+            }
             for one in found.faults
         ],
-        "tasks": [{"words": one.task.words, "done": one.is_done, "by": one.by, "after_s": one.after_s,
-                   "marks": one.marks, "of": one.of} for one in found.tasks],
+        "tasks": [
+            {
+                "words": one.task.words,
+                "done": one.is_done,
+                "by": one.by,
+                "after_s": one.after_s,
+                "marks": one.marks,
+                "of": one.of,
+            }
+            for one in found.tasks
+        ],
         "wrong": [{"at_s": one.at_s, "who": one.who, "words": one.words, "cost": one.cost} for one in found.wrong],
-    }  # fmt: skip
+    }
 
 
 TOPIC: Final = "/msbot/mission"

@@ -131,9 +131,13 @@ class Accounts:
     """
 
     def __init__(
-        self, store: UserStore, *, clock: Callable[[], float], hasher: Hasher | None = None,
+        self,
+        store: UserStore,
+        *,
+        clock: Callable[[], float],
+        hasher: Hasher | None = None,
         wall_clock: Callable[[], float] = time.time,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._store = store
         self._clock = clock
         self.forward_clock = NonDecreasingClock(wall_clock, clock)
@@ -185,9 +189,10 @@ class Accounts:
 
     def _index_tokens(self) -> None:
         """Find users by their tokens, and say which tokens have ended."""
-        before, self._token_users = self._token_users, {
-            digest: user.name for user in self._users.values() for _, digest in user.tokens
-        }  # fmt: skip
+        before, self._token_users = (
+            self._token_users,
+            {digest: user.name for user in self._users.values() for _, digest in user.tokens},
+        )
         for digest, name in before.items():
             if self._token_users.get(digest) != name:
                 for listener in self._token_listeners:
@@ -525,9 +530,12 @@ class Accounts:
             check_name(purpose, (known for known, _ in user.tokens))
             if len(user.tokens) >= MOST_TOKENS:
                 raise ConfigError(
-                    said("{name} has {most} tokens and tickets already: remove one that nobody uses", name=name,
-                         most=MOST_TOKENS)
-                )  # fmt: skip
+                    said(
+                        "{name} has {most} tokens and tickets already: remove one that nobody uses",
+                        name=name,
+                        most=MOST_TOKENS,
+                    )
+                )
             await self._keep(who, replace(user, tokens=(*user.tokens, (purpose, kind + digest_of(token)))))
         return token
 

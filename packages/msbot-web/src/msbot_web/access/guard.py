@@ -127,10 +127,18 @@ class AccessGuard:
     """
 
     def __init__(
-        self, app: ASGIApp, accounts: Accounts, hosts: Iterable[str], *, cookies: CookieNames,
-        owns: Callable[[str, Session | None], bool], beat: Callable[[], bytes], is_tls: bool = False,
-        api: ASGIApp | None = None, signed_in: Callable[[str], None] = lambda _: None,
-    ) -> None:  # fmt: skip
+        self,
+        app: ASGIApp,
+        accounts: Accounts,
+        hosts: Iterable[str],
+        *,
+        cookies: CookieNames,
+        owns: Callable[[str, Session | None], bool],
+        beat: Callable[[], bytes],
+        is_tls: bool = False,
+        api: ASGIApp | None = None,
+        signed_in: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self._app = app
         self._api = api or app
         self._accounts = accounts
@@ -253,7 +261,7 @@ class AccessGuard:
 
     async def _refuse(
         self, scope: Scope, receive: Receive, send: Send, status: int, words: str, *, session: Session | None
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.refused.count(words if status != 421 else "this robot is asked for by another name")
         if scope["type"] == "websocket":
             await receive()

@@ -50,9 +50,14 @@ class SessionFile:
     """
 
     def __init__(
-        self, accounts: Accounts, path: Path, *, wall_clock: Callable[[], float] = time.time,
-        boot: Callable[[], str] = boot_id, boot_clock: Callable[[], float] = since_boot_s,
-    ) -> None:  # fmt: skip
+        self,
+        accounts: Accounts,
+        path: Path,
+        *,
+        wall_clock: Callable[[], float] = time.time,
+        boot: Callable[[], str] = boot_id,
+        boot_clock: Callable[[], float] = since_boot_s,
+    ) -> None:
         self._accounts = accounts
         self._path = path
         self._wall_clock, self._boot, self._boot_clock = wall_clock, boot, boot_clock
@@ -132,9 +137,14 @@ class SessionFile:
 
 def _kept(one: dict[str, Any]) -> KeptSession:
     return KeptSession(
-        str(one["key"]), str(one["name"]), str(one["csrf"]), float(one["age_s"]), float(one["idle_s"]),
-        str(one["guest_of"]), str(one["mark"]),
-    )  # fmt: skip
+        str(one["key"]),
+        str(one["name"]),
+        str(one["csrf"]),
+        float(one["age_s"]),
+        float(one["idle_s"]),
+        str(one["guest_of"]),
+        str(one["mark"]),
+    )
 
 
 def remove_old(folder: Path, now_s: float) -> int:

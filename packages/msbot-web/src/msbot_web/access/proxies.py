@@ -142,13 +142,18 @@ class BehindProxies:
             self._said.add(peer)
             _log.warning(
                 "%s passes on requests of others to the page and is not trusted: what it says of them is dropped. If it "
-                "is your proxy, start the robot with --trusted-proxy %s", peer, peer,
-            )  # fmt: skip
+                "is your proxy, start the robot with --trusted-proxy %s",
+                peer,
+                peer,
+            )
 
 
 _SCHEMES = {
-    ("http", "http"): "http", ("http", "https"): "https", ("websocket", "http"): "ws", ("websocket", "https"): "wss",
-}  # fmt: skip
+    ("http", "http"): "http",
+    ("http", "https"): "https",
+    ("websocket", "http"): "ws",
+    ("websocket", "https"): "wss",
+}
 
 
 def _led(send: Send, scope: Scope, prefix: str) -> Send:

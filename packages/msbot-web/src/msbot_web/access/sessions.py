@@ -219,9 +219,12 @@ class Sessions:
         ]
 
     def bring_back(
-        self, kept: Iterable[KeptSession], away_s: float, role_of: Callable[[str], Role | None],
+        self,
+        kept: Iterable[KeptSession],
+        away_s: float,
+        role_of: Callable[[str], Role | None],
         mark_of: Callable[[str], str],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Restore sessions of an earlier run.
 
         Args:
@@ -241,9 +244,14 @@ class Sessions:
             if role is None or len(self._by_key) >= MOST_SESSIONS:
                 continue
             session = Session(
-                one.name, Role.VIEWER if one.guest_of else role, now - one.age_s - away_s, now - one.idle_s - away_s,
-                key=one.key, csrf=one.csrf, guest_of=one.guest_of,
-            )  # fmt: skip
+                one.name,
+                Role.VIEWER if one.guest_of else role,
+                now - one.age_s - away_s,
+                now - one.idle_s - away_s,
+                key=one.key,
+                csrf=one.csrf,
+                guest_of=one.guest_of,
+            )
             self._by_key[one.key] = session
             if not self.is_fresh(session):
                 del self._by_key[one.key]

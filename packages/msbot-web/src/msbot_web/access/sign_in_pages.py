@@ -31,9 +31,14 @@ AFTER = "/program"
 
 
 def add_ticket_forms(
-    router: APIRouter, accounts: Accounts, passes: TicketCodes, *, page: Callable[..., Response],
-    signed_in: Callable[..., Response], form_of: Callable[[Request], Awaitable[dict[str, str]]],
-) -> None:  # fmt: skip
+    router: APIRouter,
+    accounts: Accounts,
+    passes: TicketCodes,
+    *,
+    page: Callable[..., Response],
+    signed_in: Callable[..., Response],
+    form_of: Callable[[Request], Awaitable[dict[str, str]]],
+) -> None:
     """Add the two pages.
 
     Args:
@@ -123,14 +128,23 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
     router = APIRouter(include_in_schema=False)
 
     def page(
-        request: Request, template: str, title: str, *, status: int = 200, headers: dict[str, str] | None = None,
+        request: Request,
+        template: str,
+        title: str,
+        *,
+        status: int = 200,
+        headers: dict[str, str] | None = None,
         **values: object,
-    ) -> HTMLResponse:  # fmt: skip
+    ) -> HTMLResponse:
         language = language_of(request)
         html = render(
-            template, language=language, say=language.say, title=language.say(title), robot=robot,
+            template,
+            language=language,
+            say=language.say,
+            title=language.say(title),
+            robot=robot,
             **{"error": "", "name": "", "why": "", **values},
-        )  # fmt: skip
+        )
         return HTMLResponse(html, status_code=status, headers=headers)
 
     @router.get("/login")
@@ -152,9 +166,15 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
             headers = {"retry-after": f"{refused.retry_after_s:.0f}"} if refused.retry_after_s else None
             status = 429 if refused.retry_after_s else 401
             return page(
-                request, "sign_in", "Sign in", wanted=wanted, name=name[:64], error=language_of(request).say(str(refused)), status=status,
+                request,
+                "sign_in",
+                "Sign in",
+                wanted=wanted,
+                name=name[:64],
+                error=language_of(request).say(str(refused)),
+                status=status,
                 headers=headers,
-            )  # fmt: skip
+            )
         return signed_in(request, session, wanted)
 
     @router.get("/setup")
@@ -172,9 +192,14 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
         except (SignInRefused, ConfigError) as error:
             status = 403 if isinstance(error, SignInRefused) else 400
             return page(
-                request, "set_up", "Set-up", token=token, name=form.get("name", "")[:64],
-                error=language_of(request).say(str(error)), status=status,
-            )  # fmt: skip
+                request,
+                "set_up",
+                "Set-up",
+                token=token,
+                name=form.get("name", "")[:64],
+                error=language_of(request).say(str(error)),
+                status=status,
+            )
         return signed_in(request, session, "/")
 
     @router.get("/enter")
@@ -206,14 +231,24 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
         response = RedirectResponse(wanted, status_code=303)
         is_secure = request.url.scheme == "https"
         response.set_cookie(
-            cookies.session, session.token, max_age=int(GUEST_S if session.guest_of else LONGEST_S), path=root() or "/",
-            httponly=True, samesite="lax", secure=is_secure,
-        )  # fmt: skip
+            cookies.session,
+            session.token,
+            max_age=int(GUEST_S if session.guest_of else LONGEST_S),
+            path=root() or "/",
+            httponly=True,
+            samesite="lax",
+            secure=is_secure,
+        )
         if not session.is_lasting and not session.guest_of:
             response.set_cookie(
-                cookies.device, accounts.browsers.use(request.cookies.get(cookies.device, ""), session.name), max_age=_DEVICE_S, path=root() or "/",
-                httponly=True, samesite="strict", secure=is_secure,
-            )  # fmt: skip
+                cookies.device,
+                accounts.browsers.use(request.cookies.get(cookies.device, ""), session.name),
+                max_age=_DEVICE_S,
+                path=root() or "/",
+                httponly=True,
+                samesite="strict",
+                secure=is_secure,
+            )
         return response
 
     _add_guest_forms(router, accounts, page, signed_in)

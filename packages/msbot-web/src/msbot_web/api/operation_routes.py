@@ -86,9 +86,12 @@ def _field(argument: Argument) -> tuple[object, object]:
     kind: Any = _TYPES[argument.kind]
     longest = argument.longest if argument.kind is ArgumentKind.TEXT else None
     known: dict[str, Any] = {
-        "alias": argument.name, "description": argument.help,
-        "max_length": longest, "ge": argument.least, "le": argument.most,
-    }  # fmt: skip
+        "alias": argument.name,
+        "description": argument.help,
+        "max_length": longest,
+        "ge": argument.least,
+        "le": argument.most,
+    }
     given = {name: value for name, value in known.items() if value is not None}
     if argument.is_needed:
         return kind, Field(**given)

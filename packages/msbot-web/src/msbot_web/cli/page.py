@@ -56,16 +56,33 @@ def page_options(command: _C) -> _C:
     for option in (
         click.option("--certificate-key", type=path, help="The certificate's private key (PEM file), if apart."),
         click.option("--certificate", type=path, help="Serve the page by TLS with this certificate (PEM)."),
-        click.option("--page-name", "page_names", multiple=True, metavar="NAME",
-                     help="Another host name by which browsers ask for the page; the computer's own always will do."),
-        click.option("--trusted-proxy", "trusted_proxies", multiple=True, metavar="ADDRESS",
-                     help="A reverse proxy (or a network of them) whose X-Forwarded- headers count for the page."),
+        click.option(
+            "--page-name",
+            "page_names",
+            multiple=True,
+            metavar="NAME",
+            help="Another host name by which browsers ask for the page; the computer's own always will do.",
+        ),
+        click.option(
+            "--trusted-proxy",
+            "trusted_proxies",
+            multiple=True,
+            metavar="ADDRESS",
+            help="A reverse proxy (or a network of them) whose X-Forwarded- headers count for the page.",
+        ),
         click.option("--no-page", is_flag=True, help="Serve no web page."),
-        click.option("--host", default="127.0.0.1", show_default=True,
-                     help="Where the page is served: 127.0.0.1 is this computer only, 0.0.0.0 every network it is in."),
-        click.option("--port", type=WholeRange(0, 65535),
-                     help=f"Port of the page: {DEFAULT_PORT}, or the next free one; 0 = any free one."),
-    ):  # fmt: skip
+        click.option(
+            "--host",
+            default="127.0.0.1",
+            show_default=True,
+            help="Where the page is served: 127.0.0.1 is this computer only, 0.0.0.0 every network it is in.",
+        ),
+        click.option(
+            "--port",
+            type=WholeRange(0, 65535),
+            help=f"Port of the page: {DEFAULT_PORT}, or the next free one; 0 = any free one.",
+        ),
+    ):
         command = option(command)
     return command
 
@@ -117,8 +134,10 @@ async def serve_page(
             await ready.wait()
         say(f"The page is at {room.server.link}")
         if wishes.host not in ("127.0.0.1", "localhost", "::1"):
-            say("Everybody in this computer's networks can reach it; a password protects it"
-                + ("." if wishes.certificate else ", but what travels can be read: add --certificate."))  # fmt: skip
+            say(
+                "Everybody in this computer's networks can reach it; a password protects it"
+                + ("." if wishes.certificate else ", but what travels can be read: add --certificate.")
+            )
         await serving
 
 
@@ -156,9 +175,14 @@ def announcer(
     profile = master.profile
     host = "" if page.host in ALL_NETWORKS else page.host
     announced = mdns.Announced(
-        profile.name, profile.serial_number, profile.version, class_name, room.server.port,
-        page.certificate is not None, host,
-    )  # fmt: skip
+        profile.name,
+        profile.serial_number,
+        profile.version,
+        class_name,
+        room.server.port,
+        page.certificate is not None,
+        host,
+    )
     return mdns.Announcer(announced, say)
 
 
@@ -166,9 +190,11 @@ def announcer(
 
 
 announce_option = click.option(
-    "--announce", metavar="CLASS", help="Say in the network that this robot is there, for `msbot class find`; needs a "
+    "--announce",
+    metavar="CLASS",
+    help="Say in the network that this robot is there, for `msbot class find`; needs a "
     "page that others can reach: --host.",
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,10 +38,12 @@ LONGEST_READ = 10_000
 """Characters of a password that are read from standard input, which may have no end; fewer are too many already."""
 ROLES = tuple(role.word for role in Role)
 
-role_option = click.option("--role", type=click.Choice(ROLES), default="student", show_default=True,
-                           help="What they may do.")  # fmt: skip
-stdin_option = click.option("--password-stdin", "from_stdin", is_flag=True,
-                            help="Take the password from standard input instead of asking.")  # fmt: skip
+role_option = click.option(
+    "--role", type=click.Choice(ROLES), default="student", show_default=True, help="What they may do."
+)
+stdin_option = click.option(
+    "--password-stdin", "from_stdin", is_flag=True, help="Take the password from standard input instead of asking."
+)
 generate_option = click.option("--generate", is_flag=True, help="Make a password up and print it.")
 
 
@@ -75,18 +77,33 @@ def list_users(db: str | None, *, as_json: bool) -> None:
 
 @user_command.command("add")
 @click.argument("name", required=False)
-@click.option("--list", "path", metavar="FILE", type=click.Path(path_type=Path),
-              help="A class list (CSV): everybody in it is added; passwords it lacks are made up.")  # fmt: skip
-@click.option("--tickets", metavar="FILE", type=click.Path(path_type=Path),
-              help="With --list: write names and passwords to this CSV file instead of the terminal.")  # fmt: skip
+@click.option(
+    "--list",
+    "path",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="A class list (CSV): everybody in it is added; passwords it lacks are made up.",
+)
+@click.option(
+    "--tickets",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="With --list: write names and passwords to this CSV file instead of the terminal.",
+)
 @role_option
 @stdin_option
 @generate_option
 @db_option
 def add(
-    name: str | None, *, path: Path | None, tickets: Path | None, role: str, from_stdin: bool, generate: bool,
+    name: str | None,
+    *,
+    path: Path | None,
+    tickets: Path | None,
+    role: str,
+    from_stdin: bool,
+    generate: bool,
     db: str | None,
-) -> None:  # fmt: skip
+) -> None:
     """Let NAME sign in, or everybody of a class list."""
     if (name is None) == (path is None):
         raise click.UsageError("say who: NAME, or --list FILE")
@@ -266,8 +283,12 @@ def pupils_command() -> None:
 @pupils_command.command("robot")
 @click.argument("path", type=click.Path(path_type=Path))
 @click.option("--groups", required=True, metavar="NAME,NAME", help="The groups: letters and digits.")
-@click.option("--from", "source", type=click.Path(path_type=Path), help="The robot of one group; left out: a sample "
-              "with a program, a distance sensor, a bumper, two motors, a lamp.")  # fmt: skip
+@click.option(
+    "--from",
+    "source",
+    type=click.Path(path_type=Path),
+    help="The robot of one group; left out: a sample with a program, a distance sensor, a bumper, two motors, a lamp.",
+)
 @library_option
 def robot(path: Path, groups: str, source: Path | None, folders: tuple[Path, ...]) -> None:
     """Write a blueprint in which every group has the same slots and wires to the new file PATH.

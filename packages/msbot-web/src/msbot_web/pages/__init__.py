@@ -34,9 +34,31 @@ from msbot_web.service import Service
 def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
-        robot, arrivals, settings, bus, wires, program, arena, plots, timeline, learn, quiz, library, journal, missions,
-        faults, doctor, classroom, pupils, pupil_program, projector, admin, api_docs, help, extension_pages,
-    ):  # fmt: skip
+        robot,
+        arrivals,
+        settings,
+        bus,
+        wires,
+        program,
+        arena,
+        plots,
+        timeline,
+        learn,
+        quiz,
+        library,
+        journal,
+        missions,
+        faults,
+        doctor,
+        classroom,
+        pupils,
+        pupil_program,
+        projector,
+        admin,
+        api_docs,
+        help,
+        extension_pages,
+    ):
         page.register(service)
 
 

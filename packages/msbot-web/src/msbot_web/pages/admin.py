@@ -134,13 +134,18 @@ class _People:
             )
             return
         words = self._page.language.count(
-            len(people), "Let {count} person sign in: {names}?", "Let {count} people sign in: {names}?",
+            len(people),
+            "Let {count} person sign in: {names}?",
+            "Let {count} people sign in: {names}?",
             names=", ".join(one.name for one in people),
-        )  # fmt: skip
+        )
         if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
-            words += " " + self._page.say("Their tickets will lead to {address}, which no other computer can open: start the "
-                                          "master with --host 0.0.0.0, and open this page by the computer's own name or "
-                                          "address first.", address=self._base)  # fmt: skip
+            words += " " + self._page.say(
+                "Their tickets will lead to {address}, which no other computer can open: start the "
+                "master with --host 0.0.0.0, and open this page by the computer's own name or "
+                "address first.",
+                address=self._base,
+            )
         ask_first(self._page, words, partial(self._let_in, people))
 
     async def _let_in(self, people: list[Newcomer]) -> None:
@@ -244,9 +249,10 @@ class _Backup:
             ui.label(say("The whole database in one file: robots, slots, settings, journal, people.")).classes("soft")
             with ui.element("div").classes("row").style("margin-top:.6rem"):
                 ui.button(
-                    say("Download a backup"), icon="download",
+                    say("Download a backup"),
+                    icon="download",
                     on_click=lambda: ui.download("/api/backup", "msbot-backup.db"),
-                )  # fmt: skip
+                )
                 self._button = file_button(page, say("Restore a backup"), self._ask, max_size=MAX_RESTORE)
             self._state = ui.label("").classes("soft").props("role=status")
 

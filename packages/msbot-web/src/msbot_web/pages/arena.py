@@ -67,8 +67,12 @@ class _ArenaPage:
         self._is_seen = True
         self._told_at: float | None = None
         self._make()
-        setup = {"host": self._host.html_id, "state": self._arena.state(), "may": page.may(Right.OPERATE),
-                 "words": {"drag": page.say("drag it, or move it with the arrow keys; Shift turns it")}}  # fmt: skip
+        setup = {
+            "host": self._host.html_id,
+            "state": self._arena.state(),
+            "may": page.may(Right.OPERATE),
+            "words": {"drag": page.say("drag it, or move it with the arrow keys; Shift turns it")},
+        }
         ui.run_javascript(f"msbotArena.begin({json.dumps(setup)})")
         for event, handler in (("arena_put", self._put), ("arena_drive", self._drive), ("arena_seen", self._seen)):
             ui.on(event, handler)

@@ -135,10 +135,16 @@ class _Card:
         """Show the part as it is now; what can be done with it is laid out anew only when that is something else."""
         page = self._page
         self.element.classes(replace=f"slot is-{part.state}").style(replace="opacity:.6" if part.ignored else "")
-        set_html(self._facts, render(
-            "arrival", say=page.say, part=parts_for(page.session, [part])[0],
-            chip=state_chip(part.state, page.say(part.state)), is_unknown=part.refusal == "unknown_part",
-        ))  # fmt: skip
+        set_html(
+            self._facts,
+            render(
+                "arrival",
+                say=page.say,
+                part=parts_for(page.session, [part])[0],
+                chip=state_chip(part.state, page.say(part.state)),
+                is_unknown=part.refusal == "unknown_part",
+            ),
+        )
         is_checked = part.says is not None and part.says.checked
         deeds_of = part.part, part.part_number, part.refusal == "blocked", is_checked
         if deeds_of != self._deeds_of:

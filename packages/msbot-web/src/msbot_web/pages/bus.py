@@ -75,8 +75,10 @@ class _Table:
                     "dense clearable outlined"
                 )
                 self._find.on_value_change(lambda: self._show(force=True))
-                for title, name, lines in (("Table (CSV)", "bus.csv", lambda sight: sight.frames_as_csv()),
-                                           ("candump", "bus.log", lambda sight: sight.frames_as_candump())):  # fmt: skip
+                for title, name, lines in (
+                    ("Table (CSV)", "bus.csv", lambda sight: sight.frames_as_csv()),
+                    ("candump", "bus.log", lambda sight: sight.frames_as_candump()),
+                ):
                     ui.button(page.say(title), icon="download", on_click=partial(_download, page, name, lines)).props(
                         "flat"
                     )

@@ -57,9 +57,11 @@ class RollOutPanel:
         with self._panel:
             heading(say("One blueprint for many"))
             ui.label(
-                say("Each robot keeps its own name, serial number, version and maker. You see what would change before "
-                    "anything is changed, and can take it all back.")
-            ).classes("soft")  # fmt: skip
+                say(
+                    "Each robot keeps its own name, serial number, version and maker. You see what would change before "
+                    "anything is changed, and can take it all back."
+                )
+            ).classes("soft")
             self._choosing = ui.column().classes("w-full").style("gap:.6rem")
             with self._choosing:
                 self._choose()
@@ -80,9 +82,11 @@ class RollOutPanel:
     def _choose(self) -> None:
         say = self._page.say
         with ui.element("div").classes("row"):
-            self._of = ui.select({}, label=say("Blueprint of the robot"), on_change=self._take_robot).props(
-                "dense outlined"
-            ).style("min-width:min(16rem,100%)")  # fmt: skip
+            self._of = (
+                ui.select({}, label=say("Blueprint of the robot"), on_change=self._take_robot)
+                .props("dense outlined")
+                .style("min-width:min(16rem,100%)")
+            )
             file_button(
                 self._page, say("Blueprint from a file"), self._take_file, max_size=MAX_BLUEPRINT, ending=".toml"
             )
@@ -248,13 +252,17 @@ class RollOutPanel:
         }
         if run.is_undo:
             return count(
-                len(steps), "{source}, taken back: {done} of {count} robot; {left} to go, {failed} not",
-                "{source}, taken back: {done} of {count} robots; {left} to go, {failed} not", **values,
-            )  # fmt: skip
+                len(steps),
+                "{source}, taken back: {done} of {count} robot; {left} to go, {failed} not",
+                "{source}, taken back: {done} of {count} robots; {left} to go, {failed} not",
+                **values,
+            )
         return count(
-            len(steps), "{source}, rolled out: {done} of {count} robot; {left} to go, {failed} not",
-            "{source}, rolled out: {done} of {count} robots; {left} to go, {failed} not", **values,
-        )  # fmt: skip
+            len(steps),
+            "{source}, rolled out: {done} of {count} robot; {left} to go, {failed} not",
+            "{source}, rolled out: {done} of {count} robots; {left} to go, {failed} not",
+            **values,
+        )
 
     def _word(self, run: RollOutRun, step: RobotStep) -> str:
         say = self._page.say
@@ -284,9 +292,12 @@ class RollOutPanel:
     def _words_of(self, remembered: Remembered) -> str:
         when = self._page.when(round(remembered.at * 1000))
         return self._page.language.count(
-            len(remembered.done), "{source}, rolled out on {when} to {count} robot",
-            "{source}, rolled out on {when} to {count} robots", source=remembered.blueprint, when=when,
-        )  # fmt: skip
+            len(remembered.done),
+            "{source}, rolled out on {when} to {count} robot",
+            "{source}, rolled out on {when} to {count} robots",
+            source=remembered.blueprint,
+            when=when,
+        )
 
     async def _ask_undo(self) -> None:
         remembered, page = self._remembered, self._page

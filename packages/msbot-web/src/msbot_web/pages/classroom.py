@@ -133,9 +133,11 @@ async def _stop_all(page: Page) -> None:
         return
     told = page.language.count(len(done.told), "STOP: {count} robot was told", "STOP: {count} robots were told")
     confirmed = page.language.count(
-        done.parts, "{confirmed} of {count} part has confirmed it so far.",
-        "{confirmed} of {count} parts have confirmed it so far.", confirmed=done.confirmed,
-    )  # fmt: skip
+        done.parts,
+        "{confirmed} of {count} part has confirmed it so far.",
+        "{confirmed} of {count} parts have confirmed it so far.",
+        confirmed=done.confirmed,
+    )
     words = f"{told}; {confirmed}"
     ui.notify(words, type="warning", multi_line=True, timeout=8000)
     if done.waiting:
@@ -146,16 +148,19 @@ async def _stop_all(page: Page) -> None:
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.silent:
         words = page.language.count(
-            done.silent, "NOT delivered to {count} master that runs here: cut its power.",
+            done.silent,
+            "NOT delivered to {count} master that runs here: cut its power.",
             "NOT delivered to {count} masters that run here: cut their power.",
-        )  # fmt: skip
+        )
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.not_told:
         names = ", ".join(page.say(one) for one in done.not_told[:MOST_NAMED])
         words = page.language.count(
-            len(done.not_told), "NOT stopped: {count} robot on another computer does not answer: {robots}. Cut its power.",
-            "NOT stopped: {count} robots on other computers do not answer: {robots}. Cut their power.", robots=names,
-        )  # fmt: skip
+            len(done.not_told),
+            "NOT stopped: {count} robot on another computer does not answer: {robots}. Cut its power.",
+            "NOT stopped: {count} robots on other computers do not answer: {robots}. Cut their power.",
+            robots=names,
+        )
         ui.notify(words, type="negative", multi_line=True, timeout=30_000)
     if unreached:
         names = ", ".join(unreached)

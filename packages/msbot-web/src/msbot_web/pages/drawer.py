@@ -216,9 +216,7 @@ def _present(page: Page, slot: str) -> None:
     _why(page, slot)
 
 
-def _following(
-    page: Page, slot: str, key: Callable[[SlotCard], object], build: Callable[[SlotCard], None]
-) -> None:  # fmt: skip
+def _following(page: Page, slot: str, key: Callable[[SlotCard], object], build: Callable[[SlotCard], None]) -> None:
     """Elements that depend on the part in the slot: made anew whenever their key is another one."""
     place = ui.column().classes("w-full")
     built: list[object] = []
@@ -282,10 +280,14 @@ def _ports(page: Page, slot: str) -> None:
         ports = []
         for port in () if page.is_past != is_past else page.sight.slot(slot).ports:
             fields = done_fields(port)
-            ports.append({
-                "line": port, "drawing": draw(port.type_name, fields, page.language), "fields": fields_html(fields, page.language),
-                "held": page.say(HELD_WORDS[port.held]) if port.held else "",
-            })  # fmt: skip
+            ports.append(
+                {
+                    "line": port,
+                    "drawing": draw(port.type_name, fields, page.language),
+                    "fields": fields_html(fields, page.language),
+                    "held": page.say(HELD_WORDS[port.held]) if port.held else "",
+                }
+            )
         set_html(
             shown,
             render(

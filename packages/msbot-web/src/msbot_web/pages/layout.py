@@ -350,9 +350,12 @@ def _who(page: Page, dark: ui.dark_mode) -> None:
             ui.menu_item(language.name, partial(_set_language, language.code))
         ui.separator()
         ui.menu_item(page.say("API"), lambda: ui.navigate.to("/api-docs"))
-        ui.menu_item(page.say("Sign out"), lambda: ui.run_javascript(
-            "const f=document.createElement('form');f.method='post';f.action=msbotAt('/logout');document.body.append(f);f.submit()"
-        ))  # fmt: skip
+        ui.menu_item(
+            page.say("Sign out"),
+            lambda: ui.run_javascript(
+                "const f=document.createElement('form');f.method='post';f.action=msbotAt('/logout');document.body.append(f);f.submit()"
+            ),
+        )
 
 
 def _dark_of(request: Request) -> bool | None:

@@ -150,8 +150,19 @@ class _Running:
         assert isinstance(people, list)
         ticked = sum(bool(one["ticked"]) for one in checks)
         if self._head is not None:
-            set_html(self._head, render("lesson_head", say=say, ticked=ticked, checks=len(checks), people=people,
-                                        hands=list(hands), done=now.get("done"), trouble=now.get("trouble")))  # fmt: skip
+            set_html(
+                self._head,
+                render(
+                    "lesson_head",
+                    say=say,
+                    ticked=ticked,
+                    checks=len(checks),
+                    people=people,
+                    hands=list(hands),
+                    done=now.get("done"),
+                    trouble=now.get("trouble"),
+                ),
+            )
         if self._steps is not None:
             self._steps.follow({str(one["check"]) for one in checks if one["ticked"]})
         hint = now.get("hint")

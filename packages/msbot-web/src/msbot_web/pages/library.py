@@ -91,20 +91,49 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         ui.html(render("wiring", say=say, picture=Markup(wiring_picture(found, say=say))), sanitize=False).classes(
             "w-full"
         )
-    _table(page, "Ports", ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"), [
-        (port.name, say(port.direction.value), port.type_name, f"{page.number(port.rate_hz, 'g')} Hz" if port.rate_hz else say("when it happens"),
-         ", ".join(f"{name} = {value_words(value, page.language)}" for name, value in port.safe.items()) if port.safe else "–", say(port.description))
-        for port in found.ports
-    ])  # fmt: skip
-    _table(page, "Parameters", ("Name", "Kind", "Default", "Range", "Unit", "Meaning"), [
-        (one.name, one.kind.value, value_words(one.default, page.language),
-         _range_words(page, one.least, one.most),
-         one.unit or "–", say(one.description))
-        for one in found.parameters
-    ])  # fmt: skip
-    _table(page, "Pins", ("Pin", "Name", "Kind", "Meaning"), [
-        (str(number), pin.name, say(pin.kind.value), say(pin.description)) for number, pin in enumerate(found.pins, 1)
-    ])  # fmt: skip
+    _table(
+        page,
+        "Ports",
+        ("Port", "Direction", "Message", "Rate", "Safe value", "Meaning"),
+        [
+            (
+                port.name,
+                say(port.direction.value),
+                port.type_name,
+                f"{page.number(port.rate_hz, 'g')} Hz" if port.rate_hz else say("when it happens"),
+                ", ".join(f"{name} = {value_words(value, page.language)}" for name, value in port.safe.items())
+                if port.safe
+                else "–",
+                say(port.description),
+            )
+            for port in found.ports
+        ],
+    )
+    _table(
+        page,
+        "Parameters",
+        ("Name", "Kind", "Default", "Range", "Unit", "Meaning"),
+        [
+            (
+                one.name,
+                one.kind.value,
+                value_words(one.default, page.language),
+                _range_words(page, one.least, one.most),
+                one.unit or "–",
+                say(one.description),
+            )
+            for one in found.parameters
+        ],
+    )
+    _table(
+        page,
+        "Pins",
+        ("Pin", "Name", "Kind", "Meaning"),
+        [
+            (str(number), pin.name, say(pin.kind.value), say(pin.description))
+            for number, pin in enumerate(found.pins, 1)
+        ],
+    )
     if found.origin and page.may(Right.DESIGN):
         words = page.say("Forget {number}? A part may describe it anew then.", number=found.number)
         forget = partial(page.act, "forget_type", number=found.number)

@@ -149,12 +149,19 @@ class LookingBack:
         )
         zone = datetime.now().astimezone().utcoffset()
         return {
-            "now": now * 1e3, "begin": begin_s * 1e3, "at": None if at_s is None else at_s * 1e3,
-            "zone": 0 if zone is None else zone.total_seconds() * 1e3, "paths": PATHS, "trouble": "",
+            "now": now * 1e3,
+            "begin": begin_s * 1e3,
+            "at": None if at_s is None else at_s * 1e3,
+            "zone": 0 if zone is None else zone.total_seconds() * 1e3,
+            "paths": PATHS,
+            "trouble": "",
             "words": {
-                "now": say("Now"), "past": say("The past: {time}"), "ago": say("{span} ago"), "reading": say("Reading …"),
+                "now": say("Now"),
+                "past": say("The past: {time}"),
+                "ago": say("{span} ago"),
+                "reading": say("Reading …"),
             },
-        }  # fmt: skip
+        }
 
 
 def _moment_of(at: str) -> float | None:

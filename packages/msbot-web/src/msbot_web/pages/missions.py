@@ -137,10 +137,13 @@ class _Missions:
         self._found.set_text(
             say(
                 "Named: {found} of {to_find} · mended: {mended} of {to_mend} · hints left: {hints}",
-                found=state.found, to_find=state.to_find, mended=state.mended, to_mend=state.to_mend,
+                found=state.found,
+                to_find=state.to_find,
+                mended=state.mended,
+                to_mend=state.to_mend,
                 hints=state.hints_left,
             )
-        )  # fmt: skip
+        )
         seen = (state.told, state.hints, state.tasks)
         if seen == self._told_seen:
             return
@@ -199,9 +202,13 @@ class _Missions:
             one = ready[str(chosen.value)]
             words.set_text(say(one.story))
             needs.set_text(
-                say("{minutes} min; needs the slots {slots} (robot {sample})", minutes=f"{one.time_s / 60:g}",
-                    slots=", ".join(one.needs) or "-", sample=one.sample or "-")
-            )  # fmt: skip
+                say(
+                    "{minutes} min; needs the slots {slots} (robot {sample})",
+                    minutes=f"{one.time_s / 60:g}",
+                    slots=", ".join(one.needs) or "-",
+                    sample=one.sample or "-",
+                )
+            )
 
         chosen.on_value_change(told)
         told()

@@ -31,9 +31,15 @@ class NumberField(ui.input):
     """
 
     def __init__(
-        self, page: Page, title: str, *, number: float | None = None, is_whole: bool = False,
-        may_be_negative: bool = True, on_number: Callable[[float], object] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        page: Page,
+        title: str,
+        *,
+        number: float | None = None,
+        is_whole: bool = False,
+        may_be_negative: bool = True,
+        on_number: Callable[[float], object] | None = None,
+    ) -> None:
         self._language = page.language
         self._is_whole = is_whole
         self._on_number = on_number

@@ -96,9 +96,19 @@ def file_button(
         max_size: octets that it may have.
         ending: of the file's name.
     """
-    upload = ui.upload(on_upload=taken, auto_upload=True, max_file_size=max_size, on_rejected=lambda: ui.notify(
-        page.say("This file is not taken: at most {size} kB{ending}.", size=f"{max_size // 1000:,}",
-                 ending=ending and f", *{ending}"), type="negative")).classes("hidden")  # fmt: skip
+    upload = ui.upload(
+        on_upload=taken,
+        auto_upload=True,
+        max_file_size=max_size,
+        on_rejected=lambda: ui.notify(
+            page.say(
+                "This file is not taken: at most {size} kB{ending}.",
+                size=f"{max_size // 1000:,}",
+                ending=ending and f", *{ending}",
+            ),
+            type="negative",
+        ),
+    ).classes("hidden")
     upload.props["headers"] = [{"name": CSRF_HEADER, "value": page.session.csrf}]
     if ending:
         upload.props(f"accept={ending}")

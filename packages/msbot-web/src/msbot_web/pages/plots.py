@@ -45,9 +45,11 @@ class SavedViews:
         self._address = address
         self._go = go
         self._views: dict[str, str] = {}
-        self._saved = ui.select([], label=page.say("Saved views"), on_change=self._open).props(
-            "outlined dense options-dense"
-        ).style("min-width:10rem")  # fmt: skip
+        self._saved = (
+            ui.select([], label=page.say("Saved views"), on_change=self._open)
+            .props("outlined dense options-dense")
+            .style("min-width:10rem")
+        )
         self._name = ui.input(page.say("Name of this view")).props("outlined dense maxlength=40")
         ui.button(page.say("Save"), icon="bookmark_add", on_click=self._save).props("flat")
         ui.button(page.say("Forget"), icon="bookmark_remove", on_click=self._forget).props("flat")
@@ -142,8 +144,11 @@ class _Plots:
         self._is_seen = True
         self._make()
         ui.run_javascript(f"msbotPlots.begin({self._setup(self._points())})")
-        for event, handler in (("plots_window", self._looked), ("plots_live", self._go_live),
-                               ("plots_seen", self._seen)):  # fmt: skip
+        for event, handler in (
+            ("plots_window", self._looked),
+            ("plots_live", self._go_live),
+            ("plots_seen", self._seen),
+        ):
             ui.on(event, handler)
         page.every(PUSH_S, self._push)
         page.every_look(self._show_figures)
@@ -162,10 +167,17 @@ class _Plots:
         page = self._page
         with ui.element("div").classes("panel"):
             self._choice = (
-                ui.select([*self._curves.known()], multiple=True, value=list(self._view.names),
-                          label=page.say("Curves"), with_input=True, on_change=self._chosen)
-                .props(f"use-chips outlined dense max-values={MOST_CURVES}").classes("w-full plot-choice")
-            )  # fmt: skip
+                ui.select(
+                    [*self._curves.known()],
+                    multiple=True,
+                    value=list(self._view.names),
+                    label=page.say("Curves"),
+                    with_input=True,
+                    on_change=self._chosen,
+                )
+                .props(f"use-chips outlined dense max-values={MOST_CURVES}")
+                .classes("w-full plot-choice")
+            )
             with ui.element("div").classes("row spread").style("margin-top:.6rem"):
                 word = next(word for word, span in SPANS_S.items() if span == self._view.span_s)
                 self._span = ui.toggle([*SPANS_S], value=word, on_change=self._span_chosen).props(
@@ -186,10 +198,12 @@ class _Plots:
             ):
                 self._host = ui.element("div").classes("w-full plot-charts").props("aria-hidden=true")
                 ui.html('<div class="plot-cursor" aria-hidden="true"></div>', sanitize=False)
-            ui.label(page.say(
-                "Wheel: zoom; drag: earlier and later. With the keyboard: arrows move the cursor, with Shift the time, "
-                "+ and - zoom, space holds and goes on."
-            )).classes("soft hide-phone").style("font-size:.82rem")  # fmt: skip
+            ui.label(
+                page.say(
+                    "Wheel: zoom; drag: earlier and later. With the keyboard: arrows move the cursor, with Shift the time, "
+                    "+ and - zoom, space holds and goes on."
+                )
+            ).classes("soft hide-phone").style("font-size:.82rem")
         with ui.element("div").classes("panel"):
             self._figures = ui.html("", sanitize=False).classes("w-full scroll").props("tabindex=0 id=ms-plot-figures")
             with ui.element("div").classes("row").style("margin-top:.6rem"):
@@ -288,15 +302,20 @@ class _Plots:
             for name in view.names
         ]
         setup = {
-            "host": self._host.html_id, "curves": curves, "now": self._ms(self._page.service.now()),
-            "live": view.live, "span": view.span_s * 1e3, "from": self._ms(view.from_s), "to": self._ms(view.to_s),
+            "host": self._host.html_id,
+            "curves": curves,
+            "now": self._ms(self._page.service.now()),
+            "live": view.live,
+            "span": view.span_s * 1e3,
+            "from": self._ms(view.from_s),
+            "to": self._ms(view.to_s),
             "address": view.address,
             "words": {
                 "latest": self._page.say("Latest"),
                 "no_unit": self._page.say("no unit"),
                 "remove": self._page.say("Remove {name}", name="{name}"),
             },
-        }  # fmt: skip
+        }
         return json.dumps(setup)
 
     def _show(self) -> None:

@@ -294,9 +294,11 @@ class _Desk:
         await self._blocks.begin(self._name)
         await self._keep_if_changed()
         self._choice.value = self._name
-        ui.notify(self._page.say(
-            "{name} is a new program of blocks; {before} stays as it is.", name=self._name, before=before
-        ))  # fmt: skip
+        ui.notify(
+            self._page.say(
+                "{name} is a new program of blocks; {before} stays as it is.", name=self._name, before=before
+            )
+        )
 
     def _free_name(self, word: str) -> str:
         number = 1

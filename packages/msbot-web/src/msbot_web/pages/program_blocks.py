@@ -145,9 +145,11 @@ class ProgramBlocks:
             ui.label(page.say("The text has been changed since it was made of blocks.")).props(
                 "role=heading aria-level=2"
             )
-            ui.label(page.say(
-                "The blocks do not know of it: text does not turn into blocks. The text stays under Earlier versions."
-            ))  # fmt: skip
+            ui.label(
+                page.say(
+                    "The blocks do not know of it: text does not turn into blocks. The text stays under Earlier versions."
+                )
+            )
 
             async def back() -> None:
                 dialog.close()

@@ -131,15 +131,21 @@ class ShareDialog:
         say = self._page.say
         self._shown.clear()
         with self._shown:
-            ui.label(say("Whoever can sign in can open a copy by this link:") if self._ticket is None else say(
-                "Scan it with the phone's camera. Whoever does so runs this program as a part, sees the robot and can "
-                "press STOP, nothing else."
-            ))  # fmt: skip
+            ui.label(
+                say("Whoever can sign in can open a copy by this link:")
+                if self._ticket is None
+                else say(
+                    "Scan it with the phone's camera. Whoever does so runs this program as a part, sees the robot and can "
+                    "press STOP, nothing else."
+                )
+            )
             if _is_only_here(self._base):
-                ui.label(say(
-                    "This address leads to this computer only. For a phone start the robot with --host 0.0.0.0, and "
-                    "open the page here by the address that it prints."
-                )).classes("soft")  # fmt: skip
+                ui.label(
+                    say(
+                        "This address leads to this computer only. For a phone start the robot with --host 0.0.0.0, and "
+                        "open the page here by the address that it prints."
+                    )
+                ).classes("soft")
             else:
                 ui.html(qr_svg(link, scale=5), sanitize=False)
             ui.label(link).classes("mono").style("user-select:all;overflow-wrap:anywhere")
@@ -152,9 +158,12 @@ class ShareDialog:
             words = ""
         elif ticket.left:
             words = self._page.language.count(
-                ticket.guests + ticket.left, "Valid until {time}; {guests} of {count} device has joined.",
-                "Valid until {time}; {guests} of {count} devices have joined.", time=self._until, guests=ticket.guests,
-            )  # fmt: skip
+                ticket.guests + ticket.left,
+                "Valid until {time}; {guests} of {count} device has joined.",
+                "Valid until {time}; {guests} of {count} devices have joined.",
+                time=self._until,
+                guests=ticket.guests,
+            )
         else:
             words = say("Used. For another device make a new code.")
         if self._state.text != words:

@@ -72,11 +72,16 @@ def part_sentences(say: Callable[[str], str]) -> dict[str, str]:
 def program_words(say: Callable[[str], str]) -> dict[str, object]:
     """What the script says, in the person's language; the states as the part calls them."""
     titles = {
-        JoinState.LOOKING: say("looking for the robot"), JoinState.RECOGNISING: say("recognising the robot"),
-        JoinState.CLAIMING: say("registering"), JoinState.CONFIGURING: say("being configured"),
-        JoinState.ACTIVE: say("active"), JoinState.REFUSED: say("refused"), JoinState.LOST: say("lost"),
-        JoinState.WRONG_ROBOT: say("wrong robot"), JoinState.ENDED: say("ended"),
-    }  # fmt: skip
+        JoinState.LOOKING: say("looking for the robot"),
+        JoinState.RECOGNISING: say("recognising the robot"),
+        JoinState.CLAIMING: say("registering"),
+        JoinState.CONFIGURING: say("being configured"),
+        JoinState.ACTIVE: say("active"),
+        JoinState.REFUSED: say("refused"),
+        JoinState.LOST: say("lost"),
+        JoinState.WRONG_ROBOT: say("wrong robot"),
+        JoinState.ENDED: say("ended"),
+    }
     states = {state.value: words for state, words in titles.items()}
     states |= {STANDBY: say(STANDBY)}
     states |= {"not running": say("not running"), "starting": say("starting"), "busy": say("busy")}

@@ -44,12 +44,19 @@ def _wall(page: Page) -> None:
         set_html(
             shown,
             render(
-                "wall", say=say, groups=groups, names=bool(names.value), stopped=robot.stopped,
+                "wall",
+                say=say,
+                groups=groups,
+                names=bool(names.value),
+                stopped=robot.stopped,
                 frozen=None if frozen is None else frozen.reason,
-                lesson="" if lesson is None else lesson.title, slots=len(robot.slots), active=len(active),
-                hands=sum(group.hands for group in groups), percent=lambda share: page.number(100 * share, ".0f"),
+                lesson="" if lesson is None else lesson.title,
+                slots=len(robot.slots),
+                active=len(active),
+                hands=sum(group.hands for group in groups),
+                percent=lambda share: page.number(100 * share, ".0f"),
             ),
-        )  # fmt: skip
+        )
 
     page.every_look(show)
     names.on_value_change(show)

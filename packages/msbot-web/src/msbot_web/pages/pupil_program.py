@@ -159,9 +159,12 @@ class TakenOverPage:
     """
 
     def __init__(
-        self, page: Page, blocks: ProgramBlocks, buttons: Sequence[DisableableElement],
+        self,
+        page: Page,
+        blocks: ProgramBlocks,
+        buttons: Sequence[DisableableElement],
         program: Callable[[], tuple[str, ProgramSource]],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._page = page
         self._blocks = blocks
         self._buttons = buttons

@@ -69,8 +69,11 @@ def _remove(page: Page, ticket: RelayTicket) -> None:
         if await page.do(deed) is not None:
             ui.navigate.to("/pupils")
 
-    ask_first(page, page.say("Remove the ticket for {purpose}? What it brings is gone at once.",
-                             purpose=ticket.purpose), remove)  # fmt: skip
+    ask_first(
+        page,
+        page.say("Remove the ticket for {purpose}? What it brings is gone at once.", purpose=ticket.purpose),
+        remove,
+    )
 
 
 DAYS = (1, 7, 30)
@@ -142,9 +145,13 @@ class _Everybody:
         self._shown = same
         hands = sum(one.hand_s is not None for one in found)
         self._count.set_text(
-            say("Pupils: {all}, with a program that runs: {run}, hands up: {hands}", all=len(found),
-                run=sum(one.runs for one in found), hands=hands)
-        )  # fmt: skip
+            say(
+                "Pupils: {all}, with a program that runs: {run}, hands up: {hands}",
+                all=len(found),
+                run=sum(one.runs for one in found),
+                hands=hands,
+            )
+        )
         self._table.clear()
         with self._table:
             for one in found:
@@ -226,9 +233,12 @@ def _groups(page: Page) -> None:
                     with ui.element("div").style("flex:1;min-width:min(14rem,100%)"):
                         ui.label(group.name).style("font-weight:600")
                         ui.label(
-                            say("{pupils}; slots: {slots}", pupils=", ".join(group.pupils) or say("nobody"),
-                                slots=", ".join(group.slots) or say("none"))
-                        ).classes("soft")  # fmt: skip
+                            say(
+                                "{pupils}; slots: {slots}",
+                                pupils=", ".join(group.pupils) or say("nobody"),
+                                slots=", ".join(group.slots) or say("none"),
+                            )
+                        ).classes("soft")
                     with ui.element("div").classes("row"):
                         ui.button(say("Edit"), on_click=partial(_edit_group, page, group.name)).props("flat dense")
                         words = say("Take the group {group} away? Its slots are everybody's then.", group=group.name)
@@ -290,9 +300,10 @@ async def _simulate(page: Page) -> None:
         if failed:
             ui.notify(failed[0], type="negative", multi_line=True)
         words = page.language.count(
-            len(wanted) - len(failed), "{count} slot is simulated; those for programs stay empty.",
+            len(wanted) - len(failed),
+            "{count} slot is simulated; those for programs stay empty.",
             "{count} slots are simulated; those for programs stay empty.",
-        )  # fmt: skip
+        )
         ui.notify(words, type="positive")
 
 
@@ -327,10 +338,13 @@ class _Accounts:
                 )
             ).classes("soft")
             if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
-                ui.label(say(
-                    "Tickets made here lead to {address}, which no other computer can open: start the master with "
-                    "--host 0.0.0.0, and open this page by the computer's own name or address.", address=self._base
-                )).classes("soft")  # fmt: skip
+                ui.label(
+                    say(
+                        "Tickets made here lead to {address}, which no other computer can open: start the master with "
+                        "--host 0.0.0.0, and open this page by the computer's own name or address.",
+                        address=self._base,
+                    )
+                ).classes("soft")
 
     async def _ask(self) -> None:
         if self._is_busy:  # each password takes a moment to hash, so that a class takes long enough for another click
@@ -361,8 +375,10 @@ class _Accounts:
         groups, say = self._page.service.operations.pupils.groups, self._page.say
         bare = [group.name for group in groups if group.name in new and not group.slots]
         if bare and any(group.slots for group in groups):  # the others have some: perhaps a name is misspelt
-            words = say("No slots belong to {groups}: are the names spelt as in Groups? Give them slots there.",
-                        groups=", ".join(bare))  # fmt: skip
+            words = say(
+                "No slots belong to {groups}: are the names spelt as in Groups? Give them slots there.",
+                groups=", ".join(bare),
+            )
             ui.notify(words, type="warning", multi_line=True, close_button=say("Close"), timeout=0)
 
     async def _tickets(self) -> None:
@@ -390,10 +406,16 @@ class _Accounts:
                 ui.button(say("Close"), on_click=dialog.close).props("flat")
             days = int(self._days.value)
             ui.html(
-                render("pupil_tickets", say=say, tickets=shown, robot=self._page.service.robot_name, base=self._base,
-                       days=days),
+                render(
+                    "pupil_tickets",
+                    say=say,
+                    tickets=shown,
+                    robot=self._page.service.robot_name,
+                    base=self._base,
+                    days=days,
+                ),
                 sanitize=False,
-            )  # fmt: skip
+            )
         show_dialog(dialog)
 
     async def _class_ticket(self) -> None:
@@ -413,9 +435,12 @@ class _Accounts:
 
             def show() -> None:
                 count.set_text(
-                    say("Valid for one hour; {here} of {most} are in.", here=ticket.guests,
-                        most=ticket.guests + ticket.left)
-                )  # fmt: skip
+                    say(
+                        "Valid for one hour; {here} of {most} are in.",
+                        here=ticket.guests,
+                        most=ticket.guests + ticket.left,
+                    )
+                )
 
             page.every_look(show, dialog)
             ui.button(say("Close"), on_click=dialog.close).props("flat")

@@ -95,9 +95,12 @@ class _Quiz:
                 self._next = ui.button(say("Next question"), icon="arrow_forward", on_click=self._go_on)
             self._result = ui.html("", sanitize=False).classes("w-full").props("role=status aria-live=polite")
             ui.label(
-                say("Seed {seed}: who opens {address} gets the same made-up questions.", seed=seed,
-                    address=f"/learn/quiz?seed={seed}")
-            ).classes("soft")  # fmt: skip
+                say(
+                    "Seed {seed}: who opens {address} gets the same made-up questions.",
+                    seed=seed,
+                    address=f"/learn/quiz?seed={seed}",
+                )
+            ).classes("soft")
         self._ask()
 
     def _ask(self) -> None:

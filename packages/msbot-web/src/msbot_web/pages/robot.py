@@ -55,9 +55,11 @@ def _summary(page: Page) -> None:
         words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *links) if word]
         hint = ""
         if robot.slots and set(counts) == {"empty"} and not page.is_past:
-            hint = page.say("Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
-                            "card and let a simulated part stand in.",
-                            command=f"msbot part {robot.slots[0].part_number}")  # fmt: skip
+            hint = page.say(
+                "Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
+                "card and let a simulated part stand in.",
+                command=f"msbot part {robot.slots[0].part_number}",
+            )
         content = render("summary", words=" · ".join(words), chips=chips, hint=hint)
         set_html(line, content)
 
@@ -98,12 +100,14 @@ class _Grid:
         may_plug = self._page.may(Right.OPERATE)
         places = [
             {
-                "name": card.name, "html": card_html(self._page, card, robot), "is_plugged": card.plugged,
+                "name": card.name,
+                "html": card_html(self._page, card, robot),
+                "is_plugged": card.plugged,
                 "open_words": self._page.say("Open slot {name}", name=card.name),
                 "plug_words": self._plug_words(card) if may_plug else "",
             }
             for card in robot.slots
-        ]  # fmt: skip
+        ]
         return render("grid", say=self._page.say, places=places)
 
     def _plug_words(self, card: SlotCard) -> str:
@@ -143,9 +147,10 @@ def look_of(card: SlotCard, beat_s: float) -> object:
         card.plugged,
         tuple(card.spares),
         None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
-        None if port is None else (port.topic, port.port, port.publishes, port.held, _stale_age(port),
-                                   tuple(port.fields.items())),
-    )  # fmt: skip
+        None
+        if port is None
+        else (port.topic, port.port, port.publishes, port.held, _stale_age(port), tuple(port.fields.items())),
+    )
 
 
 def _age(part: PartLine, beat_s: float) -> str:
@@ -169,11 +174,19 @@ def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
     fields = {} if port is None else done_fields(port)
     is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
     return render(
-        "card", say=page.say, card=card, look=card.state, port=port,
-        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language), chip=state_chip(card.state, page.say(card.state)),
-        drawing="" if port is None else draw(port.type_name, fields, page.language), values=fields_html(fields, page.language),
-        spark="" if port is None or is_gone else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
+        "card",
+        say=page.say,
+        card=card,
+        look=card.state,
+        port=port,
+        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language),
+        chip=state_chip(card.state, page.say(card.state)),
+        drawing="" if port is None else draw(port.type_name, fields, page.language),
+        values=fields_html(fields, page.language),
+        spark=""
+        if port is None or is_gone
+        else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
         held="" if port is None or is_gone or not port.held else page.say(HELD_WORDS[port.held]),
         stale_age="" if port is None or port.held else _stale_age(port),
         beat=age and page.say("beat {age} s ago", age=page.language.digits(age)),
-    )  # fmt: skip
+    )

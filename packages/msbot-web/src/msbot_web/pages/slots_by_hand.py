@@ -48,8 +48,11 @@ def say_misfit(page: Page, one: str, other: str) -> None:
     if first.type_name != second.type_name:
         words = page.say(
             "{one} carries {type}, {other} carries {other_type}: only ports with the same message can be joined.",
-            one=one, other=other, type=first.type_name, other_type=second.type_name,
-        )  # fmt: skip
+            one=one,
+            other=other,
+            type=first.type_name,
+            other_type=second.type_name,
+        )
     elif first.publishes:
         words = page.say(
             "{one} and {other} both publish: join one that publishes with one that hears.", one=one, other=other
@@ -132,8 +135,9 @@ def ask_to_take_out(page: Page, slot: str) -> None:
     """Ask once more before a slot is taken out of the robot."""
     words = page.say(
         "Take slot {slot} out of the robot? Its wires go with it, and its part leaves the robot. The journal brings "
-        "the slot back; so does robot.toml when it is applied again, if it has the slot.", slot=slot,
-    )  # fmt: skip
+        "the slot back; so does robot.toml when it is applied again, if it has the slot.",
+        slot=slot,
+    )
     ask_first(page, words, partial(page.act, "remove_slot", slot=slot))
 
 

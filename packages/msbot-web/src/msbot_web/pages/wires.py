@@ -56,14 +56,20 @@ class _Drawing:
                     self._only_now: list[ui.element] = [new]
                     ui.button(page.say("Picture (SVG)"), icon="image", on_click=self._save).props("flat")
             if self._may_change:
-                hint = ui.label(page.say(
-                    "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
-                    "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
-                    "undoes each change."
-                )).classes("soft")  # fmt: skip
+                hint = ui.label(
+                    page.say(
+                        "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
+                        "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
+                        "undoes each change."
+                    )
+                ).classes("soft")
                 self._only_now.append(hint)
-            ui.label(page.say("The drawing goes on to the right: swipe, or scroll. On a touch screen tap one port "
-                              "after the other.")).classes("soft ms-narrow")  # fmt: skip
+            ui.label(
+                page.say(
+                    "The drawing goes on to the right: swipe, or scroll. On a touch screen tap one port "
+                    "after the other."
+                )
+            ).classes("soft ms-narrow")
             self._element = ui.html("", sanitize=False).classes("w-full scroll ms-shaded").props("tabindex=0")
             if self._may_change:
                 self._element.on("wire", self._told)
@@ -132,9 +138,14 @@ def _table(page: Page) -> None:
 def _row(topic: TopicLine, page: Page) -> tuple[str, ...]:
     values = ", ".join(f"{name} {value_words(value, page.language)}" for name, value in topic.fields.items())
     return (
-        topic.topic, topic.type_name, ", ".join(topic.publishers), ", ".join(topic.subscribers),
-        f"{page.number(topic.rate_hz, '.1f')} Hz", "–" if page.is_past else str(topic.count), values,
-    )  # fmt: skip
+        topic.topic,
+        topic.type_name,
+        ", ".join(topic.publishers),
+        ", ".join(topic.subscribers),
+        f"{page.number(topic.rate_hz, '.1f')} Hz",
+        "–" if page.is_past else str(topic.count),
+        values,
+    )
 
 
 # A form for what is wired to a board: part type, name, pins, address and options, with the picture of its wires.
@@ -218,8 +229,11 @@ class _Form:
                 faults.append(say(str(error)) if not error.args else say(error.args[0]))
             if part is not None:
                 faults += [say(fault) for fault in pin_faults(str(self._board.value), part)]
-            pins: Mapping[str, int | str] = {wire: str(field.value).strip() for wire, field in self._fields.items()
-                                             if wire in part_type.driver.board.pins and str(field.value).strip()}  # fmt: skip
+            pins: Mapping[str, int | str] = {
+                wire: str(field.value).strip()
+                for wire, field in self._fields.items()
+                if wire in part_type.driver.board.pins and str(field.value).strip()
+            }
             set_html(
                 self._picture, Markup(wiring_picture(part_type, pins, str(self._board.value) or say("board"), say))
             )

@@ -44,14 +44,16 @@ def examples() -> dict[str, str]:
 def board_files(mpy_version: int | None) -> str:
     """`{name: [sha256, content, generic]}` as JSON, in hexadecimal digits and base64: the package as it is put on a
     board; `generic` is what only a generic board needs."""
-    return json.dumps({
-        name: [
-            hashlib.sha256(octets).hexdigest(),
-            base64.b64encode(octets).decode(),
-            name.partition(".")[0] in OF_GENERIC_BOARDS,
-        ]
-        for name, octets in package_files(mpy_version).items()
-    })  # fmt: skip
+    return json.dumps(
+        {
+            name: [
+                hashlib.sha256(octets).hexdigest(),
+                base64.b64encode(octets).decode(),
+                name.partition(".")[0] in OF_GENERIC_BOARDS,
+            ]
+            for name, octets in package_files(mpy_version).items()
+        }
+    )
 
 
 def add_browser_files(app: FastAPI) -> None:
@@ -84,7 +86,9 @@ def worker_rules(page: str) -> str:
         page: host and folder of the page, as the browser asks for it.
     """
     reach = " ".join(
-        [*(f"{scheme}://{page}/api/link" for scheme in ("ws", "wss")),
-         *(f"{scheme}://{page}/web/micropython/" for scheme in ("http", "https"))]
-    )  # fmt: skip
+        [
+            *(f"{scheme}://{page}/api/link" for scheme in ("ws", "wss")),
+            *(f"{scheme}://{page}/web/micropython/" for scheme in ("http", "https")),
+        ]
+    )
     return f"default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; connect-src {reach}; worker-src 'none'"

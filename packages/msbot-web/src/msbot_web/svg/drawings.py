@@ -69,9 +69,7 @@ def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> M
             "life status {life}, beat overdue for {seconds} s", life=life, seconds=language.number(-next_s, ".1f")
         )
     left = 0.0 if next_s is None else max(0.0, min(1.0, next_s / beat_s))
-    return render(
-        "ring", words=words, left=left, is_running=next_s is not None, beat_s=beat_s, life=life or "–"
-    )  # fmt: skip
+    return render("ring", words=words, left=left, is_running=next_s is not None, beat_s=beat_s, life=life or "–")
 
 
 def main_port(card: SlotCard) -> PortLine | None:
@@ -146,9 +144,13 @@ def _needle(share: float, under: str) -> Drawing:
     angle = math.radians(225 - 270 * share)
     length = 0.75 * 2 * math.pi * 32
     return {
-        "kind": "gauge", "round": f"{length:.1f}", "arc": f"{max(length * share, 0.1):.1f}",
-        "x": f"{42 + 24 * math.cos(angle):.1f}", "y": f"{42 - 24 * math.sin(angle):.1f}", "under": under,
-    }  # fmt: skip
+        "kind": "gauge",
+        "round": f"{length:.1f}",
+        "arc": f"{max(length * share, 0.1):.1f}",
+        "x": f"{42 + 24 * math.cos(angle):.1f}",
+        "y": f"{42 - 24 * math.sin(angle):.1f}",
+        "under": under,
+    }
 
 
 def _gauge(low: float, high: float, unit: str, field: str) -> Callable[[Fields], Drawing]:

@@ -35,15 +35,23 @@ def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *
     letters = 10 if is_narrow else 16
     rows = [
         {
-            "name": shortened(lane.slot, letters), "full": lane.slot, "y": 28 + row * _ROW,
+            "name": shortened(lane.slot, letters),
+            "full": lane.slot,
+            "y": 28 + row * _ROW,
             "bars": [_bar(span, span_s, left, room, language) for span in lane.spans if span.end_age_s < span_s],
         }
         for row, lane in enumerate(lanes)
-    ]  # fmt: skip
+    ]
     return render(
-        "bars", say=language.say, look="narrow" if is_narrow else "wide", width=width, height=40 + _ROW * max(len(lanes), 1),
-        left=left, lanes=rows, ticks=_time_ticks(span_s, left, left + room, ticks, language),
-    )  # fmt: skip
+        "bars",
+        say=language.say,
+        look="narrow" if is_narrow else "wide",
+        width=width,
+        height=40 + _ROW * max(len(lanes), 1),
+        left=left,
+        lanes=rows,
+        ticks=_time_ticks(span_s, left, left + room, ticks, language),
+    )
 
 
 def _bar(span: SpanLine, span_s: float, left: float, room: float, language: Language) -> dict[str, object]:
@@ -51,10 +59,15 @@ def _bar(span: SpanLine, span_s: float, left: float, room: float, language: Lang
     begin = max(left, left + (span_s - span.begin_age_s) * scale)
     end = left + (span_s - span.end_age_s) * scale
     return {
-        "x": f"{begin:.1f}", "width": f"{max(end - begin, 2):.1f}", "text_x": f"{begin + 8:.1f}",
-        "is_wide": end - begin > 60, "state": language.say(span.state), "reason": span.reason,
-        "colour": STATE_COLOURS.get(span.state, "#666"), "ink": "#10202c" if span.state in _DARK_ON else "#fff",
-    }  # fmt: skip
+        "x": f"{begin:.1f}",
+        "width": f"{max(end - begin, 2):.1f}",
+        "text_x": f"{begin + 8:.1f}",
+        "is_wide": end - begin > 60,
+        "state": language.say(span.state),
+        "reason": span.reason,
+        "colour": STATE_COLOURS.get(span.state, "#666"),
+        "ink": "#10202c" if span.state in _DARK_ON else "#fff",
+    }
 
 
 def shortened(text: str, most: int) -> str:
@@ -94,9 +107,14 @@ class _Column:
 
 
 def wiring_svg(
-    topics: Sequence[TopicLine], ports: Sequence[WirePort], states: Mapping[str, str], language: Language,
-    *, may_change: bool = False, is_past: bool = False,
-) -> Markup:  # fmt: skip
+    topics: Sequence[TopicLine],
+    ports: Sequence[WirePort],
+    states: Mapping[str, str],
+    language: Language,
+    *,
+    may_change: bool = False,
+    is_past: bool = False,
+) -> Markup:
     """Slots that publish at the left, topics in the middle, slots that subscribe at the right.
 
     Args:
@@ -118,13 +136,22 @@ def wiring_svg(
         wires += [_wire(topic, _LEFT + _BOX, sources.at[end], 365, y) for end in topic.publishers if end in sources.at]
         wires += [_wire(topic, 635, y, _RIGHT, targets.at[end]) for end in topic.subscribers if end in targets.at]
     return render(
-        "wires", height=round(height), may_change=may_change, words=_words(topics, language), wires=wires, boxes=[*sources.boxes, *targets.boxes],
+        "wires",
+        height=round(height),
+        may_change=may_change,
+        words=_words(topics, language),
+        wires=wires,
+        boxes=[*sources.boxes, *targets.boxes],
         topics=[
-            {"y": round(middle[topic.topic]), "full": topic.topic, "name": shortened(topic.topic, 32),
-             "rate": rate_words(topic, language, is_past=is_past)}
+            {
+                "y": round(middle[topic.topic]),
+                "full": topic.topic,
+                "name": shortened(topic.topic, 32),
+                "rate": rate_words(topic, language, is_past=is_past),
+            }
             for topic in topics
         ],
-    )  # fmt: skip
+    )
 
 
 def rate_words(topic: TopicLine, language: Language, *, is_past: bool = False) -> str:
@@ -152,16 +179,31 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, langua
             y = top + _HEAD + _PORT * (number + 0.5)
             end = f"{slot}.{port.port}"
             column.at[end] = y
-            lines.append({
-                "end": end, "name": shortened(port.port, 26), "type_name": port.type_name, "publishes": port.publishes,
-                "topic": port.topic, "y": round(y), "x": x + _BOX if port.publishes else x, "words": _port_words(port, language),
-            })  # fmt: skip
+            lines.append(
+                {
+                    "end": end,
+                    "name": shortened(port.port, 26),
+                    "type_name": port.type_name,
+                    "publishes": port.publishes,
+                    "topic": port.topic,
+                    "y": round(y),
+                    "x": x + _BOX if port.publishes else x,
+                    "words": _port_words(port, language),
+                }
+            )
         height = _HEAD + _PORT * len(own) + 8
-        column.boxes.append({
-            "x": x, "y": round(top), "height": height, "full": slot, "name": shortened(slot, 16),
-            "colour": box_colour(states.get(slot, "empty")), "ports": lines,
-            "take_out": language.say("Take slot {slot} out", slot=slot),
-        })  # fmt: skip
+        column.boxes.append(
+            {
+                "x": x,
+                "y": round(top),
+                "height": height,
+                "full": slot,
+                "name": shortened(slot, 16),
+                "colour": box_colour(states.get(slot, "empty")),
+                "ports": lines,
+                "take_out": language.say("Take slot {slot} out", slot=slot),
+            }
+        )
         column.height += height + _GAP
     return column
 
@@ -178,10 +220,11 @@ def _port_words(port: WirePort, language: Language) -> str:
 def _wire(topic: TopicLine, x1: float, y1: float, x2: float, y2: float) -> dict[str, object]:
     half = (x1 + x2) / 2
     return {
-        "topic": topic.topic, "is_busy": topic.rate_hz > 0,
+        "topic": topic.topic,
+        "is_busy": topic.rate_hz > 0,
         "path": f"M{x1} {y1:.0f} C {half:.0f} {y1:.0f}, {half:.0f} {y2:.0f}, {x2 - 8} {y2:.0f}",
         "tip": f"M{x2 - 9} {y2 - 6:.0f} L{x2} {y2:.0f} L{x2 - 9} {y2 + 6:.0f} z",
-    }  # fmt: skip
+    }
 
 
 def _words(topics: Sequence[TopicLine], language: Language) -> str:

@@ -140,9 +140,14 @@ class CdrReader:
     __slots__ = ("_data", "_end", "_origin", "_structs", "offset")
 
     def __init__(
-        self, data: bytes, offset: int = 0, end: int | None = None, *, origin: int | None = None,
+        self,
+        data: bytes,
+        offset: int = 0,
+        end: int | None = None,
+        *,
+        origin: int | None = None,
         little_endian: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Read from `offset` up to `end` (default: all of it); alignment counts from `origin` (default: `offset`)."""
         self._data = data
         self._end = len(data) if end is None else min(end, len(data))

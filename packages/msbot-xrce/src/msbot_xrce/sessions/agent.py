@@ -200,10 +200,17 @@ class AgentSession(Session[AgentEvent]):
 
     def _create(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:
         request_id, object_id, variant = read_create(packet, start, end, flags)
-        self.events.append(CreateRequested(
-            request_id, object_id, variant,
-            flags & REUSE != 0, flags & REPLACE != 0, stream_id, flags & LITTLE_ENDIAN != 0,
-        ))  # fmt: skip
+        self.events.append(
+            CreateRequested(
+                request_id,
+                object_id,
+                variant,
+                flags & REUSE != 0,
+                flags & REPLACE != 0,
+                stream_id,
+                flags & LITTLE_ENDIAN != 0,
+            )
+        )
         return True
 
     def _delete(self, packet: bytes, start: int, end: int, flags: int, stream_id: int) -> bool:  # noqa: ARG002

@@ -106,9 +106,14 @@ class ClientSession(Session[ClientEvent]):
     _DATA_ID = SubmessageId.DATA.value
 
     def __init__(
-        self, client_key: int, *, session_id: int = SESSION_DEFAULT, mtu: int = 512,
-        settings: ClientSessionSettings | None = None, epoch_ns: Callable[[], int],
-    ) -> None:  # fmt: skip
+        self,
+        client_key: int,
+        *,
+        session_id: int = SESSION_DEFAULT,
+        mtu: int = 512,
+        settings: ClientSessionSettings | None = None,
+        epoch_ns: Callable[[], int],
+    ) -> None:
         """Prepare a session; `connect` opens it.
 
         Args:
@@ -159,9 +164,14 @@ class ClientSession(Session[ClientEvent]):
         self._begin(ClientState.CLOSING, now)
 
     def create(
-        self, object_id: int, variant: ObjectVariant, *, reuse: bool = True, replace: bool = True,
+        self,
+        object_id: int,
+        variant: ObjectVariant,
+        *,
+        reuse: bool = True,
+        replace: bool = True,
         stream_id: int = STREAM_RELIABLE,
-    ) -> int:  # fmt: skip
+    ) -> int:
         """Ask for an object; returns the request id that StatusReceived will carry.
 
         Raises:
@@ -182,9 +192,13 @@ class ClientSession(Session[ClientEvent]):
         return self._ask(Delete(request_id, object_id).encode(), stream_id, request_id)
 
     def read(
-        self, object_id: int, stream_id: int, control: DeliveryControl | None = None, *,
+        self,
+        object_id: int,
+        stream_id: int,
+        control: DeliveryControl | None = None,
+        *,
         request_stream: int = STREAM_RELIABLE,
-    ) -> int:  # fmt: skip
+    ) -> int:
         """Ask for samples on `stream_id`; returns the request id that DataReceived will carry.
 
         No control means one sample; `max_samples` 0 ends a read.

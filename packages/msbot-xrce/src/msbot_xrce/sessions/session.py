@@ -56,9 +56,23 @@ class Session(ABC, Generic[Event]):
     """The common half of `AgentSession` and `ClientSession`."""
 
     __slots__ = (
-        "__weakref__", "_asking", "_best_effort", "_key_octets", "_memory", "_overtaking", "_reliable", "_sender",
-        "_settings", "_unquestioned", "client_key", "counters", "events", "last_heard", "mtu", "session_id",
-    )  # fmt: skip
+        "__weakref__",
+        "_asking",
+        "_best_effort",
+        "_key_octets",
+        "_memory",
+        "_overtaking",
+        "_reliable",
+        "_sender",
+        "_settings",
+        "_unquestioned",
+        "client_key",
+        "counters",
+        "events",
+        "last_heard",
+        "mtu",
+        "session_id",
+    )
 
     _DATA_ID: ClassVar[int]
     """The submessage that carries samples to this end."""
@@ -307,9 +321,11 @@ class Session(ABC, Generic[Event]):
     def _owe_acknack(self, stream: ReliableInput, stream_id: int, *, was_asked: bool = False) -> None:
         sender, asking, now = self._sender, self._asking, self.last_heard
         if (
-            stream.announced != stream.last_handled or asking.questions or now < sender.round_trip.lossy_until
+            stream.announced != stream.last_handled
+            or asking.questions
+            or now < sender.round_trip.lossy_until
             or (self._overtaking is not None and self._overtaking.is_seen(now))
-        ) and not asking.note(stream_id, stream, now, was_asked=was_asked):  # fmt: skip
+        ) and not asking.note(stream_id, stream, now, was_asked=was_asked):
             return
         sender.owed[stream_id] = stream
 

@@ -184,9 +184,16 @@ class AcknackSchedule:
         return None
 
     def _due_at(  # noqa: PLR0917 - what it depends on
-        self, stream: ReliableInput, question: _Question | None, first: int, bits: int, now: float, delay_s: float, *,
+        self,
+        stream: ReliableInput,
+        question: _Question | None,
+        first: int,
+        bits: int,
+        now: float,
+        delay_s: float,
+        *,
         was_asked: bool,
-    ) -> float:  # fmt: skip
+    ) -> float:
         """When the ACKNACK may go that what came calls for."""
         if self._overtaking is None:
             return now
@@ -195,9 +202,16 @@ class AcknackSchedule:
         return stream.told_at + delay_s if delay_s else now
 
     def _plan(  # noqa: PLR0917 - what it depends on
-        self, stream_id: int, stream: ReliableInput, question: _Question | None, first: int, bits: int, now: float,
-        delay_s: float, ripe_at: float | None,
-    ) -> None:  # fmt: skip
+        self,
+        stream_id: int,
+        stream: ReliableInput,
+        question: _Question | None,
+        first: int,
+        bits: int,
+        now: float,
+        delay_s: float,
+        ripe_at: float | None,
+    ) -> None:
         """An ACKNACK goes now; when must another one, if nothing comes?"""
         sender = self._sender
         is_lossy = sender.round_trip.is_lossy(now)

@@ -96,8 +96,22 @@ class BestEffortInput:
 class ReliableInput:
     """A stream with acknowledgement: every message exactly once and in order."""
 
-    __slots__ = ("_counters", "_held", "_memory", "_moves", "_reported_at", "_window", "announced", "joiner",
-                 "last_handled", "reports", "told_at", "told_bits", "told_first", "unripe")  # fmt: skip
+    __slots__ = (
+        "_counters",
+        "_held",
+        "_memory",
+        "_moves",
+        "_reported_at",
+        "_window",
+        "announced",
+        "joiner",
+        "last_handled",
+        "reports",
+        "told_at",
+        "told_bits",
+        "told_first",
+        "unripe",
+    )
 
     def __init__(self, window: int, memory: Memory, counters: SessionCounters) -> None:
         self._window = window

@@ -46,16 +46,50 @@ class ReliableOutput:
     """A stream with acknowledgement, a window and retransmission."""
 
     __slots__ = (
-        "_capacity", "_counters", "_cut_at", "_envelope", "_first", "_has_lost", "_heartbeat_sent_at", "_is_stock",
-        "_newest", "_next", "_octets", "_outbox", "_packed_max", "_pool", "_resent_at", "_round_trip", "_status_nr",
-        "_timed", "_timed_at", "_unacked", "_unanswered", "_waiting", "_waiting_large", "_window", "heartbeat_at",
-        "missed", "moved", "refused", "stream_id",
-    )  # fmt: skip
+        "_capacity",
+        "_counters",
+        "_cut_at",
+        "_envelope",
+        "_first",
+        "_has_lost",
+        "_heartbeat_sent_at",
+        "_is_stock",
+        "_newest",
+        "_next",
+        "_octets",
+        "_outbox",
+        "_packed_max",
+        "_pool",
+        "_resent_at",
+        "_round_trip",
+        "_status_nr",
+        "_timed",
+        "_timed_at",
+        "_unacked",
+        "_unanswered",
+        "_waiting",
+        "_waiting_large",
+        "_window",
+        "heartbeat_at",
+        "missed",
+        "moved",
+        "refused",
+        "stream_id",
+    )
 
     def __init__(
-        self, stream_id: int, envelope: Envelope, outbox: Outbox, counters: SessionCounters, *,
-        window: int, round_trip: RoundTrip, pool: Memory, packs: bool = False, is_stock: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        stream_id: int,
+        envelope: Envelope,
+        outbox: Outbox,
+        counters: SessionCounters,
+        *,
+        window: int,
+        round_trip: RoundTrip,
+        pool: Memory,
+        packs: bool = False,
+        is_stock: bool = False,
+    ) -> None:
         """`packs`: a submessage joins the message before it while that still waits; `is_stock`: as a stock client can
         read it.
 

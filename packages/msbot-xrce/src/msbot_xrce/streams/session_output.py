@@ -32,9 +32,20 @@ class SessionOutput:
     """The sending half of a session."""
 
     __slots__ = (
-        "_answer_header", "_answers", "_counters", "_envelope", "_guesses", "_pool", "_settings",
-        "best_efforts", "heartbeat_s", "outbox", "owed", "reliables", "round_trip",
-    )  # fmt: skip
+        "_answer_header",
+        "_answers",
+        "_counters",
+        "_envelope",
+        "_guesses",
+        "_pool",
+        "_settings",
+        "best_efforts",
+        "heartbeat_s",
+        "outbox",
+        "owed",
+        "reliables",
+        "round_trip",
+    )
 
     def __init__(
         self, envelope: Envelope, counters: SessionCounters, settings: SessionSettings, pool: Memory | None = None

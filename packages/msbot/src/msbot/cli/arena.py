@@ -126,9 +126,15 @@ def put(name: str, at: tuple[float, float], heading: float | None, db: str | Non
 
 def _counts(plan: WorldPlan) -> dict[str, int]:
     return {
-        "walls": len(plan.walls), "posts": len(plan.posts), "lines": len(plan.lines), "areas": len(plan.areas),
-        "lamps": len(plan.lamps), "magnets": len(plan.magnets), "noises": len(plan.noises), "boxes": len(plan.boxes),
-    }  # fmt: skip
+        "walls": len(plan.walls),
+        "posts": len(plan.posts),
+        "lines": len(plan.lines),
+        "areas": len(plan.areas),
+        "lamps": len(plan.lamps),
+        "magnets": len(plan.magnets),
+        "noises": len(plan.noises),
+        "boxes": len(plan.boxes),
+    }
 
 
 def world_json(plan: WorldPlan) -> dict[str, object]:

@@ -40,8 +40,12 @@ def migrate(db: str | None) -> None:
 
 @command.command("backup")
 @click.argument("target", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
-@click.option("--keep", type=WholeRange(1, 10_000), metavar="N",
-              help="The target is a folder: name the file by date and time, and keep the newest N.")  # fmt: skip
+@click.option(
+    "--keep",
+    type=WholeRange(1, 10_000),
+    metavar="N",
+    help="The target is a folder: name the file by date and time, and keep the newest N.",
+)
 @db_option
 def backup(target: Path, db: str | None, *, keep: int | None) -> None:
     """Copy the database to a new SQLite FILE, even while a master uses it."""
@@ -56,8 +60,9 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
         stem = "robot" if "://" in address else Path(address).stem
         file = target / f"{stem}-{datetime.now():%Y%m%d-%H%M%S}.db"
     elif not target.parent.is_dir():
-        raise ConfigError(f"{target}: there is no folder {target.parent}; create it with `mkdir -p "
-                          f"{shlex.quote(str(target.parent))}`")  # fmt: skip
+        raise ConfigError(
+            f"{target}: there is no folder {target.parent}; create it with `mkdir -p {shlex.quote(str(target.parent))}`"
+        )
     rows = upkeep.back_up(address, file)
     click.echo(f"{file} is written: {amount(rows, 'row')} of {words}.")
     if words := upkeep.too_large_for_page(file.stat().st_size):

@@ -23,17 +23,27 @@ if TYPE_CHECKING:
 
 
 @click.command("doctor")
-@click.option("--link", "addresses", multiple=True,
-              help="A link that the robot is to use, as for `msbot master`; may be given several times.")  # fmt: skip
+@click.option(
+    "--link",
+    "addresses",
+    multiple=True,
+    help="A link that the robot is to use, as for `msbot master`; may be given several times.",
+)
 @robot_options
 @space_option
 @click.option("--only", metavar="CHECK,...", help="Only these checks, for example can,robot.")
 @click.option("-v", "--verbose", is_flag=True, help="Say also what is in order.")
 @json_option
 def command(
-    addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress, only: str | None, *,
-    verbose: bool, as_json: bool,
-) -> None:  # fmt: skip
+    addresses: tuple[str, ...],
+    db: str | None,
+    robot: str | None,
+    space: SpaceAddress,
+    only: str | None,
+    *,
+    verbose: bool,
+    as_json: bool,
+) -> None:
     """Find what keeps a robot from working: installation, buses, network, database, the robot itself.
 
     Says only what is not as it should be, why it matters and what mends it; status 1 when there is something to mend.

@@ -32,19 +32,36 @@ _HEX = re.compile(r"(?:[0-9a-fA-F]{2}[\s:.-]?){4,}")
 
 @click.command("explain")
 @click.argument("what", nargs=-1, metavar="WHAT...")
-@click.option("--port", "agent_port", type=WholeRange(1, 65535), default=AGENT_PORT, show_default=True,
-              help="UDP port of the agent, in captures of a network.")  # fmt: skip
+@click.option(
+    "--port",
+    "agent_port",
+    type=WholeRange(1, 65535),
+    default=AGENT_PORT,
+    show_default=True,
+    help="UDP port of the agent, in captures of a network.",
+)
 @click.option("--fields", is_flag=True, help="In captures: every field of every message, too.")
-@click.option("--blueprint", type=click.Path(path_type=Path),
-              help="The robot whose messages they are: its types have names then.")  # fmt: skip
+@click.option(
+    "--blueprint", type=click.Path(path_type=Path), help="The robot whose messages they are: its types have names then."
+)
 @library_option
-@click.option("--wireshark", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-              help="Write a dissector for Wireshark (Lua) to this file.")  # fmt: skip
+@click.option(
+    "--wireshark",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write a dissector for Wireshark (Lua) to this file.",
+)
 @json_option
 def command(
-    what: tuple[str, ...], *, agent_port: int, fields: bool, blueprint: Path | None, folders: tuple[Path, ...],
-    wireshark: Path | None, as_json: bool,
-) -> None:  # fmt: skip
+    what: tuple[str, ...],
+    *,
+    agent_port: int,
+    fields: bool,
+    blueprint: Path | None,
+    folders: tuple[Path, ...],
+    wireshark: Path | None,
+    as_json: bool,
+) -> None:
     """Explain WHAT: octets of a DDS-XRCE message in hexadecimal, CAN frames as candump writes them (103#C181000A), or
     a file with frames (candump) or packets (pcap, pcapng).
 
@@ -104,8 +121,13 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
         for line in reader.read(str(path)):
             words = listener.hear(line.frame, line.at or 0.0)
             facts = _frame_facts(line.frame) if fields else {}
-            yield {"at_s": line.at, "frame": _notation(line.frame), "plain": list(words.plain),
-                   "words": list(words.protocol), **facts}  # fmt: skip
+            yield {
+                "at_s": line.at,
+                "frame": _notation(line.frame),
+                "plain": list(words.plain),
+                "words": list(words.protocol),
+                **facts,
+            }
         reader.tell(str(path), complain)
         return
     overhearer = SessionListener()
@@ -125,13 +147,24 @@ def _captured(
         said = overhearer.hear(found.octets, peer, up=up)
         way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
         facts = _message_facts(found.octets) if fields else {}
-        return {"at_s": found.at, "way": way, "octets": len(found.octets), "plain": list(said.plain),
-                "words": list(said.protocol), **facts}  # fmt: skip
+        return {
+            "at_s": found.at,
+            "way": way,
+            "octets": len(found.octets),
+            "plain": list(said.plain),
+            "words": list(said.protocol),
+            **facts,
+        }
     assert isinstance(listener, FrameListener)
     heard = listener.hear(found.frame, found.at)
     facts = _frame_facts(found.frame) if fields else {}
-    return {"at_s": found.at, "frame": _notation(found.frame), "plain": list(heard.plain),
-            "words": list(heard.protocol), **facts}  # fmt: skip
+    return {
+        "at_s": found.at,
+        "frame": _notation(found.frame),
+        "plain": list(heard.plain),
+        "words": list(heard.protocol),
+        **facts,
+    }
 
 
 def _message(octets: bytes) -> dict[str, object]:
@@ -153,15 +186,17 @@ def _frame_facts(frame: Frame) -> dict[str, object]:
     cost = frame_bits(frame)
     groups = [(name, list(run)) for name, run in groupby(bits, key=lambda bit: bit.field)]
     return {
-        "bits": [{"field": name, "bits": "".join(f"({bit.level})" if bit.stuff else str(bit.level) for bit in run)}
-                 for name, run in groups],
+        "bits": [
+            {"field": name, "bits": "".join(f"({bit.level})" if bit.stuff else str(bit.level) for bit in run)}
+            for name, run in groups
+        ],
         "cost": {
             "nominal_bits": cost.nominal_bits,
             "data_bits": cost.data_bits,
             "stuff_bits": sum(bit.stuff for bit in bits),
             "microseconds": {rate: round(1e6 * cost.seconds(rate), 1) for rate in RATES},
         },
-    }  # fmt: skip
+    }
 
 
 def _lines(one: dict[str, object], *, after: bool) -> Iterable[str]:

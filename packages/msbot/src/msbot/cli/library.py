@@ -106,8 +106,15 @@ def check(paths: tuple[Path, ...], *, as_json: bool) -> None:
 
 @command.command("add")
 @click.argument("what", metavar="FILE|NUMBER")
-@click.option("--to", "folder", metavar="FOLDER", type=click.Path(path_type=Path), default=Path("library"),
-              show_default=True, help="The robot's own library folder; made if it is not there.")  # fmt: skip
+@click.option(
+    "--to",
+    "folder",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    default=Path("library"),
+    show_default=True,
+    help="The robot's own library folder; made if it is not there.",
+)
 def add(what: str, folder: Path) -> None:
     """Add a part type to a robot's own library folder.
 
@@ -343,37 +350,65 @@ def _driver_fault(driver: str) -> str:
 
 def _blocks(part_type: PartType) -> Iterable[tuple[str, str]]:
     if part_type.ports:
-        yield "Ports", _table(("name", "direction", "message", "how often", "safe value", "means"), [
-            _port_row(port) for port in part_type.ports
-        ])  # fmt: skip
+        yield (
+            "Ports",
+            _table(
+                ("name", "direction", "message", "how often", "safe value", "means"),
+                [_port_row(port) for port in part_type.ports],
+            ),
+        )
     if part_type.parameters:
-        yield "Settings", _table(("name", "default", "range", "means"), [
-            (entry.name, f"{scalar_text(entry.default)} {entry.unit}".strip(), _range(entry), entry.description)
-            for entry in part_type.parameters
-        ])  # fmt: skip
+        yield (
+            "Settings",
+            _table(
+                ("name", "default", "range", "means"),
+                [
+                    (entry.name, f"{scalar_text(entry.default)} {entry.unit}".strip(), _range(entry), entry.description)
+                    for entry in part_type.parameters
+                ],
+            ),
+        )
     if part_type.pins:
         rows = [(str(at), pin.name, pin.kind.value, pin.description) for at, pin in enumerate(part_type.pins, 1)]
         yield "Pins", _table(("pin", "name", "kind", "means"), rows)
     driver = part_type.driver
     if driver.pins:
-        yield "Driver: wires", _table(("wire", "pin", "to", "means"), [
-            (wire.name, wire.pin, wire_words(wire), wire.description) for wire in driver.pins
-        ])  # fmt: skip
+        yield (
+            "Driver: wires",
+            _table(
+                ("wire", "pin", "to", "means"),
+                [(wire.name, wire.pin, wire_words(wire), wire.description) for wire in driver.pins],
+            ),
+        )
     if driver.options:
-        yield "Driver: options", _table(("option", "default", "range", "means"), [
-            (entry.name, f"{scalar_text(entry.default)} {entry.unit}".strip(), _range(entry), entry.description)
-            for entry in driver.options
-        ])  # fmt: skip
+        yield (
+            "Driver: options",
+            _table(
+                ("option", "default", "range", "means"),
+                [
+                    (entry.name, f"{scalar_text(entry.default)} {entry.unit}".strip(), _range(entry), entry.description)
+                    for entry in driver.options
+                ],
+            ),
+        )
     controls = part_type.simulator.controls if part_type.simulator else ()
     if controls:
-        yield "Simulator: what you can do", _table(("control", "values", "at first", "means"), [
-            (control.name, control_values(control), scalar_text(control.start), control.words) for control in controls
-        ])  # fmt: skip
+        yield (
+            "Simulator: what you can do",
+            _table(
+                ("control", "values", "at first", "means"),
+                [
+                    (control.name, control_values(control), scalar_text(control.start), control.words)
+                    for control in controls
+                ],
+            ),
+        )
     readings = [reading for reading in part_type.simulator.readings if reading.shown] if part_type.simulator else []
     if readings:
-        yield "Simulator: what you see", _table(("reading", "unit", "means"), [
-            (reading.name, reading.unit, reading.words) for reading in readings
-        ])  # fmt: skip
+        yield (
+            "Simulator: what you see",
+            _table(("reading", "unit", "means"), [(reading.name, reading.unit, reading.words) for reading in readings]),
+        )
 
 
 def wire_words(wire: DriverPin) -> str:

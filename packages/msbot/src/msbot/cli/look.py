@@ -110,9 +110,15 @@ def folded(line: str, columns: int) -> str:
     assert before is not None
     rest, further = line[before.end() :], " " * (before.end(1) + INDENT)
     return "\n".join(
-        wrap(rest, columns, initial_indent=before[0], subsequent_indent=further, break_long_words=False,
-             break_on_hyphens=False)
-    )  # fmt: skip
+        wrap(
+            rest,
+            columns,
+            initial_indent=before[0],
+            subsequent_indent=further,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    )
 
 
 # `msbot parts`: what a robot's database knows about its parts.

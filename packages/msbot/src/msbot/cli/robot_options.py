@@ -27,9 +27,12 @@ _C = TypeVar("_C", bound=Callable[..., object])
 
 
 library_option = click.option(
-    "--library", "folders", multiple=True, type=click.Path(path_type=Path),
+    "--library",
+    "folders",
+    multiple=True,
+    type=click.Path(path_type=Path),
     help="A folder with more part types (TOML files), besides those that robot.toml names; may be given several times.",
-)  # fmt: skip
+)
 robot_option = click.option("--robot", metavar="NAME", help="Which robot, when the database has several.")
 
 db_option = click.option(
@@ -40,9 +43,12 @@ db_option = click.option(
 
 
 metrics_option = click.option(
-    "--metrics", "metrics_port", type=WholeRange(0, 65535), metavar="PORT",
+    "--metrics",
+    "metrics_port",
+    type=WholeRange(0, 65535),
+    metavar="PORT",
     help="Serve figures for Prometheus at this port of this computer; 0 = any free one (extra msbot[metrics]).",
-)  # fmt: skip
+)
 
 
 class LinkType(click.ParamType[str]):
@@ -63,9 +69,14 @@ class LinkType(click.ParamType[str]):
 
 
 link_option = click.option(
-    "--link", type=LinkType(), metavar="ADDRESS", default=DEFAULT_LINK, show_default=True, envvar="MSBOT_LINK",
+    "--link",
+    type=LinkType(),
+    metavar="ADDRESS",
+    default=DEFAULT_LINK,
+    show_default=True,
+    envvar="MSBOT_LINK",
     help="The way to the master; $MSBOT_LINK unless given.",
-)  # fmt: skip
+)
 
 
 class StopGroupType(click.ParamType[str]):
@@ -83,9 +94,11 @@ class StopGroupType(click.ParamType[str]):
 
 
 stop_group_option = click.option(
-    "--stop-group", type=StopGroupType(), metavar="NAME", help="The robots of this STOP group, and no others; "
-    f"${GROUP_VARIABLE} unless given.",
-)  # fmt: skip
+    "--stop-group",
+    type=StopGroupType(),
+    metavar="NAME",
+    help=f"The robots of this STOP group, and no others; ${GROUP_VARIABLE} unless given.",
+)
 
 
 def robot_options(function: _C) -> _C:
@@ -96,8 +109,14 @@ def robot_options(function: _C) -> _C:
 
 def answer_options(function: _C) -> _C:
     """The options of a command that answers in words or as JSON: which robot, and `--json`."""
-    as_json = click.option("--json", "as_json", is_flag=True, expose_value=False, callback=_note_json,
-                           help="Print the answer as a JSON object.")  # fmt: skip
+    as_json = click.option(
+        "--json",
+        "as_json",
+        is_flag=True,
+        expose_value=False,
+        callback=_note_json,
+        help="Print the answer as a JSON object.",
+    )
     return robot_options(as_json(function))
 
 

@@ -25,8 +25,18 @@ from msbot_xrce.lazy import dataclass
 
 Run = Callable[[Sequence[str]], "subprocess.CompletedProcess[str]"]
 
-PROPERTIES = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "ActiveEnterTimestamp",
-              "UnitFileState", "NextElapseUSecRealtime", "LastTriggerUSec")  # fmt: skip
+PROPERTIES = (
+    "LoadState",
+    "ActiveState",
+    "SubState",
+    "Result",
+    "NRestarts",
+    "MainPID",
+    "ActiveEnterTimestamp",
+    "UnitFileState",
+    "NextElapseUSecRealtime",
+    "LastTriggerUSec",
+)
 
 
 USERS = Path("/etc/sysusers.d")
@@ -296,10 +306,12 @@ WantedBy=timers.target
         paths = "".join(f"ReadWritePaths={quoted(place)}\n" for place in places)
         groups = f"SupplementaryGroups={' '.join(self.groups)}\n" if self.groups else ""
         # The second folder is that of STOP's socket (`msbot.stop.places`): /tmp is one of its own.
-        return f"User={self.user}\n{groups}StateDirectory={self.unit}\n" \
-               f"RuntimeDirectory={self.unit} {STOP_FOLDERS}{self.user}\nRuntimeDirectoryMode=0700\n" \
-               f"RuntimeDirectoryPreserve=yes\nEnvironment=HOME={self.state} XDG_RUNTIME_DIR=/run/{self.unit}\n" \
-               f"{paths}{CONFINED}"  # fmt: skip
+        return (
+            f"User={self.user}\n{groups}StateDirectory={self.unit}\n"
+            f"RuntimeDirectory={self.unit} {STOP_FOLDERS}{self.user}\nRuntimeDirectoryMode=0700\n"
+            f"RuntimeDirectoryPreserve=yes\nEnvironment=HOME={self.state} XDG_RUNTIME_DIR=/run/{self.unit}\n"
+            f"{paths}{CONFINED}"
+        )
 
     def _msbot(self, *arguments: str) -> str:
         return " ".join([quoted(self.python), "-P", "-m", "msbot", *map(quoted, arguments)])
@@ -325,8 +337,9 @@ def shown(files: dict[str, str], folder: Path) -> Sequence[str]:
 
 KEEP = 14
 
-all_option = click.option("--system", "for_all", is_flag=True,
-                          help="A service of the computer, with its own user (sudo); else one of yours.")  # fmt: skip
+all_option = click.option(
+    "--system", "for_all", is_flag=True, help="A service of the computer, with its own user (sudo); else one of yours."
+)
 blueprint_argument = click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
 
 
@@ -337,32 +350,62 @@ def command() -> None:
 
 @command.command("install")
 @blueprint_argument
-@click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
-              help="Where parts come in; may be given several times.")  # fmt: skip
+@click.option(
+    "--link",
+    "addresses",
+    multiple=True,
+    default=(DEFAULT_LINK,),
+    show_default=True,
+    help="Where parts come in; may be given several times.",
+)
 @click.option("--db", metavar="FILE", help="The robot's database; default: beside the blueprint, ending .db.")
 @click.option("--host", help="Where the page is served; default: this computer only.")
 @click.option("--port", type=WholeRange(1, 65535), help="Port of the page; default 8080.")
 @click.option(
     "--standby", is_flag=True, help="Take turns with a master on another computer; needs --db postgresql://..."
 )
-@click.option("--backup", "backup_at", default="daily", show_default=True, metavar="WHEN",
-              help="When to back up: daily, weekly, or any OnCalendar of systemd; never.")  # fmt: skip
+@click.option(
+    "--backup",
+    "backup_at",
+    default="daily",
+    show_default=True,
+    metavar="WHEN",
+    help="When to back up: daily, weekly, or any OnCalendar of systemd; never.",
+)
 @click.option("--backups", type=click.Path(path_type=Path), help="Folder of the backups; `backups` beside robot.toml.")
 @click.option("--keep", type=WholeRange(1, 10_000), default=KEEP, show_default=True, help="Backups that are kept.")
 @all_option
 @click.option("--print", "only_print", is_flag=True, help="Print the unit files and install nothing.")
 def install(
-    blueprint: Path, *, addresses: tuple[str, ...], db: str | None, host: str | None, port: int | None, backup_at: str,
-    backups: Path | None, keep: int, for_all: bool, only_print: bool, standby: bool,
-) -> None:  # fmt: skip
+    blueprint: Path,
+    *,
+    addresses: tuple[str, ...],
+    db: str | None,
+    host: str | None,
+    port: int | None,
+    backup_at: str,
+    backups: Path | None,
+    keep: int,
+    for_all: bool,
+    only_print: bool,
+    standby: bool,
+) -> None:
     """Run the master of BLUEPRINT (robot.toml) as a service, now and whenever the computer starts.
 
     Called again, it puts the new options in force. Where there is no systemd, the unit files are printed.
     """
     wanted = _service(
-        blueprint, addresses=addresses, db=db, host=host, port=port, backup_at=backup_at, backups=backups, keep=keep,
-        for_all=for_all, standby=standby,
-    )  # fmt: skip
+        blueprint,
+        addresses=addresses,
+        db=db,
+        host=host,
+        port=port,
+        backup_at=backup_at,
+        backups=backups,
+        keep=keep,
+        for_all=for_all,
+        standby=standby,
+    )
     manager = Systemd(for_all=for_all)
     if only_print or not is_there():
         if not only_print:
@@ -450,9 +493,18 @@ def _words(facts: Mapping[str, object]) -> list[str]:
 
 
 def _service(
-    blueprint: Path, *, for_all: bool, addresses: tuple[str, ...] = (), db: str | None = None, host: str | None = None,
-    port: int | None = None, backup_at: str = "", backups: Path | None = None, keep: int = KEEP, standby: bool = False,
-) -> RobotService:  # fmt: skip
+    blueprint: Path,
+    *,
+    for_all: bool,
+    addresses: tuple[str, ...] = (),
+    db: str | None = None,
+    host: str | None = None,
+    port: int | None = None,
+    backup_at: str = "",
+    backups: Path | None = None,
+    keep: int = KEEP,
+    standby: bool = False,
+) -> RobotService:
     """The service that the user asked for, independent of the current folder.
 
     Raises:

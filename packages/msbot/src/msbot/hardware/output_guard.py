@@ -43,8 +43,15 @@ class OutputGuard:
 
     def hold(self, key: str, part_type: PartType, wiring: PartWiring) -> None:
         """From now on, make the outputs of this driver safe when this program dies."""
-        self._say({"hold": key, "class": part_type.driver.entry_point, "number": part_type.number,
-                   "source": part_type.source, "wiring": as_json(wiring)})  # fmt: skip
+        self._say(
+            {
+                "hold": key,
+                "class": part_type.driver.entry_point,
+                "number": part_type.number,
+                "source": part_type.source,
+                "wiring": as_json(wiring),
+            }
+        )
 
     def free(self, key: str) -> None:
         """The driver has been closed."""

@@ -174,12 +174,18 @@ def _iio(machine: Machine, library: Library) -> Iterator[FoundThing]:
         number = path.name.removeprefix("iio:device")
         sensor = next((one for device, one in sensors.items() if name.startswith(device)), None)
         if sensor is not None:
-            yield FoundThing("sensor", path.name, f"{sensor.name} ({sensor.number})", (
-                f"msbot part {sensor.number} --device {path.name}",
-            ))  # fmt: skip
+            yield FoundThing(
+                "sensor",
+                path.name,
+                f"{sensor.name} ({sensor.number})",
+                (f"msbot part {sensor.number} --device {path.name}",),
+            )
             continue
-        channels = sorted(int(found[1]) for entry in path.glob("in_voltage*_raw")
-                          if (found := re.fullmatch(r"in_voltage(\d+)_raw", entry.name)))  # fmt: skip
+        channels = sorted(
+            int(found[1])
+            for entry in path.glob("in_voltage*_raw")
+            if (found := re.fullmatch(r"in_voltage(\d+)_raw", entry.name))
+        )
         if channels:
             words = f"converter {name or 'without a name'}, {amount(len(channels), 'channel')}"
             lines = tuple(f"msbot part POT-10K --adc out={number}:{channel}" for channel in channels[:1])

@@ -234,10 +234,17 @@ class AgentOfRemoteMaster:
     """
 
     def __init__(
-        self, open_parts: Callable[[int], Link], way: Link, *, name: str, say: Callable[[str], object],
-        space: Space | None = None, settings: AgentSettings | None = None, references: References | None = None,
+        self,
+        open_parts: Callable[[int], Link],
+        way: Link,
+        *,
+        name: str,
+        say: Callable[[str], object],
+        space: Space | None = None,
+        settings: AgentSettings | None = None,
+        references: References | None = None,
         on_signal: AgentSignalHandler | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._loop = asyncio.get_running_loop()
         self._open_parts = open_parts
         self._way = way
@@ -249,9 +256,7 @@ class AgentOfRemoteMaster:
         self._alarm: asyncio.TimerHandle | None = None
         self._links: list[Link] = []
         space = space or MemorySpace(clock=self._loop.time)
-        self.gate = AgentEnd(
-            boot=int.from_bytes(os.urandom(8), "big"), name=name, around=self, clock=self._loop.time
-        )  # fmt: skip
+        self.gate = AgentEnd(boot=int.from_bytes(os.urandom(8), "big"), name=name, around=self, clock=self._loop.time)
         self.agent = Agent(space, gate=self.gate, settings=settings, references=references, signal=self._signalled)
         self._hub = InprocHub()
         self.agent.add_link(self._hub.server)

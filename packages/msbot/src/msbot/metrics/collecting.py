@@ -106,10 +106,15 @@ class Collecting:
     """
 
     def __init__(
-        self, agent: Agent, *, master: Master | None = None, database: Callable[[], DatabaseFigures] | None = None,
-        page: Callable[[], PageFigures | None] | None = None, noting: MetricsSampler | None = None,
+        self,
+        agent: Agent,
+        *,
+        master: Master | None = None,
+        database: Callable[[], DatabaseFigures] | None = None,
+        page: Callable[[], PageFigures | None] | None = None,
+        noting: MetricsSampler | None = None,
         bus: FrameMeter | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._agent = agent
         self._master = master
         self._database = database

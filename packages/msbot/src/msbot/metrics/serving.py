@@ -96,8 +96,9 @@ def _agent(agent: AgentFigures) -> Iterator[Metric]:
     sessions = GaugeMetricFamily("msbot_sessions", "DDS-XRCE sessions that are open.", labels=["link"])
     packets = CounterMetricFamily("msbot_link_packets", "Packets on a link.", labels=["link", "direction"])
     octets = CounterMetricFamily("msbot_link_octets", "Octets on a link.", labels=["link", "direction"])
-    lost = CounterMetricFamily("msbot_link_lost", "Packets that a link did not deliver or did not send.",
-                               labels=["link", "reason"])  # fmt: skip
+    lost = CounterMetricFamily(
+        "msbot_link_lost", "Packets that a link did not deliver or did not send.", labels=["link", "reason"]
+    )
     for link in agent.links:
         sessions.add_metric([link.name], link.sessions)
         packets.add_metric([link.name, "in"], link.packets_in)

@@ -151,13 +151,16 @@ class DescribedParts:
         offers = [wire.as_json() for wire in fitting_wires(blueprint, library, name)]
         words = said(
             "{number} ({name}) is in the library now, as the part describes it, and has slot {slot}",
-            number=part_type.number, name=part_type.name, slot=name,
-        )  # fmt: skip
+            number=part_type.number,
+            name=part_type.name,
+            slot=name,
+        )
         if part_type.name == part_type.number:
             words = said(
                 "{number} is in the library now, as the part describes it, and has slot {slot}",
-                number=part_type.number, slot=name,
-            )  # fmt: skip
+                number=part_type.number,
+                slot=name,
+            )
         return Outcome(words, done.edit_id, {"slot": name, "offers": offers})
 
     def _let_in(self, info: PartInfo, slot: str, who: str) -> None:

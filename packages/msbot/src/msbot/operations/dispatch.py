@@ -199,12 +199,25 @@ class RunningOperations(Operations):
         self.worlds = Worlds()
         self.pupils = ClassControl(running, self.lessons, self.by_hand)
         super().__init__(
-            SlotSettings(running), Undoing(running, self.placement), self.placement, self.stopping, self.showing,
-            self.applying, self.by_hand, self.recording, self.faults, self.missions, self.lessons,
-            self.worlds, self.pupils,
-            Blocking(running), Wires(running),
-            described, self.stand_ins, BusObjects(running),
-        )  # fmt: skip
+            SlotSettings(running),
+            Undoing(running, self.placement),
+            self.placement,
+            self.stopping,
+            self.showing,
+            self.applying,
+            self.by_hand,
+            self.recording,
+            self.faults,
+            self.missions,
+            self.lessons,
+            self.worlds,
+            self.pupils,
+            Blocking(running),
+            Wires(running),
+            described,
+            self.stand_ins,
+            BusObjects(running),
+        )
         self.on_asked(self.pupils.check)
 
     @property

@@ -173,9 +173,10 @@ class ClassControl:
         self._drivers.clear()
         here = sum(bool(slots) for slots in self._running.inventory.pupil_parts.here().values())
         words = counted(
-            here, "the class is frozen: {count} pupil's program is held",
+            here,
+            "the class is frozen: {count} pupil's program is held",
             "the class is frozen: {count} pupils' programs are held",
-        )  # fmt: skip
+        )
         self._note(said("{words}: {reason}", words=words, reason=reason) if reason else words, who)
         return Outcome(words)
 
@@ -293,8 +294,12 @@ class ClassControl:
             )
         await self._use(groups)
         nobody = said("nobody")
-        words = said("group {group}: {pupils}; its slots: {slots}", group=group,
-                     pupils=", ".join(mine.pupils) or nobody, slots=", ".join(mine.slots) or said("none"))  # fmt: skip
+        words = said(
+            "group {group}: {pupils}; its slots: {slots}",
+            group=group,
+            pupils=", ".join(mine.pupils) or nobody,
+            slots=", ".join(mine.slots) or said("none"),
+        )
         self._note(words, who)
         return Outcome(words)
 
@@ -317,18 +322,26 @@ class ClassControl:
         here, hands = self._running.inventory.pupil_parts.here(), self.hands
         names = sorted({*here, *hands, *self._pupils.taken, *(one for group in self.groups for one in group.pupils)})
         freeze = self._pupils.freeze
-        return Outcome(answer={
-            "frozen": None if freeze is None else {"by": freeze.by, "reason": freeze.reason},
-            "groups": [
-                {"group": one.name, "pupils": list(one.pupils), "slots": list(one.slots)} for one in self.groups
-            ],
-            "pupils": [
-                {"pupil": name, "group": self._pupils.group_of(name), "slots": list(here.get(name, ())),
-                 "runs": name in here, "held": self._pupils.held(name), "hand_s": hands.get(name),
-                 "taken_by": taken.by if (taken := self._pupils.taken.get(name)) else ""}
-                for name in names
-            ],
-        })  # fmt: skip
+        return Outcome(
+            answer={
+                "frozen": None if freeze is None else {"by": freeze.by, "reason": freeze.reason},
+                "groups": [
+                    {"group": one.name, "pupils": list(one.pupils), "slots": list(one.slots)} for one in self.groups
+                ],
+                "pupils": [
+                    {
+                        "pupil": name,
+                        "group": self._pupils.group_of(name),
+                        "slots": list(here.get(name, ())),
+                        "runs": name in here,
+                        "held": self._pupils.held(name),
+                        "hand_s": hands.get(name),
+                        "taken_by": taken.by if (taken := self._pupils.taken.get(name)) else "",
+                    }
+                    for name in names
+                ],
+            }
+        )
 
     # Helpers
 

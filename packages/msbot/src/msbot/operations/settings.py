@@ -126,14 +126,22 @@ class Wires:
         self._robot = robot
 
     async def bind(
-        self, topic: str, type_name: str, source: str | None, targets: Sequence[str], *, reliable: bool, move: bool,
+        self,
+        topic: str,
+        type_name: str,
+        source: str | None,
+        targets: Sequence[str],
+        *,
+        reliable: bool,
+        move: bool,
         who: str,
-    ) -> Outcome:  # fmt: skip
+    ) -> Outcome:
         """Connect ports by a topic, in addition to those that it already connects."""
         start = None if source is None else endpoint_of(self._robot, source)
         ends = [endpoint_of(self._robot, target) for target in targets]
-        making = partial(wires.bind, topic=topic, type_name=type_name, source=start, targets=ends, reliable=reliable,
-                         move=move)  # fmt: skip
+        making = partial(
+            wires.bind, topic=topic, type_name=type_name, source=start, targets=ends, reliable=reliable, move=move
+        )
         return outcome_of(await self._robot.change(who, making))
 
     async def unbind(self, topic: str, port: str | None, who: str) -> Outcome:

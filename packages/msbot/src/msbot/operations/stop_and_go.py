@@ -64,9 +64,10 @@ class Stopping:
         """Say STOP to all parts, before anything else; then have it stored; then answer."""
         said_now = self._running.master.say_stop(who, reason)
         words = counted(
-            said_now.told, "STOP: {count} part is told to go to the safe state",
+            said_now.told,
+            "STOP: {count} part is told to go to the safe state",
             "STOP: {count} parts are told to go to the safe state",
-        )  # fmt: skip
+        )
         if reason:
             words = said("{words}: {reason}", words=words, reason=reason)
         status = await self._running.master.until_stop_is_stored(ANSWER_S)
@@ -125,8 +126,9 @@ class Stopping:
             if line.count > line.told:
                 line.told = line.count
                 seconds = f"{line.last_at - line.first_at:.0f}"
-                words = said("{words} ({count} times in {seconds} s)", words=line.words, count=line.count,
-                             seconds=seconds)  # fmt: skip
+                words = said(
+                    "{words} ({count} times in {seconds} s)", words=line.words, count=line.count, seconds=seconds
+                )
                 self._running.note_again(line.noted, words)
 
 

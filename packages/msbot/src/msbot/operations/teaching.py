@@ -239,11 +239,21 @@ class Faults:
         return found
 
     def plant_fault(  # noqa: PLR0917 - the arguments of the table
-        self, kind: str, at: str, amount: float | None, jitter_ms: float | None, port: str, number: str,
-        after_s: float, for_s: float | None, when: str, chance: float | None, seed: int | None,
+        self,
+        kind: str,
+        at: str,
+        amount: float | None,
+        jitter_ms: float | None,
+        port: str,
+        number: str,
+        after_s: float,
+        for_s: float | None,
+        when: str,
+        chance: float | None,
+        seed: int | None,
         hidden: bool,
         who: str,
-    ) -> Outcome:  # fmt: skip
+    ) -> Outcome:
         """Plant a fault."""
         wish = FaultRequest(
             kind, at, amount, jitter_ms, port, number, after_s, for_s, when, chance, seed, hidden=hidden

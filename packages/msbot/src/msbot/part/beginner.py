@@ -133,8 +133,12 @@ class HandlerWatch:
                 continue
             self._told.add(name)
             where = self._where() or name
-            _log.error("%s: %s has not returned yet, and the part cannot beat meanwhile: it must not sleep or wait; "
-                       "do a little at a time below @part.every(seconds)", where, name)  # fmt: skip
+            _log.error(
+                "%s: %s has not returned yet, and the part cannot beat meanwhile: it must not sleep or wait; "
+                "do a little at a time below @part.every(seconds)",
+                where,
+                name,
+            )
 
     def _where(self) -> str | None:
         frame = sys._current_frames().get(self._loop_thread)  # noqa: SLF001 - the documented way to ask

@@ -110,8 +110,14 @@ class Program:
         self.declared: dict[str, DeclaredSetting] = {}
         """Setting -> its default and range; only the settings that the program declares."""
         self.when: dict[When, list[Action]] = {
-            "join": [], "lost": [], "end": [], "stop": [], "go": [], "safe": [], "identify": []
-        }  # fmt: skip
+            "join": [],
+            "lost": [],
+            "end": [],
+            "stop": [],
+            "go": [],
+            "safe": [],
+            "identify": [],
+        }
         self.partner_lost: list[PortAction] = []
 
     def add_timed(self, period: float | str, function: Action, default: float | None = None) -> None:

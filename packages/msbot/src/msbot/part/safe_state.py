@@ -54,9 +54,12 @@ NEVER = 1 << 32
 """No GO has such a number."""
 
 _KINDS: dict[str, type[Value]] = {
-    "bool": bool, "str": str, "float32": float, "float64": float,
+    "bool": bool,
+    "str": str,
+    "float32": float,
+    "float64": float,
     **{f"{sign}int{width}": int for sign in ("", "u") for width in (8, 16, 32, 64)},
-}  # fmt: skip
+}
 
 
 class Safety:

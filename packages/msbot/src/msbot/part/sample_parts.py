@@ -39,9 +39,13 @@ class SamplePart:
 
 
 def make_sample(
-    name: str, *, uid: bytes | None = None, random: Random | None = None, board: UsbGpio | None = None,
+    name: str,
+    *,
+    uid: bytes | None = None,
+    random: Random | None = None,
+    board: UsbGpio | None = None,
     local_name: str = "",
-) -> Part:  # fmt: skip
+) -> Part:
     """One of the sample parts, ready to run.
 
     Args:

@@ -211,9 +211,15 @@ class Access:
         if is_agent and pupil != self._inventory.pupil_parts.pupil_of(client.key):
             self._on_left(client.key)  # it brought parts as somebody else: they come in anew
         self._inventory.client_joined(
-            client.key, client.address, self._clock(), quiet=self._is_trusted(client), plugged_in_at=plugged_in_at,
-            client_key=client.client_key, patience_s=client.patience_s, pupil=pupil,
-        )  # fmt: skip
+            client.key,
+            client.address,
+            self._clock(),
+            quiet=self._is_trusted(client),
+            plugged_in_at=plugged_in_at,
+            client_key=client.client_key,
+            patience_s=client.patience_s,
+            pupil=pupil,
+        )
 
     def left(self, client: AskingClient, reason: str) -> None:
         """The session has ended; if its own client is reopening it, the part keeps its slot."""

@@ -150,9 +150,17 @@ class Inventory:
     # Sessions
 
     def client_joined(
-        self, key: int, address: str, now: float, *, quiet: bool = False, plugged_in_at: float | None = None,
-        client_key: int = 0, patience_s: float = 0.0, pupil: str = "",
-    ) -> None:  # fmt: skip
+        self,
+        key: int,
+        address: str,
+        now: float,
+        *,
+        quiet: bool = False,
+        plugged_in_at: float | None = None,
+        client_key: int = 0,
+        patience_s: float = 0.0,
+        pupil: str = "",
+    ) -> None:
         """A session was opened, or opened again: earlier rights are void, and both steps start over.
 
         Args:

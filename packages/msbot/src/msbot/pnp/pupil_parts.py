@@ -23,9 +23,13 @@ class PupilParts:
     """
 
     def __init__(
-        self, pupils: Pupils, index: InventoryIndex, changes: StateChanges, assignment: SlotAssignment,
+        self,
+        pupils: Pupils,
+        index: InventoryIndex,
+        changes: StateChanges,
+        assignment: SlotAssignment,
         publish: Callable[[float], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.pupils = pupils
         self._index = index
         self._changes = changes

@@ -67,7 +67,10 @@ def _keep(connection: Connection, robot_id: int, groups: tuple[Group, ...]) -> N
         for name in names
     }
     if entries:
-        connection.execute(insert(class_groups), [
-            {"robot_id": robot_id, "kind": kind, "name": name, "group_name": group}
-            for (kind, name), group in entries.items()
-        ])  # fmt: skip
+        connection.execute(
+            insert(class_groups),
+            [
+                {"robot_id": robot_id, "kind": kind, "name": name, "group_name": group}
+                for (kind, name), group in entries.items()
+            ],
+        )

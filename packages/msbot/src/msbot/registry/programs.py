@@ -78,9 +78,11 @@ class Programs:
             used = _octets(connection)
             if used > MOST_OF_ALL:
                 raise ConfigError(
-                    said("all programs of this robot have {most} MB: whoever has some that nobody needs removes them",
-                         most=MOST_OF_ALL >> 20)
-                )  # fmt: skip
+                    said(
+                        "all programs of this robot have {most} MB: whoever has some that nobody needs removes them",
+                        most=MOST_OF_ALL >> 20,
+                    )
+                )
         self._used = used
         return number
 
@@ -182,9 +184,12 @@ def _drop_old_versions(connection: Connection, program: int) -> None:
 def _check_size_of(connection: Connection, owner: str) -> None:
     if _octets(connection, owner) > MOST_OF_PERSON:
         raise ConfigError(
-            said("the programs of {owner} have {most} MB with their versions: remove one that nobody needs first",
-                 owner=owner, most=MOST_OF_PERSON >> 20)
-        )  # fmt: skip
+            said(
+                "the programs of {owner} have {most} MB with their versions: remove one that nobody needs first",
+                owner=owner,
+                most=MOST_OF_PERSON >> 20,
+            )
+        )
 
 
 def _octets(connection: Connection, owner: str | None = None) -> int:

@@ -146,10 +146,18 @@ def _entry(row: tuple[object, ...]) -> JournalEntry:
     assert isinstance(at_ns, int)
     assert isinstance(number, int)
     event = PartEvent(
-        at=at_ns / 1e9, part=str(part), slot=str(slot) or None, from_state=_STATES.get(str(before)),
-        to_state=_STATES[str(after)], reason=from_json(said_reason), evidence=tuple(_pairs(said_evidence)),
-        part_number=str(part_number), local_name=str(local_name), uid=bytes.fromhex(str(uid)), address=str(address),
-    )  # fmt: skip
+        at=at_ns / 1e9,
+        part=str(part),
+        slot=str(slot) or None,
+        from_state=_STATES.get(str(before)),
+        to_state=_STATES[str(after)],
+        reason=from_json(said_reason),
+        evidence=tuple(_pairs(said_evidence)),
+        part_number=str(part_number),
+        local_name=str(local_name),
+        uid=bytes.fromhex(str(uid)),
+        address=str(address),
+    )
     return JournalEntry(number, str(robot), at_ns, event)
 
 

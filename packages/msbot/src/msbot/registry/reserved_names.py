@@ -27,9 +27,10 @@ BEGINNINGS = ("msbot ", "somebody at ", "guest of ", "(")
 _OF_ADDRESSES = "/\\?#%"
 """Signs that mean something in an address."""
 _SEEN_AS_NOTHING = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u2800\u3164\uffa0") | {
-    chr(sign) for first, last in ((0x180B, 0x180F), (0xFE00, 0xFE0F), (0xE0100, 0xE01EF))
+    chr(sign)
+    for first, last in ((0x180B, 0x180F), (0xFE00, 0xFE0F), (0xE0100, 0xE01EF))
     for sign in range(first, last + 1)
-}  # fmt: skip
+}
 """Letters and marks that Python counts as printable, and that nobody sees."""
 _ALIKE = ("LATIN", "GREEK", "CYRILLIC", "ARMENIAN", "CHEROKEE", "COPTIC", "LISU")
 """Scripts with letters that look like those of another one; the first word of a letter's name in Unicode."""
@@ -46,9 +47,11 @@ def check_reserved(name: str) -> None:
     plain = _plain(name)
     if plain in RESERVED or plain.startswith(BEGINNINGS):
         raise ConfigError(
-            said("{name!r} is a name that the robot uses for itself: choose another, with a surname for example",
-                 name=name)
-        )  # fmt: skip
+            said(
+                "{name!r} is a name that the robot uses for itself: choose another, with a surname for example",
+                name=name,
+            )
+        )
 
 
 def check_name(name: str, others: Iterable[str] = ()) -> None:
@@ -59,22 +62,31 @@ def check_name(name: str, others: Iterable[str] = ()) -> None:
     """
     if not name or len(name) > LONGEST_NAME or name != name.strip() or not name.isprintable():
         raise ConfigError(
-            said("{name!r} is no name: 1 to {most} printable characters, without blanks around it",
-                 name=name[:LONGEST_NAME], most=LONGEST_NAME)
-        )  # fmt: skip
+            said(
+                "{name!r} is no name: 1 to {most} printable characters, without blanks around it",
+                name=name[:LONGEST_NAME],
+                most=LONGEST_NAME,
+            )
+        )
     if any(sign in name for sign in _OF_ADDRESSES) or not name.strip("."):
         raise ConfigError(
-            said("{name!r} cannot stand in an address: a name has none of {signs}, and more than dots",
-                 name=name, signs=" ".join(_OF_ADDRESSES))
-        )  # fmt: skip
+            said(
+                "{name!r} cannot stand in an address: a name has none of {signs}, and more than dots",
+                name=name,
+                signs=" ".join(_OF_ADDRESSES),
+            )
+        )
     if not _SEEN_AS_NOTHING.isdisjoint(name):
         raise ConfigError(said("{name!r} has a letter that nobody sees: type the name anew", name=ascii(name)))
     for word in name.split():
         if len(scripts := {script for sign in word if (script := _script(sign))}) > 1:
             raise ConfigError(
-                said("{name!r} mixes letters that look alike, {scripts}: write each word in one alphabet",
-                     name=name, scripts=", ".join(sorted(script.capitalize() for script in scripts)))
-            )  # fmt: skip
+                said(
+                    "{name!r} mixes letters that look alike, {scripts}: write each word in one alphabet",
+                    name=name,
+                    scripts=", ".join(sorted(script.capitalize() for script in scripts)),
+                )
+            )
     seen = _as_seen(name)
     for other in others:
         if other != name and _as_seen(other) == seen:

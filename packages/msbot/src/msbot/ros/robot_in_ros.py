@@ -52,9 +52,14 @@ class RobotInRos:
     """Shows a running robot to ROS 2. Must be made on its event loop; `run` does the work."""
 
     def __init__(
-        self, master: Master, operations: Operations, space: SharedSpace, *, description: str = "",
+        self,
+        master: Master,
+        operations: Operations,
+        space: SharedSpace,
+        *,
+        description: str = "",
         epoch_ns: Callable[[], int] = time.time_ns,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Begin to tell the nodes.
 
         Args:

@@ -46,9 +46,10 @@ USUAL: dict[str, tuple[type[Message], dict[str, str]]] = {
 """What a standard message is in ROS 2 unless a binding says otherwise."""
 
 ROS_TYPES: dict[str, type[Message]] = {
-    cls.type_name: cls for cls in vars(ros2).values() if isinstance(cls, type) and issubclass(cls, Message)
-    and "::dds_::" in cls.type_name
-}  # fmt: skip
+    cls.type_name: cls
+    for cls in vars(ros2).values()
+    if isinstance(cls, type) and issubclass(cls, Message) and "::dds_::" in cls.type_name
+}
 """The known message types of ROS 2 by their names in DDS."""
 
 MOST_BEHIND = 1024
@@ -104,9 +105,12 @@ class RosForm:
     """How one message class looks in ROS 2."""
 
     def __init__(
-        self, ours: type[Message], theirs: type[Message], fields: Mapping[str, str],
+        self,
+        ours: type[Message],
+        theirs: type[Message],
+        fields: Mapping[str, str],
         epoch_ns: Callable[[], int] = time.time_ns,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Join two classes.
 
         Raises:

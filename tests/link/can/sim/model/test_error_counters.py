@@ -115,10 +115,13 @@ def test_an_error_is_noticed_within_seven_bits_or_behind_the_ack(broken: int, le
 @pytest.mark.parametrize(
     ("transmit", "receive", "state"),
     [
-        (127, 127, BusState.ACTIVE), (128, 127, BusState.PASSIVE), (127, 128, BusState.PASSIVE),
-        (255, 0, BusState.PASSIVE), (0, 300, BusState.PASSIVE),
+        (127, 127, BusState.ACTIVE),
+        (128, 127, BusState.PASSIVE),
+        (127, 128, BusState.PASSIVE),
+        (255, 0, BusState.PASSIVE),
+        (0, 300, BusState.PASSIVE),
     ],
-)  # fmt: skip
+)
 def test_a_controller_is_passive_above_127(transmit: int, receive: int, state: BusState) -> None:
     counters = ErrorCounters(transmit, receive)
     assert counters.state is state
@@ -165,10 +168,14 @@ def seen_wrong_at(bits: Sequence[WireBit], broken: int, broken_level: int, level
 @pytest.mark.parametrize(
     "frame",
     [
-        Frame(0x555, b"\x55" * 2), Frame(0), Frame(0x7FF, b"\xff\xff"), Frame(0x123, remote=True),
-        Frame(0x1ABCDEF0, b"\x0f", extended=True), Frame(0x0F0, b"\x00\x81", fd=True),
+        Frame(0x555, b"\x55" * 2),
+        Frame(0),
+        Frame(0x7FF, b"\xff\xff"),
+        Frame(0x123, remote=True),
+        Frame(0x1ABCDEF0, b"\x0f", extended=True),
+        Frame(0x0F0, b"\x00\x81", fd=True),
     ],
-)  # fmt: skip
+)
 def test_a_broken_frame_is_noticed_where_a_plain_receiver_does(frame: Frame) -> None:
     bits = wire_bits(frame)
     for broken, first, level in product(range(-1, len(bits)), (DOMINANT, RECESSIVE), (DOMINANT, RECESSIVE)):

@@ -47,35 +47,73 @@ def command() -> None:
 def common_options(function: Command) -> Command:
     """The options of every kind of agent, passed on as `wishes`."""
 
-    @click.option("-m", "--middleware", type=click.Choice(["ced", "dds", "rtps"]),
-                  help="ced: any reference or XML is a topic's name. dds and rtps are taken for the sake of start "
-                  "scripts; where samples are is said with --space.")  # fmt: skip
+    @click.option(
+        "-m",
+        "--middleware",
+        type=click.Choice(["ced", "dds", "rtps"]),
+        help="ced: any reference or XML is a topic's name. dds and rtps are taken for the sake of start "
+        "scripts; where samples are is said with --space.",
+    )
     @space_option
     @log_options
-    @click.option("-r", "--refs", metavar="FILE", type=click.Path(path_type=Path),
-                  help="Profiles (XML) for clients that create objects by reference.")  # fmt: skip
-    @click.option("-v", "--verbose", type=WholeRange(0, 6), is_flag=False, flag_value=DEFAULT_VERBOSE,
-                  default=DEFAULT_VERBOSE, show_default=True,
-                  help="0 says nothing, 2 errors, 4 who comes and goes, 5 what each creates, deletes and reads as "
-                  "well, 6 every packet.")  # fmt: skip
-    @click.option("--dead-after", metavar="SECONDS", type=FiniteRange(min=0.1),
-                  help="Silence after which a client is asked three times, and then removed; without it silent "
-                  "clients stay, unless they ask for it themselves (uxr_hl).")  # fmt: skip
-    @click.option("--max-objects", metavar="N", type=WholeRange(1, MOST_OBJECTS),
-                  default=AgentSettings().max_objects, show_default=True,
-                  help="Objects that one client may have: participants, topics, publishers, writers ...")  # fmt: skip
+    @click.option(
+        "-r",
+        "--refs",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+        help="Profiles (XML) for clients that create objects by reference.",
+    )
+    @click.option(
+        "-v",
+        "--verbose",
+        type=WholeRange(0, 6),
+        is_flag=False,
+        flag_value=DEFAULT_VERBOSE,
+        default=DEFAULT_VERBOSE,
+        show_default=True,
+        help="0 says nothing, 2 errors, 4 who comes and goes, 5 what each creates, deletes and reads as "
+        "well, 6 every packet.",
+    )
+    @click.option(
+        "--dead-after",
+        metavar="SECONDS",
+        type=FiniteRange(min=0.1),
+        help="Silence after which a client is asked three times, and then removed; without it silent "
+        "clients stay, unless they ask for it themselves (uxr_hl).",
+    )
+    @click.option(
+        "--max-objects",
+        metavar="N",
+        type=WholeRange(1, MOST_OBJECTS),
+        default=AgentSettings().max_objects,
+        show_default=True,
+        help="Objects that one client may have: participants, topics, publishers, writers ...",
+    )
     @wraps(function)
     def wrapped(
-        *, middleware: str | None, space: SpaceAddress, log_wishes: LogOptions, refs: Path | None, verbose: int,
-        dead_after: float | None, max_objects: int, **others: object,
-    ) -> None:  # fmt: skip
+        *,
+        middleware: str | None,
+        space: SpaceAddress,
+        log_wishes: LogOptions,
+        refs: Path | None,
+        verbose: int,
+        dead_after: float | None,
+        max_objects: int,
+        **others: object,
+    ) -> None:
         function(
             wishes=ServingOptions(
-                verbose, middleware, refs, math.inf if dead_after is None else dead_after, space, log_wishes,
-                max_objects, wanted_services(),
+                verbose,
+                middleware,
+                refs,
+                math.inf if dead_after is None else dead_after,
+                space,
+                log_wishes,
+                max_objects,
+                wanted_services(),
             ),
             **others,
-        )  # fmt: skip
+        )
 
     return wrapped
 
@@ -86,11 +124,18 @@ def network_command(name: str, kind: type[UdpServerLink] | type[TcpServerLink], 
 
     @command.command(name, cls=AgentCommand, help=doc)
     @click.option("-p", "--port", type=WholeRange(0, 65535), required=True, help="Port to listen on; 0 = any.")
-    @click.option("--host", default=here, show_default=True,
-                  help=f"Address to listen on; {everywhere} for every interface.")  # fmt: skip
-    @click.option("-d", "--discovery", metavar="[PORT]", type=WholeRange(1, 65535), is_flag=False,
-                  flag_value=DISCOVERY_PORT, help="Answer clients that look for an agent by multicast; on 7400 "
-                  "unless told otherwise.")  # fmt: skip
+    @click.option(
+        "--host", default=here, show_default=True, help=f"Address to listen on; {everywhere} for every interface."
+    )
+    @click.option(
+        "-d",
+        "--discovery",
+        metavar="[PORT]",
+        type=WholeRange(1, 65535),
+        is_flag=False,
+        flag_value=DISCOVERY_PORT,
+        help="Answer clients that look for an agent by multicast; on 7400 unless told otherwise.",
+    )
     @common_options
     def run(*, port: int, host: str, discovery: int | None, wishes: ServingOptions) -> None:
         check_host(host, ip=ip, name=name)
@@ -131,10 +176,23 @@ baudrate_option = click.option(
 def port_options(function: Command) -> Command:
     """The options of both serial commands, passed on as `link`."""
 
-    @click.option("-D", "--dev", "--devs", "ports", metavar="PORT", multiple=True,
-                  help=f"Serial port, for example /dev/ttyUSB0; {AUTO} = every USB serial port.")  # fmt: skip
-    @click.option("-f", "--file", "list_file", metavar="FILE", type=click.Path(path_type=Path),
-                  help="A file with the ports' names, one in a line, in place of --dev.")  # fmt: skip
+    @click.option(
+        "-D",
+        "--dev",
+        "--devs",
+        "ports",
+        metavar="PORT",
+        multiple=True,
+        help=f"Serial port, for example /dev/ttyUSB0; {AUTO} = every USB serial port.",
+    )
+    @click.option(
+        "-f",
+        "--file",
+        "list_file",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+        help="A file with the ports' names, one in a line, in place of --dev.",
+    )
     @click.option("-fc", "--flow-control", is_flag=True, help="Use the wires RTS and CTS.")
     @baudrate_option
     @wraps(function)
@@ -206,8 +264,13 @@ def pseudoterminal(*, path: str | None, baudrate: int, wishes: ServingOptions) -
 def id_option(function: Command) -> Command:
     """`-I`, which eProsima's agent accepts for `canfd` and ignores."""
 
-    @click.option("-I", "--id", "can_id", metavar="ID",
-                  help="Taken for the sake of start scripts; each client is answered with its own.")  # fmt: skip
+    @click.option(
+        "-I",
+        "--id",
+        "can_id",
+        metavar="ID",
+        help="Taken for the sake of start scripts; each client is answered with its own.",
+    )
     @wraps(function)
     def wrapped(*, can_id: str | None, **others: object) -> None:  # noqa: ARG001 - nothing depends on it
         function(**others)
@@ -220,9 +283,15 @@ def can_command(name: str, *, doc: str, extra: Callable[[Command], Command] = la
 
     @command.command(name, cls=AgentCommand, help=doc)
     @extra
-    @click.option("-D", "--dev", "device", metavar="BUS", required=True,
-                  help="An interface of Linux (can0), or an interface of python-can and its channel "
-                  "(slcan:/dev/ttyACM0?bitrate=500000); can takes a simulated bus, too (sim:classroom).")  # fmt: skip
+    @click.option(
+        "-D",
+        "--dev",
+        "device",
+        metavar="BUS",
+        required=True,
+        help="An interface of Linux (can0), or an interface of python-can and its channel "
+        "(slcan:/dev/ttyACM0?bitrate=500000); can takes a simulated bus, too (sim:classroom).",
+    )
     @common_options
     def run(*, device: str, wishes: ServingOptions) -> None:
         settings = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)

@@ -205,8 +205,19 @@ def _table(status: AgentStatus) -> Table:
     for view in status.clients:
         heard = f"{duration(view.silent_s)} ago" if view.gone is None else view.gone
         table.add_row(
-            f"{view.key:08X}", f"{view.session_id:02X}", view.link, view.address, duration(view.age_s), heard,
-            objects_words(view), streams_words(view.streams), str(view.published), str(view.delivered),
-            str(view.packets_in), str(view.packets_out), str(view.resent), dropped_words(view),
-        )  # fmt: skip
+            f"{view.key:08X}",
+            f"{view.session_id:02X}",
+            view.link,
+            view.address,
+            duration(view.age_s),
+            heard,
+            objects_words(view),
+            streams_words(view.streams),
+            str(view.published),
+            str(view.delivered),
+            str(view.packets_in),
+            str(view.packets_out),
+            str(view.resent),
+            dropped_words(view),
+        )
     return table

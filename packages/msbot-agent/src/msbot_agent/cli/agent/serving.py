@@ -114,9 +114,13 @@ class Discovery:
 
 
 def serve(
-    link: Link, wishes: ServingOptions, discovery: Discovery | None = None, *, hint: str = "",
+    link: Link,
+    wishes: ServingOptions,
+    discovery: Discovery | None = None,
+    *,
+    hint: str = "",
     open_for: Callable[[int], Link] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Run an agent on that link until Ctrl-C or SIGTERM.
 
     Args:
@@ -220,9 +224,13 @@ def _allow_connections() -> None:
 
 
 async def _main(  # noqa: PLR0917 - what `serve` was given
-    link: Link, wishes: ServingOptions, references: References | None, discovery: Discovery | None, hint: str,
+    link: Link,
+    wishes: ServingOptions,
+    references: References | None,
+    discovery: Discovery | None,
+    hint: str,
     open_for: Callable[[int], Link],
-) -> None:  # fmt: skip
+) -> None:
     with open_space(wishes.space) as inner:
         space = inner
         for one in wishes.services:
@@ -236,9 +244,14 @@ async def _main(  # noqa: PLR0917 - what `serve` was given
 
 
 async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
-    space: Space, link: Link, wishes: ServingOptions, references: References | None, greet: Callable[[Link, str], None],
-    discovery: Discovery | None, open_for: Callable[[int], Link],
-) -> None:  # fmt: skip
+    space: Space,
+    link: Link,
+    wishes: ServingOptions,
+    references: References | None,
+    greet: Callable[[Link, str], None],
+    discovery: Discovery | None,
+    open_for: Callable[[int], Link],
+) -> None:
     up = asyncio.Event()
 
     def signalled(link: Link, signal: Signal, peer: Peer | None, reason: str, now: float) -> None:  # noqa: ARG001

@@ -254,8 +254,9 @@ class StrangerFilter:
             self._told_at = now
             _log.warning(
                 "%s: %.0f packets a second come from strangers: known parts go first, newcomers are heard in turns",
-                self._name, self._watch.per_s,
-            )  # fmt: skip
+                self._name,
+                self._watch.per_s,
+            )
 
     def _attach(self, admission: StrangersHeard) -> None:
         wanted = (admission, tuple(self._known.first(MOST_KNOWN)))
@@ -280,7 +281,7 @@ class StrangerFilter:
 
 def strangers_program(
     admission: StrangersHeard, known: tuple[Peer, ...], *, is_ipv6: bool = False, by_port: bool = True
-) -> list[Instruction]:  # fmt: skip
+) -> list[Instruction]:
     """The filter, in classic BPF.
 
     Args:
@@ -349,13 +350,19 @@ def _strangers(source: list[int], admission: StrangersHeard) -> list[Instruction
     for at in source[1:]:
         program += [(_TO_X, 0, 0, 0), (_WORD, 0, 0, at), (_XOR_X, 0, 0, 0)]
     program += [
-        (_MULTIPLY, 0, 0, _SALT), (_SHIFT, 0, 0, 12), (_MODULO, 0, 0, admission.turns),
-        (_EQUAL, 1, 0, admission.turn), (_RETURN, 0, 0, 0),
-    ]  # fmt: skip
+        (_MULTIPLY, 0, 0, _SALT),
+        (_SHIFT, 0, 0, 12),
+        (_MODULO, 0, 0, admission.turns),
+        (_EQUAL, 1, 0, admission.turn),
+        (_RETURN, 0, 0, 0),
+    ]
     if admission.chance < CHANCES:
         program += [
-            (_WORD, 0, 0, _RANDOM), (_AND, 0, 0, CHANCES - 1), (_AT_LEAST, 0, 1, admission.chance), (_RETURN, 0, 0, 0),
-        ]  # fmt: skip
+            (_WORD, 0, 0, _RANDOM),
+            (_AND, 0, 0, CHANCES - 1),
+            (_AT_LEAST, 0, 1, admission.chance),
+            (_RETURN, 0, 0, 0),
+        ]
     return [*program, (_RETURN, 0, 0, _WHOLE)]
 
 

@@ -102,9 +102,14 @@ class WebSocketClientLink(BaseLink):
             refusal = ""
             try:
                 async with connect(
-                    self._url, additional_headers={"Authorization": f"Bearer {self._token}"}, compression=None,
-                    max_size=MAX_PACKET, open_timeout=CONNECT_S, close_timeout=CLOSE_S, write_limit=WRITE_LIMIT,
-                ) as connection:  # fmt: skip
+                    self._url,
+                    additional_headers={"Authorization": f"Bearer {self._token}"},
+                    compression=None,
+                    max_size=MAX_PACKET,
+                    open_timeout=CONNECT_S,
+                    close_timeout=CLOSE_S,
+                    write_limit=WRITE_LIMIT,
+                ) as connection:
                     refusal = await self._serve(connection)
             except InvalidStatus as error:
                 self._judge(error.response.status_code)

@@ -115,9 +115,14 @@ class Forwarder:
     """
 
     def __init__(
-        self, *, boot: bytes, name: str, carried: LinkInfo, describe: Callable[[Peer], str],
+        self,
+        *,
+        boot: bytes,
+        name: str,
+        carried: LinkInfo,
+        describe: Callable[[Peer], str],
         on_event: Callable[[ForwarderEvent], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.dropped = Tally()
         self._hello = Hello(
             boot, name, carried.name, carried.mtu, carried.bits_per_second or 0, carried.shared_bus, carried.compresses

@@ -132,9 +132,13 @@ class SerialServerLink(LineServer):
     """
 
     def __init__(
-        self, ports: Sequence[str] = (), *, baudrate: int = DEFAULT_BAUDRATE, flow_control: bool = False,
+        self,
+        ports: Sequence[str] = (),
+        *,
+        baudrate: int = DEFAULT_BAUDRATE,
+        flow_control: bool = False,
         rescan_s: float = RESCAN_S,
-    ) -> None:  # fmt: skip
+    ) -> None:
         super().__init__(f"serial:{','.join(ports) or AUTO}", bits_per_second=baudrate)
         self._ports = tuple(dict.fromkeys(ports))
         self._opener = Opener(baudrate, flow_control=flow_control)
@@ -186,9 +190,15 @@ class SerialClientLink(LineLink):
     """
 
     def __init__(
-        self, port: str, *, baudrate: int = DEFAULT_BAUDRATE, address: int = CLIENT_ADDRESS,
-        remote: int = AGENT_ADDRESS, flow_control: bool = False, rescan_s: float = RESCAN_S,
-    ) -> None:  # fmt: skip
+        self,
+        port: str,
+        *,
+        baudrate: int = DEFAULT_BAUDRATE,
+        address: int = CLIENT_ADDRESS,
+        remote: int = AGENT_ADDRESS,
+        flow_control: bool = False,
+        rescan_s: float = RESCAN_S,
+    ) -> None:
         for octet in (address, remote):
             if not 0 <= octet <= 255:
                 raise ConfigError(f"serial address {octet} is not from 0 to 255")

@@ -55,9 +55,16 @@ class LibraryEndpoint:
     """What is reported of samples that made no sense, after their number."""
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
-        self, library: DdsLibrary, serialiser: Serialiser, entity: int, name: str, type_name: str, qos: Qos,
-        neighbours: RemoteEndpoints, domain: int,
-    ) -> None:  # fmt: skip
+        self,
+        library: DdsLibrary,
+        serialiser: Serialiser,
+        entity: int,
+        name: str,
+        type_name: str,
+        qos: Qos,
+        neighbours: RemoteEndpoints,
+        domain: int,
+    ) -> None:
         self.entity = entity
         self.name = name
         self.type_name = type_name
@@ -99,9 +106,11 @@ class LibraryEndpoint:
     def _look_for_incompatible(self) -> None:
         """Find out which policies kept a peer away, where the comparison with the neighbours does not tell."""
         calls, incompatible = self._library.calls, Incompatible()
-        ask = calls.dds_get_offered_incompatible_qos_status if self.WRITES else (
-            calls.dds_get_requested_incompatible_qos_status
-        )  # fmt: skip
+        ask = (
+            calls.dds_get_offered_incompatible_qos_status
+            if self.WRITES
+            else (calls.dds_get_requested_incompatible_qos_status)
+        )
         if ask(self.entity, byref(incompatible)) >= 0:
             policy = POLICIES.get(incompatible.policy)
             if incompatible.total and policy is not None and policy not in COMPARED:

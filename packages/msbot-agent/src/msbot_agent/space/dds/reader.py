@@ -45,9 +45,19 @@ class LibraryReader(LibraryEndpoint):
     REFUSED = "samples of DDS peers made no sense"
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
-        self, library: DdsLibrary, serialiser: Serialiser, entity: int, condition: int, name: str, type_name: str,
-        qos: Qos, neighbours: RemoteEndpoints, reader: MemoryReader, convert: Convert | None, domain: int,
-    ) -> None:  # fmt: skip
+        self,
+        library: DdsLibrary,
+        serialiser: Serialiser,
+        entity: int,
+        condition: int,
+        name: str,
+        type_name: str,
+        qos: Qos,
+        neighbours: RemoteEndpoints,
+        reader: MemoryReader,
+        convert: Convert | None,
+        domain: int,
+    ) -> None:
         super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.condition = condition
         self.tokens = (0, 0)
@@ -128,9 +138,13 @@ class DdsReader:
     __slots__ = ("_close", "_inlets", "_limit", "_memory", "_notes", "_paused", "_waiter", "topic")
 
     def __init__(
-        self, memory: MemoryReader, inlets: tuple[LibraryReader, ...], notes: tuple[str, ...], waiter: Waiter,
+        self,
+        memory: MemoryReader,
+        inlets: tuple[LibraryReader, ...],
+        notes: tuple[str, ...],
+        waiter: Waiter,
         close: Callable[[DdsReader], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`notes` say which of its names DDS did not accept, and why."""
         self.topic: Topic = memory.topic
         self._memory = memory

@@ -52,10 +52,14 @@ class DdsSpace:
     """Satisfies `Space`. Must be made on a running event loop, and closed; can be used with `with`."""
 
     def __init__(
-        self, domain: int = 0, *, partition: str = "", dds_topics_of: DdsTopicsOf = as_it_is,
+        self,
+        domain: int = 0,
+        *,
+        partition: str = "",
+        dds_topics_of: DdsTopicsOf = as_it_is,
         interface: str | None = None,
         clock: Callable[[], float] = time.monotonic,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Join DDS.
 
         Args:
@@ -212,9 +216,17 @@ class DdsSpace:
             raise ConfigError(f"topic {dds_topic.name}: DDS makes no writer for it ({self._library.words(entity)})")
         calls.dds_set_status_mask(entity, OFFERED_STATUSES)
         return LibraryWriter(
-            self._library, self._serialiser, entity, native.sample_type, dds_topic.name, dds_topic.type_name, qos,
-            self._neighbours[domain.number], self._try_again, domain.number,
-        )  # fmt: skip
+            self._library,
+            self._serialiser,
+            entity,
+            native.sample_type,
+            dds_topic.name,
+            dds_topic.type_name,
+            qos,
+            self._neighbours[domain.number],
+            self._try_again,
+            domain.number,
+        )
 
     def _open_inlet(self, topic: Topic, dds_topic: DdsTopic, qos: Qos, memory: MemoryReader) -> LibraryReader:
         domain, qos = self._domain_of(topic), self._in_dds(qos, dds_topic)
@@ -228,9 +240,18 @@ class DdsSpace:
         calls.dds_set_status_mask(entity, REQUESTED_STATUSES)
         condition = calls.dds_create_readcondition(entity, ANY_STATE)
         return LibraryReader(
-            self._library, self._serialiser, entity, condition, dds_topic.name, dds_topic.type_name, qos,
-            self._neighbours[domain.number], memory, dds_topic.inward, domain.number,
-        )  # fmt: skip
+            self._library,
+            self._serialiser,
+            entity,
+            condition,
+            dds_topic.name,
+            dds_topic.type_name,
+            qos,
+            self._neighbours[domain.number],
+            memory,
+            dds_topic.inward,
+            domain.number,
+        )
 
     def _close_writer(self, writer: DdsWriter) -> None:
         for outlet in writer.outlets:

@@ -31,9 +31,18 @@ class LibraryWriter(LibraryEndpoint):
     REFUSED = "samples could not be written to DDS"
 
     def __init__(  # noqa: PLR0917 - made by DdsSpace only
-        self, library: DdsLibrary, serialiser: Serialiser, entity: int, sample_type: int, name: str, type_name: str,
-        qos: Qos, neighbours: RemoteEndpoints, retry: Callable[[LibraryWriter], None], domain: int,
-    ) -> None:  # fmt: skip
+        self,
+        library: DdsLibrary,
+        serialiser: Serialiser,
+        entity: int,
+        sample_type: int,
+        name: str,
+        type_name: str,
+        qos: Qos,
+        neighbours: RemoteEndpoints,
+        retry: Callable[[LibraryWriter], None],
+        domain: int,
+    ) -> None:
         super().__init__(library, serialiser, entity, name, type_name, qos, neighbours, domain)
         self.sample_type = sample_type
         self.has_readers = False
@@ -114,9 +123,12 @@ class DdsWriter:
     __slots__ = ("_close", "_memory", "_notes", "_outlets", "guid", "topic")
 
     def __init__(
-        self, memory: MemoryWriter, outlets: tuple[tuple[LibraryWriter, Convert | None], ...], notes: tuple[str, ...],
+        self,
+        memory: MemoryWriter,
+        outlets: tuple[tuple[LibraryWriter, Convert | None], ...],
+        notes: tuple[str, ...],
         close: Callable[[DdsWriter], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`notes` say which of its names DDS did not accept, and why."""
         self.guid = memory.guid
         self.topic: Topic = memory.topic

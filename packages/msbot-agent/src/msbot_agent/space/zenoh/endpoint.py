@@ -28,8 +28,23 @@ logger = logging.getLogger(__name__)
 class LibraryEndpoint:
     """One writer or reader in Zenoh, under one of the topic's names; base of `LibraryWriter` and `LibraryReader`."""
 
-    __slots__ = ("_declared", "_guid", "_loop", "_neighbours", "_news", "_next_warning", "is_open", "key", "lost",
-                 "name", "partition", "qos", "refused", "topic_domain", "type_name")  # fmt: skip
+    __slots__ = (
+        "_declared",
+        "_guid",
+        "_loop",
+        "_neighbours",
+        "_news",
+        "_next_warning",
+        "is_open",
+        "key",
+        "lost",
+        "name",
+        "partition",
+        "qos",
+        "refused",
+        "topic_domain",
+        "type_name",
+    )
 
     WRITES: bool
     """Whether samples go out here."""
@@ -39,9 +54,15 @@ class LibraryEndpoint:
     """What is reported of samples that made no sense, after their number."""
 
     def __init__(  # noqa: PLR0917 - made by ZenohSpace only
-        self, loop: asyncio.AbstractEventLoop, partition: str, domain: int, name: str, type_name: str, qos: Qos,
+        self,
+        loop: asyncio.AbstractEventLoop,
+        partition: str,
+        domain: int,
+        name: str,
+        type_name: str,
+        qos: Qos,
         guid: Guid,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`guid` is the one by which others know it."""
         self.key = data_key(partition, domain, name, type_name)
         self.partition = partition

@@ -64,9 +64,13 @@ def read_envelope(octets: bytes) -> SampleEnvelope | None:
         return None
     known = qos_of(number_of_flags, deadline)
     offered = Qos(
-        reliable=known.reliable, transient_local=known.transient_local, exclusive=known.exclusive,
-        deadline_s=known.deadline_s, strength=strength, lifespan_s=lifespan or None,
-    )  # fmt: skip
+        reliable=known.reliable,
+        transient_local=known.transient_local,
+        exclusive=known.exclusive,
+        deadline_s=known.deadline_s,
+        strength=strength,
+        lifespan_s=lifespan or None,
+    )
     related = _RELATED.unpack_from(octets, _PLAIN.size) if len(octets) == _WITH_RELATED else None
     return SampleEnvelope(guid, number, offered, related, bool(number_of_flags & _REPEATED))
 
@@ -97,9 +101,12 @@ class LoopQueue(Generic[T]):
     __slots__ = ("_is_announced", "_loop", "_most", "_queue", "_size_of", "_take", "first_lost", "lost")
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, take: Callable[[T], None], most: int,
+        self,
+        loop: asyncio.AbstractEventLoop,
+        take: Callable[[T], None],
+        most: int,
         size_of: Callable[[T], int] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Make an empty one.
 
         Args:

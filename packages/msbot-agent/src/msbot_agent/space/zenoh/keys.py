@@ -67,9 +67,7 @@ def endpoint_of(token: str) -> PeerEndpoint | None:
 
 def flags(qos: Qos) -> int:
     """What decides whether writer and reader match, as a number."""
-    return (
-        _RELIABLE * qos.reliable + _TRANSIENT_LOCAL * qos.transient_local + _EXCLUSIVE * qos.exclusive
-    )  # fmt: skip
+    return _RELIABLE * qos.reliable + _TRANSIENT_LOCAL * qos.transient_local + _EXCLUSIVE * qos.exclusive
 
 
 def qos_of(number: int, deadline_s: float) -> Qos:

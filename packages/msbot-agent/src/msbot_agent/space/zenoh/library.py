@@ -48,9 +48,13 @@ def load() -> ModuleType:
 
 
 def session_config(
-    mode: str, *, listen: Sequence[str] = (), connect: Sequence[str] = (), tls: TlsFiles | None = None,
+    mode: str,
+    *,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    tls: TlsFiles | None = None,
     access: dict[str, Any] | None = None,
-) -> zenoh.Config:  # fmt: skip
+) -> zenoh.Config:
     """The library's configuration of a session.
 
     Args:

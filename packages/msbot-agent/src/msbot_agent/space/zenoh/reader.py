@@ -48,9 +48,14 @@ class LibraryReader(LibraryEndpoint):
     REFUSED = "samples of Zenoh peers made no sense"
 
     def __init__(
-        self, *arguments: object, inward: Convert | None, reader: MemoryReader, peers: dict[Guid, Peer],
-        own_of: Mapping[Guid, Guid], clock: Clock,
-    ) -> None:  # fmt: skip
+        self,
+        *arguments: object,
+        inward: Convert | None,
+        reader: MemoryReader,
+        peers: dict[Guid, Peer],
+        own_of: Mapping[Guid, Guid],
+        clock: Clock,
+    ) -> None:
         """`own_of` maps the identity by which others know a requester of this program to its own."""
         super().__init__(*arguments)  # type: ignore[arg-type]
         self._inward = inward
@@ -162,9 +167,12 @@ class ZenohReader:
     __slots__ = ("_close", "_memory", "_notes", "inlets", "topic")
 
     def __init__(
-        self, memory: MemoryReader, inlets: tuple[LibraryReader, ...], notes: tuple[str, ...],
+        self,
+        memory: MemoryReader,
+        inlets: tuple[LibraryReader, ...],
+        notes: tuple[str, ...],
         close: Callable[[ZenohReader], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`notes` say what cannot cross."""
         self.topic: Topic = memory.topic
         self.inlets = inlets

@@ -39,9 +39,13 @@ class Router:
     """Serves as long as it is open; can be used with `with`."""
 
     def __init__(
-        self, listen: Sequence[str], connect: Sequence[str] = (), *, tls: TlsFiles | None = None,
+        self,
+        listen: Sequence[str],
+        connect: Sequence[str] = (),
+        *,
+        tls: TlsFiles | None = None,
         allowed: Sequence[Allowed] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Serve.
 
         Args:
@@ -88,16 +92,21 @@ def access_control(allowed: Sequence[Allowed]) -> dict[str, Any] | None:
         names = []
         for position, (flow, messages) in enumerate(ways):
             names.append(f"rule {number}.{position}")
-            rules.append({"id": names[-1], "permission": "allow", "flows": [flow], "messages": messages,
-                          "key_exprs": keys})  # fmt: skip
+            rules.append(
+                {"id": names[-1], "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+            )
         subject: dict[str, Any] = {"id": f"who {number}"}
         if rule.who:
             subject["cert_common_names"] = list(rule.who)
         subjects.append(subject)
         policies.append({"rules": names, "subjects": [subject["id"]]})
     return {
-        "enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies,
-    }  # fmt: skip
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
 
 
 def _sentence(listen: Sequence[str], error: str) -> str:

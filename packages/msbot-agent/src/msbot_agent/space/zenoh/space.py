@@ -38,9 +38,14 @@ class ZenohSpace:
     """Satisfies `Space`. Must be made on a running event loop, and closed; can be used with `with`."""
 
     def __init__(
-        self, routers: Sequence[str], *, tls: TlsFiles | None = None, partition: str = "",
-        dds_topics_of: DdsTopicsOf = as_it_is, clock: Callable[[], float] = time.monotonic,
-    ) -> None:  # fmt: skip
+        self,
+        routers: Sequence[str],
+        *,
+        tls: TlsFiles | None = None,
+        partition: str = "",
+        dds_topics_of: DdsTopicsOf = as_it_is,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         """Begin to connect to a router.
 
         Args:
@@ -125,11 +130,23 @@ class ZenohSpace:
         known_as = self._known_as(os.urandom(16))
         peers: dict[Guid, Peer] = {}
         inlets = [
-            LibraryReader(self._loop, partition, topic.domain, dds_topic.name, dds_topic.type_name, qos, known_as,
-                  inward=dds_topic.inward, reader=memory, peers=peers, own_of=self._own_of, clock=self._clock)
+            LibraryReader(
+                self._loop,
+                partition,
+                topic.domain,
+                dds_topic.name,
+                dds_topic.type_name,
+                qos,
+                known_as,
+                inward=dds_topic.inward,
+                reader=memory,
+                peers=peers,
+                own_of=self._own_of,
+                clock=self._clock,
+            )
             for dds_topic in self._dds_topics_of(topic)
             for partition in self._partitions_of(qos, dds_topic)
-        ]  # fmt: skip
+        ]
         reader = ZenohReader(memory, tuple(inlets), (), self._close_reader)
         self._declare(inlets)
         return reader

@@ -87,7 +87,7 @@ class LibraryWriter(LibraryEndpoint):
 
     def write(
         self, payload: bytes, number: int, related: tuple[Guid, int] | None = None, *, is_kept: bool = False
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Write a sample, or one that was kept while there was no connection (`is_kept`); never waits."""
         if self._put is None:
             if self.is_wanted and self._awaited is None:
@@ -125,10 +125,13 @@ class LibraryWriter(LibraryEndpoint):
         else:
             kept = (qos.late_depth or qos.depth) if qos.transient_local else max(qos.depth, LEAST_REPEATABLE) + 1
             publisher = ext.declare_advanced_publisher(
-                session, self.key, cache=ext.CacheConfig(max(1, kept)), publisher_detection=True,
+                session,
+                self.key,
+                cache=ext.CacheConfig(max(1, kept)),
+                publisher_detection=True,
                 sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S),
                 **options,
-            )  # fmt: skip
+            )
         self._declared.append(publisher)
         self._zenoh_error = library.ZError
         if self.qos.transient_local:
@@ -195,9 +198,13 @@ class ZenohWriter:
     __slots__ = ("_close", "_memory", "_notes", "_own", "guid", "outlets", "topic")
 
     def __init__(
-        self, memory: MemoryWriter, outlets: tuple[LibraryWriter, ...], notes: tuple[str, ...],
-        own: Mapping[Guid, Guid], close: Callable[[ZenohWriter], None],
-    ) -> None:  # fmt: skip
+        self,
+        memory: MemoryWriter,
+        outlets: tuple[LibraryWriter, ...],
+        notes: tuple[str, ...],
+        own: Mapping[Guid, Guid],
+        close: Callable[[ZenohWriter], None],
+    ) -> None:
         """`notes` say what cannot cross; `own` are this program's requesters, which are answered in memory."""
         self.guid = memory.guid
         self.topic: Topic = memory.topic

@@ -42,15 +42,17 @@ def join(address: str, fingerprint: str | None) -> None:
     status, me = ask_one(RemoteAccess(where, token, "", "", certificate), _look, PATIENCE_S)
     access = RemoteAccess(where, token, str(status.get("robot")), str(status.get("serial_number")), certificate)
     book.keep(access)
-    click.echo(f"{access.robot} {access.serial_number} at {where} is in the class as {me.get('name')} "
-               f"({me.get('role')})")  # fmt: skip
+    click.echo(
+        f"{access.robot} {access.serial_number} at {where} is in the class as {me.get('name')} ({me.get('role')})"
+    )
     if "design" not in me.get("rights", []):
         click.echo(
             f"as {me.get('role')}, the class may say STOP there; to change the blueprint takes a teacher's token"
         )
     if where.startswith("http://"):
-        click.echo("what travels there can be read by others in the network, the token too: give that master a "
-                   "--certificate")  # fmt: skip
+        click.echo(
+            "what travels there can be read by others in the network, the token too: give that master a --certificate"
+        )
 
 
 @click.command("leave")
@@ -65,8 +67,10 @@ def leave(robot: str) -> None:
         addresses = ", ".join(one.address for one in fitting)
         raise ConfigError(f"{len(fitting)} robots are called {robot}: say which one by its address: {addresses}")
     book.take_away(fitting[0])
-    click.echo(f"{fitting[0].robot} {fitting[0].serial_number} at {fitting[0].address} is in the class no more; the "
-               "token is valid until it is revoked on that robot's page Admin")  # fmt: skip
+    click.echo(
+        f"{fitting[0].robot} {fitting[0].serial_number} at {fitting[0].address} is in the class no more; the "
+        "token is valid until it is revoked on that robot's page Admin"
+    )
 
 
 def _token() -> str:
@@ -142,8 +146,7 @@ SECONDS = 3.0
 
 @click.command("find")
 @click.argument("class_name", metavar="[CLASS]", required=False, default="")
-@click.option("--seconds", type=FiniteRange(0.5, 60.0), default=SECONDS, show_default=True,
-              help="How long to listen.")  # fmt: skip
+@click.option("--seconds", type=FiniteRange(0.5, 60.0), default=SECONDS, show_default=True, help="How long to listen.")
 @json_option
 def find(class_name: str, seconds: float, *, as_json: bool) -> None:
     """Find the robots in the network that run with --announce, of all classes or of CLASS.
@@ -156,10 +159,16 @@ def find(class_name: str, seconds: float, *, as_json: bool) -> None:
     found = mdns.find(seconds, class_name)
     if as_json:
         told = [
-            {"name": one.robot, "serial_number": one.serial_number, "version": one.version, "class": one.class_name,
-             "page": one.address, "has_access": one.address in accesses}
+            {
+                "name": one.robot,
+                "serial_number": one.serial_number,
+                "version": one.version,
+                "class": one.class_name,
+                "page": one.address,
+                "has_access": one.address in accesses,
+            }
             for one in found
-        ]  # fmt: skip
+        ]
         click.echo(json.dumps(told))
         return
     if not found:

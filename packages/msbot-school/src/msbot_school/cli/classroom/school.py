@@ -67,8 +67,12 @@ def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> Non
         click.echo(json.dumps([_as_dict(robot) for robot in robots]))
         return
     if not robots:
-        click.echo("No robot fits." if words else "There is no robot: no master runs here, there is no robot.db, and "
-                   "no access to a robot elsewhere (`msbot class join`).")  # fmt: skip
+        click.echo(
+            "No robot fits."
+            if words
+            else "There is no robot: no master runs here, there is no robot.db, and "
+            "no access to a robot elsewhere (`msbot class join`)."
+        )
         return
     width, version, mark = (
         max(len(text) for text in texts)
@@ -244,8 +248,13 @@ def _confirmed(answer: dict[str, object]) -> str:
 
 @command.command("apply")
 @click.argument("blueprint", type=click.Path(path_type=Path))
-@click.option("--only", "words", multiple=True, metavar="WORD", help="Only robots in whose line of `msbot class list` "
-              "this is found; may be given several times.")  # fmt: skip
+@click.option(
+    "--only",
+    "words",
+    multiple=True,
+    metavar="WORD",
+    help="Only robots in whose line of `msbot class list` this is found; may be given several times.",
+)
 @library_option
 @db_option
 @click.option("--yes", is_flag=True, help="Do not ask.")

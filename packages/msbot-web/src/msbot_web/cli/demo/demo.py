@@ -83,12 +83,28 @@ class _Options:
 
 
 @click.command("demo")
-@click.option("--link", "wire", type=click.Choice([wire.value for wire in Wire]), default="can", show_default=True,
-              help="The wire: simulated classic CAN, simulated CAN FD, or UDP on this machine.")  # fmt: skip
-@click.option("--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True,
-              help="Bit rate of the CAN bus, bit/s.")  # fmt: skip
-@click.option("--data-bitrate", type=WholeRange(10_000, 8_000_000), default=2_000_000, show_default=True,
-              help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
+@click.option(
+    "--link",
+    "wire",
+    type=click.Choice([wire.value for wire in Wire]),
+    default="can",
+    show_default=True,
+    help="The wire: simulated classic CAN, simulated CAN FD, or UDP on this machine.",
+)
+@click.option(
+    "--bitrate",
+    type=WholeRange(10_000, 1_000_000),
+    default=500_000,
+    show_default=True,
+    help="Bit rate of the CAN bus, bit/s.",
+)
+@click.option(
+    "--data-bitrate",
+    type=WholeRange(10_000, 8_000_000),
+    default=2_000_000,
+    show_default=True,
+    help="Bit rate of the data phase of CAN FD, bit/s.",
+)
 @click.option("--no-compression", is_flag=True, help="Send DDS-XRCE headers on CAN as they are.")
 @click.option("--seconds", type=FiniteRange(min=0.1), help="End by itself after that time.")
 @click.option(
@@ -98,16 +114,23 @@ class _Options:
     help='Pull and plug parts on time: "3:unplug AA;12:plug AA;15:undo"; a step waits up to 10 s for its part.',
 )
 @click.option("--json", "as_json_object", is_flag=True, help="Print one JSON object at the end and nothing else.")
-@click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
-              help="Write every frame on the CAN bus to this file, as candump does.")  # fmt: skip
+@click.option(
+    "--log",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write every frame on the CAN bus to this file, as candump does.",
+)
 @click.option("--bus", metavar="NAME", help="Let other programs join the CAN bus by this name (sim:NAME).")
 @click.option("--seed", type=WholeRange(), help="Draw the same random values every time.")
 @click.option(
     "--db", type=click.Path(path_type=Path), help="Keep the robot's database in this file (else it is forgotten)."
 )
-@click.option("--robot", "sample", type=click.Choice(list(SAMPLES)),
-              help="The sample: a rover of ten parts to play with, the thesis' ring of three, or a buggy that drives; "
-              "rover, and with --world buggy, unless given.")  # fmt: skip
+@click.option(
+    "--robot",
+    "sample",
+    type=click.Choice(list(SAMPLES)),
+    help="The sample: a rover of ten parts to play with, the thesis' ring of three, or a buggy that drives; "
+    "rover, and with --world buggy, unless given.",
+)
 @world_options
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
 @click.option("--lesson", metavar="NAME", help="The robot of a lesson, which begins at once; `msbot lesson list`.")
@@ -118,16 +141,38 @@ class _Options:
 @log_options
 @page_options
 def command(
-    *, wire: str, bitrate: int, data_bitrate: int, no_compression: bool, seconds: float | None,
-    script: list[ScriptStep], as_json_object: bool, log: Path | None, bus: str | None, seed: int | None,
-    db: Path | None, sample: str | None, world: str | None, place: str | None, share: str | None,
-    world_password: str | None, spare: bool, lesson: str | None, lessons: tuple[Path, ...], space: SpaceAddress,
-    rec: RecordingRequest, metrics_port: int | None, log_wishes: LogOptions,
-    port: int | None, host: str, no_page: bool, certificate: Path | None,
+    *,
+    wire: str,
+    bitrate: int,
+    data_bitrate: int,
+    no_compression: bool,
+    seconds: float | None,
+    script: list[ScriptStep],
+    as_json_object: bool,
+    log: Path | None,
+    bus: str | None,
+    seed: int | None,
+    db: Path | None,
+    sample: str | None,
+    world: str | None,
+    place: str | None,
+    share: str | None,
+    world_password: str | None,
+    spare: bool,
+    lesson: str | None,
+    lessons: tuple[Path, ...],
+    space: SpaceAddress,
+    rec: RecordingRequest,
+    metrics_port: int | None,
+    log_wishes: LogOptions,
+    port: int | None,
+    host: str,
+    no_page: bool,
+    certificate: Path | None,
     certificate_key: Path | None,
     page_names: tuple[str, ...],
     trusted_proxies: tuple[str, ...],
-) -> None:  # fmt: skip
+) -> None:
     """Run a robot on this machine, everything simulated: a rover of ten parts, or the thesis' ring of three.
 
     The page is at the address that is printed. In a terminal the key beside a part pulls it out and plugs it in
@@ -136,20 +181,35 @@ def command(
     """
     chosen = chosen_lesson(lesson, lessons)
     options = _Options(
-        Wire(wire), bitrate, data_bitrate, not no_compression, seconds, script, as_json_object, log, bus, seed,
+        Wire(wire),
+        bitrate,
+        data_bitrate,
+        not no_compression,
+        seconds,
+        script,
+        as_json_object,
+        log,
+        bus,
+        seed,
         sample or ("rover" if world is None else "buggy"),
         spare,
         chosen,
         lessons,
-        page_wishes(port=port, host=host, no_page=no_page or (as_json_object and port is None),
-                    certificate=certificate, certificate_key=certificate_key, page_names=page_names,
-                    trusted_proxies=trusted_proxies),
+        page_wishes(
+            port=port,
+            host=host,
+            no_page=no_page or (as_json_object and port is None),
+            certificate=certificate,
+            certificate_key=certificate_key,
+            page_names=page_names,
+            trusted_proxies=trusted_proxies,
+        ),
         space,
         rec,
         metrics_port,
         log_wishes,
         WorldOptions(world or (chosen.world or None if chosen else None), place, share, world_password),
-    )  # fmt: skip
+    )
     options.world.check()
     log_wishes.set_up(logging.WARNING)
     if log is not None and options.wire is Wire.UDP:
@@ -175,9 +235,12 @@ def command(
 
 
 async def _main(
-    options: _Options, blueprint: Blueprint, library: Library,
-    database: tuple[Registry, RobotStore, StoredNodeIds, str], ring: Path,
-) -> None:  # fmt: skip
+    options: _Options,
+    blueprint: Blueprint,
+    library: Library,
+    database: tuple[Registry, RobotStore, StoredNodeIds, str],
+    ring: Path,
+) -> None:
     registry, store, node_ids, address = database
     with robot_space(options.space, blueprint, library) as space:
         recording = RobotRecording(options.rec, ring, library)
@@ -216,14 +279,27 @@ async def _main(
 
             if not options.page.off:
                 with made_to_stay():
-                    room = _make_page(robot, operations, library, (registry, store.robot, address), options,
-                                      arena=world.living, desk=desk)  # fmt: skip
+                    room = _make_page(
+                        robot,
+                        operations,
+                        library,
+                        (registry, store.robot, address),
+                        options,
+                        arena=world.living,
+                        desk=desk,
+                    )
                 beside.append(serve_page(room, None, options.page, notes.add))
             beside.append(
                 _answering(robot, operations, address, page_address, lambda: registry.storage.health.trouble).run()
             )
-            beside += metrics_beside(options.metrics_port, robot.master.agent, notes.add, master=robot.master,
-                                     registry=registry, page=None if room is None else room.figures)  # fmt: skip
+            beside += metrics_beside(
+                options.metrics_port,
+                robot.master.agent,
+                notes.add,
+                master=robot.master,
+                registry=registry,
+                page=None if room is None else room.figures,
+            )
             if options.log_wishes.is_json:
                 robot.master.inventory.on_event(log_event)
             stop = StopSocket(robot.master, lambda: _details(robot, operations, address, page_address()))
@@ -256,30 +332,48 @@ def _details(
 
 
 def _answering(
-    robot: DemoRobot, operations: RunningOperations, address: str, page: Callable[[], str],
+    robot: DemoRobot,
+    operations: RunningOperations,
+    address: str,
+    page: Callable[[], str],
     trouble: Callable[[], str | None],
-) -> StatusServer:  # fmt: skip
+) -> StatusServer:
     """The server that lets other commands see the robot and change it."""
     profile = robot.master.profile
     return StatusServer(
-        robot.master.agent, what=MASTER, name=f"{profile.name} {profile.version}",
+        robot.master.agent,
+        what=MASTER,
+        name=f"{profile.name} {profile.version}",
         details=lambda: _details(robot, operations, address, page(), trouble()),
         control=partial(perform, operations),
-    )  # fmt: skip
+    )
 
 
 def _make_page(
-    robot: DemoRobot, operations: RunningOperations, library: Library, database: tuple[Registry, RobotRecord, str],
-    options: _Options, *, arena: RunningArena | None, desk: LessonController,
-) -> RobotPages:  # fmt: skip
+    robot: DemoRobot,
+    operations: RunningOperations,
+    library: Library,
+    database: tuple[Registry, RobotRecord, str],
+    options: _Options,
+    *,
+    arena: RunningArena | None,
+    desk: LessonController,
+) -> RobotPages:
     from msbot_web.assembly import Database, RobotPages
     from msbot_web.simulated.demo_controls import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
     return RobotPages(
-        robot.master, operations, library, database=Database(*database), seen=seen,
-        settings=options.page.settings(), entry_link=True, lessons=desk, space=options.space,
-    )  # fmt: skip
+        robot.master,
+        operations,
+        library,
+        database=Database(*database),
+        seen=seen,
+        settings=options.page.settings(),
+        entry_link=True,
+        lessons=desk,
+        space=options.space,
+    )
 
 
 async def _run_beside(work: Coroutine[object, object, None], beside: Iterable[Coroutine[object, object, None]]) -> None:

@@ -72,9 +72,12 @@ class ScriptRun:
     """
 
     def __init__(
-        self, steps: Iterable[ScriptStep], robot: DemoRobot, undo: Callable[[], Awaitable[str]],
+        self,
+        steps: Iterable[ScriptStep],
+        robot: DemoRobot,
+        undo: Callable[[], Awaitable[str]],
         say: Callable[[str], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._left = list(steps)
         self._robot = robot
         self._undo = undo

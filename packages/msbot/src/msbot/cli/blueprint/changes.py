@@ -179,15 +179,27 @@ def slot_command() -> None:
 @click.argument("part")
 @click.option("--description", default="", help="What it is for, in words.")
 @click.option("--local-name", default="", metavar="LOCAL", help="Only the part that shows this local name asks for it.")
-@click.option("--blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT, show_default=True,
-              help="The robot's blueprint; the slot is written to its end.")  # fmt: skip
+@click.option(
+    "--blueprint",
+    type=click.Path(path_type=Path),
+    default=DEFAULT_BLUEPRINT,
+    show_default=True,
+    help="The robot's blueprint; the slot is written to its end.",
+)
 @library_option
 @db_option
 @json_option
 def add(
-    name: str, part: str, *, description: str, local_name: str, blueprint: Path, folders: tuple[Path, ...],
-    db: str | None, as_json: bool,
-) -> None:  # fmt: skip
+    name: str,
+    part: str,
+    *,
+    description: str,
+    local_name: str,
+    blueprint: Path,
+    folders: tuple[Path, ...],
+    db: str | None,
+    as_json: bool,
+) -> None:
     """Append a slot NAME for part number PART to robot.toml and apply it at once.
 
     It is written to the end of robot.toml, whose other lines stay as they are, and put into force, in a running robot

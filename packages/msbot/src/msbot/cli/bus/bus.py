@@ -32,21 +32,30 @@ bitrate_option = click.option(
     "--bitrate", type=WholeRange(min=1), default=500_000, show_default=True, help="Nominal bit rate, bit/s."
 )
 data_bitrate_option = click.option(
-    "--data-bitrate", type=WholeRange(min=1), default=2_000_000, show_default=True,
+    "--data-bitrate",
+    type=WholeRange(min=1),
+    default=2_000_000,
+    show_default=True,
     help="Bit rate of the data phase of CAN FD frames with a bit-rate switch, bit/s.",
-)  # fmt: skip
+)
 
 
 def words_options(function: _C) -> _C:
     """The options of the commands that say what frames mean."""
-    legacy = click.option("--legacy", is_flag=True,
-                          help="The frames are those of the thesis' firmware (0x123 up, 0x120 down).")  # fmt: skip
-    blueprint = click.option("--blueprint", type=click.Path(exists=True, dir_okay=False, path_type=Path),
-                             help="The robot's blueprint; the robot.toml here, if there is one.")  # fmt: skip
-    protocol = click.option("--protocol", is_flag=True,
-                            help="When the robot is known: below a sentence the words of the protocol.")  # fmt: skip
-    as_json = click.option("--json", "as_json", is_flag=True,
-                           help="Print a JSON object for each frame, with plain and protocol.")  # fmt: skip
+    legacy = click.option(
+        "--legacy", is_flag=True, help="The frames are those of the thesis' firmware (0x123 up, 0x120 down)."
+    )
+    blueprint = click.option(
+        "--blueprint",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help="The robot's blueprint; the robot.toml here, if there is one.",
+    )
+    protocol = click.option(
+        "--protocol", is_flag=True, help="When the robot is known: below a sentence the words of the protocol."
+    )
+    as_json = click.option(
+        "--json", "as_json", is_flag=True, help="Print a JSON object for each frame, with plain and protocol."
+    )
     return legacy(blueprint(library_option(protocol(as_json(function)))))
 
 
@@ -107,15 +116,33 @@ class SizeType(click.ParamType[tuple[str, int]]):
 @click.argument("bus", default=f"sim:{DEFAULT_NAME}", metavar="[BUS]")
 @click.option("--decode/--no-decode", default=True, show_default=True, help="Say what the frames mean.")
 @words_options
-@click.option("--log", type=click.Path(path_type=Path, dir_okay=False),
-              help="Write the frames that are shown to this file, too; its ending names the format.")  # fmt: skip
-@click.option("--filter", "filters", type=FilterType(), multiple=True, metavar="FILTER",
-              help="Show only ID, ID:MASK, all but ID~MASK (hexadecimal), or node=N; repeatable.")  # fmt: skip
+@click.option(
+    "--log",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the frames that are shown to this file, too; its ending names the format.",
+)
+@click.option(
+    "--filter",
+    "filters",
+    type=FilterType(),
+    multiple=True,
+    metavar="FILTER",
+    help="Show only ID, ID:MASK, all but ID~MASK (hexadecimal), or node=N; repeatable.",
+)
 @click.option("--count", type=WholeRange(min=1), help="End after that many frames.")
 def dump(
-    *, bus: str, decode: bool, legacy: bool, blueprint: Path | None, folders: tuple[Path, ...], protocol: bool,
-    as_json: bool, log: Path | None, filters: tuple[tuple[FrameFilter, ...], ...], count: int | None,
-) -> None:  # fmt: skip
+    *,
+    bus: str,
+    decode: bool,
+    legacy: bool,
+    blueprint: Path | None,
+    folders: tuple[Path, ...],
+    protocol: bool,
+    as_json: bool,
+    log: Path | None,
+    filters: tuple[tuple[FrameFilter, ...], ...],
+    count: int | None,
+) -> None:
     """Show each frame of a live bus or log with its meaning: segment, DDS-XRCE message, sample.
 
     When the robot is known (its master runs on this computer, --blueprint, or the robot.toml here), in sentences: knob
@@ -149,8 +176,9 @@ def dump(
 @click.argument("bus")
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True)
 @click.option("--repeat", type=WholeRange(min=1), default=1, show_default=True, help="Send all of them so often.")
-@click.option("--period", type=FiniteRange(min=0.0), default=1.0, show_default=True,
-              help="Seconds from one time to the next.")  # fmt: skip
+@click.option(
+    "--period", type=FiniteRange(min=0.0), default=1.0, show_default=True, help="Seconds from one time to the next."
+)
 def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
     """Send frames; status 2 if nobody acknowledges within 2 s.
 
@@ -164,11 +192,17 @@ def send(bus: str, frames: tuple[str, ...], repeat: int, period: float) -> None:
 
 @command.command("serve")
 @click.argument("name", default=DEFAULT_NAME)
-@click.option("--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True,
-              help="Nominal bit rate, bit/s.")  # fmt: skip
+@click.option(
+    "--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True, help="Nominal bit rate, bit/s."
+)
 @click.option("--fd", is_flag=True, help="A CAN FD bus, with bit-rate switch.")
-@click.option("--data-bitrate", type=WholeRange(10_000, 8_000_000), default=2_000_000, show_default=True,
-              help="Bit rate of the data phase of CAN FD, bit/s.")  # fmt: skip
+@click.option(
+    "--data-bitrate",
+    type=WholeRange(10_000, 8_000_000),
+    default=2_000_000,
+    show_default=True,
+    help="Bit rate of the data phase of CAN FD, bit/s.",
+)
 def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
     """Serve a simulated CAN bus to programs of this user until Ctrl-C.
 
@@ -185,16 +219,30 @@ def serve(name: str, bitrate: int, data_bitrate: int, *, fd: bool) -> None:
 @data_bitrate_option
 @click.option("--fd", is_flag=True, help="Forecast: CAN FD with bit-rate switch.")
 @click.option("--no-compression", is_flag=True, help="Forecast: DDS-XRCE headers as they are.")
-@click.option("--size", "sizes", type=SizeType(), multiple=True,
-              help="Forecast: bytes of a sample of that type; repeatable.")  # fmt: skip
-@click.option("--library", "folders", type=click.Path(path_type=Path), multiple=True,
-              help="Forecast: a folder with more part types.")  # fmt: skip
+@click.option(
+    "--size", "sizes", type=SizeType(), multiple=True, help="Forecast: bytes of a sample of that type; repeatable."
+)
+@click.option(
+    "--library",
+    "folders",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="Forecast: a folder with more part types.",
+)
 @click.option("--seconds", type=WholeRange(min=1), help="Live bus: end after so many seconds.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object (live bus: one for each second).")
 def load(
-    *, what: str, bitrate: int, data_bitrate: int, fd: bool, no_compression: bool,
-    sizes: tuple[tuple[str, int], ...], folders: tuple[Path, ...], seconds: int | None, as_json: bool,
-) -> None:  # fmt: skip
+    *,
+    what: str,
+    bitrate: int,
+    data_bitrate: int,
+    fd: bool,
+    no_compression: bool,
+    sizes: tuple[tuple[str, int], ...],
+    folders: tuple[Path, ...],
+    seconds: int | None,
+    as_json: bool,
+) -> None:
     """Measure the load of a live BUS, or predict it for a BLUEPRINT (robot.toml).
 
     A BUS is can0 or an address, such as sim:classroom; its frames are counted bit by bit, each second, by identifier.
@@ -208,9 +256,14 @@ def load(
         from msbot.cli.bus.load import show_load
 
         show_load(
-            what, bitrate=bitrate, data_bitrate=data_bitrate, seconds=seconds, as_json=as_json,
-            say=click.echo, complain=complain,
-        )  # fmt: skip
+            what,
+            bitrate=bitrate,
+            data_bitrate=data_bitrate,
+            seconds=seconds,
+            as_json=as_json,
+            say=click.echo,
+            complain=complain,
+        )
         return
     from msbot.cli.bus.load import Bus, load_report
 
@@ -219,8 +272,13 @@ def load(
 
 
 @command.command("selftest")
-@click.option("--bitrate", type=WholeRange(10_000, 1_000_000), default=500_000, show_default=True,
-              help="Bit rate of the bus, bit/s.")  # fmt: skip
+@click.option(
+    "--bitrate",
+    type=WholeRange(10_000, 1_000_000),
+    default=500_000,
+    show_default=True,
+    help="Bit rate of the bus, bit/s.",
+)
 @click.option("--frames", type=WholeRange(1, 100_000), default=1000, show_default=True, help="Frames for a check.")
 @json_option
 def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:

@@ -161,9 +161,12 @@ def colour_of(frame: Frame) -> str | None:
 
 
 def dump(
-    name: str, wishes: DumpOptions, understand: Callable[[], Understanding], say: Callable[[str], None],
+    name: str,
+    wishes: DumpOptions,
+    understand: Callable[[], Understanding],
+    say: Callable[[str], None],
     complain: Callable[[str], None],
-) -> None:  # fmt: skip
+) -> None:
     """Show the frames of a bus, until Ctrl-C, or those of a log.
 
     Args:
@@ -201,9 +204,12 @@ def _dump_log(name: str, dumping: Dump, complain: Callable[[str], None]) -> None
 
 
 async def _dump_bus(
-    address: str, wishes: DumpOptions, understand: Callable[[], Understanding], say: Callable[[str], None],
+    address: str,
+    wishes: DumpOptions,
+    understand: Callable[[], Understanding],
+    say: Callable[[str], None],
     complain: Callable[[str], None],
-) -> None:  # fmt: skip
+) -> None:
     listening = Listening(open_bus(address, node="dump", listen_only=True), complain)
     dumping = Dump(wishes, say)
     channel = address.partition("?")[0].rpartition(":")[2]

@@ -133,8 +133,14 @@ class FrameReader:
         except NotImplementedError:
             raise _needs_asammdf("reading", path) from None
         except (
-            ValueError, LookupError, TypeError, struct.error, zlib.error, sqlite3.Error, BLFParseError,
-        ) as error:  # fmt: skip
+            ValueError,
+            LookupError,
+            TypeError,
+            struct.error,
+            zlib.error,
+            sqlite3.Error,
+            BLFParseError,
+        ) as error:
             why = printable(str(error))
             raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {why}") from None
 

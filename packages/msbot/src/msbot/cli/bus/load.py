@@ -217,9 +217,15 @@ def who_says(frame: Frame) -> str:
 
 
 def show_load(
-    address: str, *, bitrate: int, data_bitrate: int, seconds: float | None, as_json: bool,
-    say: Callable[[str], None], complain: Callable[[str], None],
-) -> None:  # fmt: skip
+    address: str,
+    *,
+    bitrate: int,
+    data_bitrate: int,
+    seconds: float | None,
+    as_json: bool,
+    say: Callable[[str], None],
+    complain: Callable[[str], None],
+) -> None:
     """Print every second how busy a bus is, until Ctrl-C.
 
     Args:
@@ -240,9 +246,14 @@ def show_load(
 
 
 async def _main(
-    address: str, bitrate: int, data_bitrate: int, seconds: float | None,
-    tell: Callable[[float, float, Second, int], None], *, complain: Callable[[str], None],
-) -> None:  # fmt: skip
+    address: str,
+    bitrate: int,
+    data_bitrate: int,
+    seconds: float | None,
+    tell: Callable[[float, float, Second, int], None],
+    *,
+    complain: Callable[[str], None],
+) -> None:
     bus = open_bus(address, node="load", listen_only=True)
     bitrate = bus.info.bits_per_second or bitrate
     fast = (bus.info.data_bits_per_second or data_bitrate) if bus.info.fd else None

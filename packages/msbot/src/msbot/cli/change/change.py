@@ -61,10 +61,15 @@ def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[
         return click.option(argument.option, argument.passed_as, is_flag=True, help=argument.help)
     default = "" if argument.default == "" else None
     return click.option(
-        argument.option, argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None,
-        multiple=argument.kind is ArgumentKind.TEXTS, default=() if argument.kind is ArgumentKind.TEXTS else default,
-        help=argument.help, type=FiniteRange() if argument.kind is ArgumentKind.NUMBER else str,
-    )  # fmt: skip
+        argument.option,
+        argument.passed_as,
+        required=argument.is_needed,
+        metavar=argument.shown_as or None,
+        multiple=argument.kind is ArgumentKind.TEXTS,
+        default=() if argument.kind is ArgumentKind.TEXTS else default,
+        help=argument.help,
+        type=FiniteRange() if argument.kind is ArgumentKind.NUMBER else str,
+    )
 
 
 def __getattr__(name: str) -> click.Command:
@@ -82,8 +87,12 @@ WINDOW_S = 60.0
 @click.command("adopt")
 @click.argument("part", required=False)
 @click.option("--slot", metavar="SLOT", help="The slot it goes into; else the one empty slot that fits.")
-@click.option("--window", type=FiniteRange(), metavar="SECONDS",
-              help="For so long, parts can be let in that the library does not know or that do not fit.")  # fmt: skip
+@click.option(
+    "--window",
+    type=FiniteRange(),
+    metavar="SECONDS",
+    help="For so long, parts can be let in that the library does not know or that do not fit.",
+)
 @answer_options
 def adopt_command(part: str | None, slot: str | None, window: float | None, db: str | None, robot: str | None) -> None:
     """Put PART, which stands by or is not let in, into a slot.

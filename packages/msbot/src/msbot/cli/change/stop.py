@@ -279,9 +279,7 @@ def _as_json(reached: Reached, said: Reached, meant: Meant) -> dict[str, object]
         {name: one.get(name) for name in of_one} | {"go": go_command(one, reached.answers, meant)}
         for one in reached.answers
     ]
-    return {name: found[name] for name in names} | {
-        "robots": robots, "not_reached": [str(one) for one in said.silent]
-    }  # fmt: skip
+    return {name: found[name] for name in names} | {"robots": robots, "not_reached": [str(one) for one in said.silent]}
 
 
 def _show_status(reached: Reached, meant: Meant, *, as_json: bool) -> None:

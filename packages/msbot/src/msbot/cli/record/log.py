@@ -106,12 +106,18 @@ def _choice(function: _C) -> _C:
     """The options that choose messages."""
     for option in (
         click.option("--to", "to_s", type=FiniteRange(), metavar="SECONDS", help="Until this time in the recording."),
-        click.option("--from", "from_s", type=FiniteRange(), metavar="SECONDS",
-                     help="From this time in the recording on."),
+        click.option(
+            "--from", "from_s", type=FiniteRange(), metavar="SECONDS", help="From this time in the recording on."
+        ),
         click.option("--slot", "slots", multiple=True, help="What the part in this slot said."),
-        click.option("--topic", "topics", multiple=True, metavar="TOPIC",
-                     help="Messages of this topic, or of all below it (msbot); may be given several times."),
-    ):  # fmt: skip
+        click.option(
+            "--topic",
+            "topics",
+            multiple=True,
+            metavar="TOPIC",
+            help="Messages of this topic, or of all below it (msbot); may be given several times.",
+        ),
+    ):
         function = option(function)
     return function
 
@@ -124,9 +130,14 @@ _file = click.argument("file", type=click.Path(path_type=Path))
 @_choice
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object for each message.")
 def show(
-    file: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None, *,
+    file: Path,
+    topics: tuple[str, ...],
+    slots: tuple[str, ...],
+    from_s: float | None,
+    to_s: float | None,
+    *,
     as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Print each message of a recording as a line: time, topic, content.
 
     CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
@@ -145,9 +156,16 @@ def show(
         if as_json:
             fields = decoder.fields(message)
             known = json.dumps(
-                {"at_ns": message.at_ns, "at_s": at_s, "topic": message.topic, "slot": message.slot,
-                 "words": line, "fields": fields}, default=_octets,
-            )  # fmt: skip
+                {
+                    "at_ns": message.at_ns,
+                    "at_s": at_s,
+                    "topic": message.topic,
+                    "slot": message.slot,
+                    "words": line,
+                    "fields": fields,
+                },
+                default=_octets,
+            )
             click.echo(known)
         else:
             click.echo(f"{at_s:10.3f}  {printable(message.topic)}  {printable(line)}")
@@ -162,9 +180,15 @@ def show(
     "--ros2", "ros", is_flag=True, help="Only what ROS 2 can read, in a file that `ros2 bag` and rosbags take."
 )
 def filter_(  # noqa: PLR0917 - what the command was given
-    file: Path, target: Path, topics: tuple[str, ...], slots: tuple[str, ...], from_s: float | None, to_s: float | None,
-    *, ros: bool,
-) -> None:  # fmt: skip
+    file: Path,
+    target: Path,
+    topics: tuple[str, ...],
+    slots: tuple[str, ...],
+    from_s: float | None,
+    to_s: float | None,
+    *,
+    ros: bool,
+) -> None:
     """Write a piece of a recording, which begins with the state at that moment."""
     from msbot.recording.recordings.cutting import write_cut
     from msbot.recording.recordings.reading import began_ns

@@ -30,18 +30,30 @@ NOTICEABLE_S = 0.1
 
 @click.command("play")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--slot", "slots", multiple=True, metavar="SLOT",
-              help="Whose part is replayed; may be given several times; not needed if there is one.")  # fmt: skip
-@click.option("--speed", type=FiniteRange(SLOWEST, FASTEST), default=1.0, show_default=True,
-              help="How many times as fast as it was; 0.5 is half as fast.")  # fmt: skip
-@click.option("--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS",
-              help="From this time in the recording on.")  # fmt: skip
+@click.option(
+    "--slot",
+    "slots",
+    multiple=True,
+    metavar="SLOT",
+    help="Whose part is replayed; may be given several times; not needed if there is one.",
+)
+@click.option(
+    "--speed",
+    type=FiniteRange(SLOWEST, FASTEST),
+    default=1.0,
+    show_default=True,
+    help="How many times as fast as it was; 0.5 is half as fast.",
+)
+@click.option(
+    "--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS", help="From this time in the recording on."
+)
 @click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Until this time in the recording.")
 @link_option
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
 @click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
-@click.option("--acts", "with_acts", is_flag=True,
-              help="Do again what people did: settings, wires, values by hand, STOP and GO.")  # fmt: skip
+@click.option(
+    "--acts", "with_acts", is_flag=True, help="Do again what people did: settings, wires, values by hand, STOP and GO."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
 @robot_options
 def command(
@@ -118,9 +130,12 @@ class _Replay:
         from msbot.recording.replay.player import Player
 
         self._player = Player(
-            piece, speed=self._speed, say=self._say, warn=_warn,
+            piece,
+            speed=self._speed,
+            say=self._say,
+            warn=_warn,
             is_own_stop=lambda: self._acts is not None and self._acts.holds_stop,
-        )  # fmt: skip
+        )
         for slot, part in self._player.parts.items():
             # Not the UID of the real one: both may be present, and the robot must be able to distinguish them.
             own = uid or stored_uid(part.part_number, f"{slot} {part.local_name}, replayed").hex()
@@ -136,9 +151,13 @@ class _Replay:
             return await asyncio.to_thread(master.ask, dict(request))
 
         self._acts = ActPlayer(
-            acts, ask, speed=self._speed, say=self._say, begin_ns=begin_ns,
+            acts,
+            ask,
+            speed=self._speed,
+            say=self._say,
+            begin_ns=begin_ns,
             may_go=lambda: player is None or player.is_going or player.ended,
-        )  # fmt: skip
+        )
 
     async def run(self, link: str) -> None:
         """Until all is said and done, or something does not fit."""

@@ -45,25 +45,53 @@ class _Wish:
 
 @click.command("plot")
 @click.argument("what", nargs=-1, metavar="[FILE.mcap] [CURVE]...")
-@click.option("--seconds", type=FiniteRange(min=1), metavar="N",
-              help=f"The last N seconds of the robot that runs here; {SECONDS:g} unless given.")  # fmt: skip
+@click.option(
+    "--seconds",
+    type=FiniteRange(min=1),
+    metavar="N",
+    help=f"The last N seconds of the robot that runs here; {SECONDS:g} unless given.",
+)
 @click.option("--from", "from_s", type=FiniteRange(min=0), metavar="SECONDS", help="Of a file: from this time on.")
 @click.option("--to", "to_s", type=FiniteRange(min=0), metavar="SECONDS", help="Of a file: until this time.")
 @click.option("--watch", is_flag=True, help="Draw again every second, until Ctrl-C.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE",
-              help="A picture (.png, .svg, .pdf) or a table (.csv) instead of letters.")  # fmt: skip
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A picture (.png, .svg, .pdf) or a table (.csv) instead of letters.",
+)
 @click.option("--frame", metavar="101#C010", help="Draw this CAN frame as CAN-H and CAN-L, stuff bits marked.")
-@click.option("--bitrate", type=WholeRange(1_000, 1_000_000), default=500_000, show_default=True,
-              help="Of --frame: bits a second.")  # fmt: skip
-@click.option("--data-bitrate", type=WholeRange(1_000, 8_000_000), default=2_000_000, show_default=True,
-              help="Of --frame: bits a second of the fast part of a CAN FD frame.")  # fmt: skip
+@click.option(
+    "--bitrate",
+    type=WholeRange(1_000, 1_000_000),
+    default=500_000,
+    show_default=True,
+    help="Of --frame: bits a second.",
+)
+@click.option(
+    "--data-bitrate",
+    type=WholeRange(1_000, 8_000_000),
+    default=2_000_000,
+    show_default=True,
+    help="Of --frame: bits a second of the fast part of a CAN FD frame.",
+)
 @library_option
 @robot_options
 def command(
-    what: tuple[str, ...], *, seconds: float | None, from_s: float | None, to_s: float | None, watch: bool,
-    out: Path | None, frame: str | None, bitrate: int, data_bitrate: int, folders: tuple[Path, ...], db: str | None,
+    what: tuple[str, ...],
+    *,
+    seconds: float | None,
+    from_s: float | None,
+    to_s: float | None,
+    watch: bool,
+    out: Path | None,
+    frame: str | None,
+    bitrate: int,
+    data_bitrate: int,
+    folders: tuple[Path, ...],
+    db: str | None,
     robot: str | None,
-) -> None:  # fmt: skip
+) -> None:
     """Draw curves of the robot that runs here, or of a recording.
 
     A CURVE is a field (knob.level.percent), a port or a slot with all it has (knob.level, knob), a setting
@@ -211,8 +239,10 @@ def _print_figures(read: ReadCurves, curves: list[Curve], *, colour: bool) -> No
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     numbers = {curve.name: number for number, curve in enumerate(curves)}
     for row in rows:
-        cells = [cell.ljust(width) if column in (0, 6) else cell.rjust(width)
-                 for column, (cell, width) in enumerate(zip(row, widths, strict=True))]  # fmt: skip
+        cells = [
+            cell.ljust(width) if column in (0, 6) else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
         number = numbers.get(row[0])
         if number is not None and colour:
             cells[0] = click.style(cells[0], fg=f"bright_{terminal_colour(number)}")

@@ -59,11 +59,19 @@ class Fed(AgentService[MasterElsewhere]):
     """`msbot agent ... --master ADDRESS`."""
 
     options = (
-        click.option("--master", metavar="ADDRESS", help="Bring the clients as parts to the robot's master at ADDRESS, "
-                     "for example udp:192.168.1.20:8888, which decides who is let in."),
-        click.option("--name", metavar="NAME", help="With --master: what it calls this agent when it says where a part "
-                     "is; the computer's name by default."),
-    )  # fmt: skip
+        click.option(
+            "--master",
+            metavar="ADDRESS",
+            help="Bring the clients as parts to the robot's master at ADDRESS, "
+            "for example udp:192.168.1.20:8888, which decides who is let in.",
+        ),
+        click.option(
+            "--name",
+            metavar="NAME",
+            help="With --master: what it calls this agent when it says where a part "
+            "is; the computer's name by default.",
+        ),
+    )
 
     def check(self, given: Mapping[str, Any]) -> MasterElsewhere | None:
         """The master that feeds it."""
@@ -76,9 +84,15 @@ class Fed(AgentService[MasterElsewhere]):
         )
 
         fed = AgentOfRemoteMaster(
-            plan.open_for, open_link(wanted.address), name=wanted.name, say=plan.say, space=plan.space,
-            settings=fed_settings(plan.settings), references=plan.references, on_signal=plan.on_signal,
-        )  # fmt: skip
+            plan.open_for,
+            open_link(wanted.address),
+            name=wanted.name,
+            say=plan.say,
+            space=plan.space,
+            settings=fed_settings(plan.settings),
+            references=plan.references,
+            on_signal=plan.on_signal,
+        )
         plan.say(f"agent {wanted.name} looks for the robot's master on {wanted.address}; Ctrl-C ends it")
         return fed.agent, fed.run()
 
@@ -145,9 +159,13 @@ class RecordingService(AgentService[Path]):
     """`msbot agent ... --rec FILE`."""
 
     options = (
-        click.option("--rec", metavar="FILE", type=click.Path(path_type=Path),
-                     help="Record samples and CAN frames in this .mcap file (extra msbot[master])."),
-    )  # fmt: skip
+        click.option(
+            "--rec",
+            metavar="FILE",
+            type=click.Path(path_type=Path),
+            help="Record samples and CAN frames in this .mcap file (extra msbot[master]).",
+        ),
+    )
 
     def __init__(self) -> None:
         self._running: AgentRecording | None = None

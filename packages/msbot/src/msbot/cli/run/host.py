@@ -43,9 +43,16 @@ if TYPE_CHECKING:
 @library_option
 @click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
 def host_command(
-    path: Path, *, link: str, check: bool, world: str | None, place: str | None, as_json: bool,
-    folders: tuple[Path, ...], quiet: bool,
-) -> None:  # fmt: skip
+    path: Path,
+    *,
+    link: str,
+    check: bool,
+    world: str | None,
+    place: str | None,
+    as_json: bool,
+    folders: tuple[Path, ...],
+    quiet: bool,
+) -> None:
     """Run the parts that are wired to this computer, until Ctrl-C: those of FILE, parts.toml unless named.
 
     Each table [[part]] of it is one part, real or simulated. The file may be changed at any time: only what has

@@ -129,27 +129,52 @@ class _Beside:
 
 @click.command("master", cls=MasterCommand)
 @click.argument("blueprint", type=click.Path(path_type=Path), default=DEFAULT_BLUEPRINT)
-@click.option("--link", "addresses", multiple=True, default=(DEFAULT_LINK,), show_default=True,
-              help="Where parts come in; may be given several times.")  # fmt: skip
+@click.option(
+    "--link",
+    "addresses",
+    multiple=True,
+    default=(DEFAULT_LINK,),
+    show_default=True,
+    help="Where parts come in; may be given several times.",
+)
 @library_option
 @space_option
 @db_option
 @rec_option
-@click.option("--standby", is_flag=True, help="Share the robot with a master on another computer: wait while that one "
-              "serves it, take over when it ends; needs --db postgresql://...")  # fmt: skip
+@click.option(
+    "--standby",
+    is_flag=True,
+    help="Share the robot with a master on another computer: wait while that one "
+    "serves it, take over when it ends; needs --db postgresql://...",
+)
 @metrics_option
 @log_options
 @click.option("--part-of", metavar="ADDRESS", help="Be a part of a bigger robot as well: the way to its master.")
 @click.option("--as", "as_number", metavar="NUMBER", help="The part number that it shows there; with --part-of.")
-@click.option("--stop-group", type=StopGroupType(), metavar="NAME", help="The STOP group that the robot is in: a STOP "
-              "for another one does not reach it; $MSBOT_STOP_GROUP unless given, or else BLUEPRINT says.")  # fmt: skip
+@click.option(
+    "--stop-group",
+    type=StopGroupType(),
+    metavar="NAME",
+    help="The STOP group that the robot is in: a STOP "
+    "for another one does not reach it; $MSBOT_STOP_GROUP unless given, or else BLUEPRINT says.",
+)
 @click.option("-v", "--verbose", is_flag=True, help="Say more.")
 def command(
-    blueprint: Path, addresses: tuple[str, ...], folders: tuple[Path, ...], space: SpaceAddress, db: str | None, *,
-    rec: RecordingRequest, standby: bool, part_of: str | None, as_number: str | None,
-    metrics_port: int | None, log_wishes: LogOptions, stop_group: str | None,
+    blueprint: Path,
+    addresses: tuple[str, ...],
+    folders: tuple[Path, ...],
+    space: SpaceAddress,
+    db: str | None,
+    *,
+    rec: RecordingRequest,
+    standby: bool,
+    part_of: str | None,
+    as_number: str | None,
+    metrics_port: int | None,
+    log_wishes: LogOptions,
+    stop_group: str | None,
     verbose: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Run the master of the robot that BLUEPRINT (robot.toml) describes, until Ctrl-C.
 
     With msbot-web installed it has a page, at the address that is printed; at the first start that is a link that makes
@@ -240,10 +265,15 @@ async def _serve(master: Master, lease: MasterLease | None) -> None:
 
 
 async def _main(  # noqa: PLR0917
-    blueprint: Blueprint, library: Library, links: Sequence[Link], where: SpaceAddress,
-    database: tuple[Registry, RobotStore, str], wishes: _Beside,
-    description: str, lease: MasterLease | None,
-) -> None:  # fmt: skip
+    blueprint: Blueprint,
+    library: Library,
+    links: Sequence[Link],
+    where: SpaceAddress,
+    database: tuple[Registry, RobotStore, str],
+    wishes: _Beside,
+    description: str,
+    lease: MasterLease | None,
+) -> None:
     registry, store, db = database
     robot, profile = store.robot, profile_of(blueprint)
     with robot_space(where, blueprint, library) as space:

@@ -102,9 +102,14 @@ def log_event(event: PartEvent) -> None:
 
 
 def metrics_beside(
-    port: int | None, agent: Agent, say: Callable[[str], None], *, master: Master | None = None,
-    registry: Registry | None = None, page: Callable[[], PageFigures] | None = None,
-) -> list[Coroutine[object, object, None]]:  # fmt: skip
+    port: int | None,
+    agent: Agent,
+    say: Callable[[str], None],
+    *,
+    master: Master | None = None,
+    registry: Registry | None = None,
+    page: Callable[[], PageFigures] | None = None,
+) -> list[Coroutine[object, object, None]]:
     """What runs beside the robot to serve its figures; nothing when nobody has asked for them.
 
     Raises:

@@ -27,20 +27,33 @@ if TYPE_CHECKING:
 
 @click.command("part")
 @click.argument("name")
-@click.option("--set", "settings", metavar="CONTROL=VALUE", multiple=True,
-              help="Do something to the simulated thing before it starts; may be given several times.")  # fmt: skip
+@click.option(
+    "--set",
+    "settings",
+    metavar="CONTROL=VALUE",
+    multiple=True,
+    help="Do something to the simulated thing before it starts; may be given several times.",
+)
 @click.option("--pins", metavar="NAME=GPIO,...", help="It is real, on these GPIO pins (BCM numbers).")
 @click.option("--i2c", metavar="BUS:ADDRESS", help="It is real, on that I2C bus, for example 1:0x76.")
-@click.option("--adc", metavar="NAME=CHANNEL,...",
-              help="It is real, at these channels of a converter; 1:0 is channel 0 of iio:device1.")  # fmt: skip
+@click.option(
+    "--adc",
+    metavar="NAME=CHANNEL,...",
+    help="It is real, at these channels of a converter; 1:0 is channel 0 of iio:device1.",
+)
 @click.option("--device", metavar="PATH", help="It is real, at that device: a serial port, an SPI, a 1-Wire id.")
 @click.option("--real", is_flag=True, help="It is real, and wired as `msbot library show` says.")
-@click.option("--simulate", is_flag=True,
-              help="It stands in for the real one, with a UID of its own; NAME may be a slot here.")  # fmt: skip
-@click.option("--option", "options", metavar="NAME=VALUE", multiple=True,
-              help="Something about the real thing, as calibration; may be given several times.")  # fmt: skip
-@click.option("--name", "local_name", metavar="LOCAL",
-              help="What this one is called; the part number if absent.")  # fmt: skip
+@click.option(
+    "--simulate", is_flag=True, help="It stands in for the real one, with a UID of its own; NAME may be a slot here."
+)
+@click.option(
+    "--option",
+    "options",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Something about the real thing, as calibration; may be given several times.",
+)
+@click.option("--name", "local_name", metavar="LOCAL", help="What this one is called; the part number if absent.")
 @link_option
 @click.option("--uid", help="16 hexadecimal digits; drawn once and kept on this computer unless given.")
 @click.option("--key", help="File with the part's key, or the key itself; $MSBOT_KEY unless given.")
@@ -169,9 +182,15 @@ def _sample(name: str, *, quiet: bool) -> Part:
 
 
 def _simulated(
-    number: str, settings: tuple[str, ...], local_name: str | None, folders: tuple[Path, ...], *,
-    door: WorldConnection | None, slot: str, quiet: bool,
-) -> Part:  # fmt: skip
+    number: str,
+    settings: tuple[str, ...],
+    local_name: str | None,
+    folders: tuple[Path, ...],
+    *,
+    door: WorldConnection | None,
+    slot: str,
+    quiet: bool,
+) -> Part:
     from msbot.sim import make_simulator
 
     simulated = make_simulator(number, local_name=local_name, library=library_here(folders))

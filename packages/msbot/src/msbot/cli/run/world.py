@@ -96,19 +96,23 @@ def address(text: str, example: str) -> tuple[str, int]:
 
 
 world_option = click.option(
-    "--world", metavar="WORLD",
+    "--world",
+    metavar="WORLD",
     help="A world that its parts are in: a name of `msbot arena list`, a file, or tcp:PASSWORD@HOST:PORT of another "
-         "program's.",
-)  # fmt: skip
+    "program's.",
+)
 place_option = click.option("--place", metavar="NAME", help="Which robot of the world it is; the first that is free.")
 _share_option = click.option(
-    "--share-world", "share", metavar="[HOST:]PORT",
+    "--share-world",
+    "share",
+    metavar="[HOST:]PORT",
     help="Let robots of other programs into the world; without HOST those of this computer.",
-)  # fmt: skip
+)
 _password_option = click.option(
-    "--world-password", metavar="WORD",
+    "--world-password",
+    metavar="WORD",
     help="What robots of other programs have to say to come in; one is made up and printed unless given.",
-)  # fmt: skip
+)
 
 
 def world_options(command: Callable[..., None]) -> Callable[..., None]:

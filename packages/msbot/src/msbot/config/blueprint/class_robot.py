@@ -99,9 +99,12 @@ def for_groups(blueprint: Blueprint, groups: Iterable[str]) -> Blueprint:
     for name in names:
         if not (name.isalnum() and name.isascii() and len(name) <= LONGEST_GROUP):
             raise ConfigError(
-                said("{name!r} is no name for a group here: 1 to {most} letters and digits, without accents",
-                     name=name[:60], most=LONGEST_GROUP)
-            )  # fmt: skip
+                said(
+                    "{name!r} is no name for a group here: 1 to {most} letters and digits, without accents",
+                    name=name[:60],
+                    most=LONGEST_GROUP,
+                )
+            )
     return replace(
         blueprint,
         slots=tuple(replace(slot, name=f"{slot.name}_{group}") for group in names for slot in blueprint.slots),
@@ -127,6 +130,8 @@ def _of_group(binding: Binding, group: str) -> Binding:
         return replace(port, slot=f"{port.slot}_{group}") if port.slot else port
 
     return replace(
-        binding, topic=f"{binding.topic}_{group}", source=end(binding.source),
+        binding,
+        topic=f"{binding.topic}_{group}",
+        source=end(binding.source),
         targets=tuple(end(target) for target in binding.targets),
-    )  # fmt: skip
+    )

@@ -91,9 +91,12 @@ def board_documents(parts: Mapping[str, WiredPart]) -> dict[str, str]:
     octets = sum(len(text) for text in found.values())
     if octets > MOST_OCTETS:
         raise ConfigError(
-            said("the parts of the board need {octets} octets of {most}; wire some of them to another board",
-                 octets=octets, most=MOST_OCTETS)
-        )  # fmt: skip
+            said(
+                "the parts of the board need {octets} octets of {most}; wire some of them to another board",
+                octets=octets,
+                most=MOST_OCTETS,
+            )
+        )
     return found
 
 

@@ -170,9 +170,13 @@ def _pin(number: str, name: str, text: str) -> BoardPin:
         return int(text)
     if not _PIN.fullmatch(text):
         raise ConfigError(
-            said("pin {name} of part {number}: {text!r} is no pin; write {name}=17 or {name}=PB8", name=name,
-                 number=number, text=text)
-        )  # fmt: skip
+            said(
+                "pin {name} of part {number}: {text!r} is no pin; write {name}=17 or {name}=PB8",
+                name=name,
+                number=number,
+                text=text,
+            )
+        )
     return text
 
 
@@ -190,9 +194,13 @@ def _address(number: str, spec: DriverSpec, text: str) -> int | None:
     if address not in spec.addresses:
         known = ", ".join(f"0x{one:02x}" for one in spec.addresses)
         raise ConfigError(
-            said("a {number} cannot have the I2C address {text}; it can have {known}", number=number, text=text,
-                 known=known)
-        )  # fmt: skip
+            said(
+                "a {number} cannot have the I2C address {text}; it can have {known}",
+                number=number,
+                text=text,
+                known=known,
+            )
+        )
     return address
 
 
@@ -236,8 +244,7 @@ CHIPS: Mapping[str, BoardChip] = {
     ),
 }
 """On all of them each pin that can be an output can do PWM. Pin 25 of a Pico is its lamp."""
-_DRIVEN = {"ultrasonic": ("trigger",), "keypad": ("r1", "r2", "r3", "r4"), "onewire": ("data",),
-           "dht22": ("data",)}  # fmt: skip
+_DRIVEN = {"ultrasonic": ("trigger",), "keypad": ("r1", "r2", "r3", "r4"), "onewire": ("data",), "dht22": ("data",)}
 """Wires that a driver which reads must drive as well."""
 
 
@@ -259,15 +266,21 @@ def pin_faults(board: str, part: WiredPart) -> list[Sentence]:
         elif wire in analog and pin not in chip.analog:
             known = ", ".join(map(str, sorted(chip.analog)))
             faults.append(
-                said("{wire}: pin {pin} of the {board} cannot measure a voltage; these can: {known}",
-                     wire=wire,
-                     pin=pin,
-                     board=board, known=known)
-            )  # fmt: skip
+                said(
+                    "{wire}: pin {pin} of the {board} cannot measure a voltage; these can: {known}",
+                    wire=wire,
+                    pin=pin,
+                    board=board,
+                    known=known,
+                )
+            )
         elif wire in driven and pin in chip.inputs_only:
             faults.append(
-                said("{wire}: pin {pin} of the {board} is an input only: no output, no PWM; take another one",
-                     wire=wire,
-                     pin=pin, board=board)
-            )  # fmt: skip
+                said(
+                    "{wire}: pin {pin} of the {board} is an input only: no output, no PWM; take another one",
+                    wire=wire,
+                    pin=pin,
+                    board=board,
+                )
+            )
     return faults

@@ -124,8 +124,10 @@ class Parameter:
         if not self.kind.takes(value):
             return said(
                 "must be {wanted}, for example {example!r}; it is {kind}",
-                wanted=self.kind.words, example=scalar_text(self.default), kind=kind_words(value),
-            )  # fmt: skip
+                wanted=self.kind.words,
+                example=scalar_text(self.default),
+                kind=kind_words(value),
+            )
         if isinstance(value, bool | str):
             return None
         unit = f" {self.unit}" if self.unit else ""

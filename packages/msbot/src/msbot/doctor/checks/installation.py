@@ -18,25 +18,41 @@ def check_python(facts: PythonFacts) -> Iterator[Finding]:
     oldest, newest = (".".join(map(str, one)) for one in (facts.oldest, facts.newest))
     if facts.version[:2] < facts.oldest:
         yield Finding(
-            "python-old", about, said("this is Python {version}; {oldest} is the oldest that will do", version=version,
-                                      oldest=oldest),
+            "python-old",
+            about,
+            said("this is Python {version}; {oldest} is the oldest that will do", version=version, oldest=oldest),
             said("MsBOT and its packages use what older ones do not have: they end with errors of syntax"),
-            NOTHING_ON_THE_WIRE, f"sudo apt install python{newest}-venv && python{newest} -m venv .venv",
-        )  # fmt: skip
+            NOTHING_ON_THE_WIRE,
+            f"sudo apt install python{newest}-venv && python{newest} -m venv .venv",
+        )
     elif facts.version[:2] > facts.newest:
         yield Finding(
-            "python-new", about, said("this is Python {version}; MsBOT was tried with {oldest} to {newest}",
-                                      version=version, oldest=oldest, newest=newest),
+            "python-new",
+            about,
+            said(
+                "this is Python {version}; MsBOT was tried with {oldest} to {newest}",
+                version=version,
+                oldest=oldest,
+                newest=newest,
+            ),
             said("packages with parts in C, such as that of DDS, may have no build for it yet"),
-            NOTHING_ON_THE_WIRE, f"sudo apt install python{newest}-venv && python{newest} -m venv .venv", must=False,
-        )  # fmt: skip
+            NOTHING_ON_THE_WIRE,
+            f"sudo apt install python{newest}-venv && python{newest} -m venv .venv",
+            must=False,
+        )
     if not facts.is_64_bit:
         yield Finding(
-            "python-32-bit", about, said("this Python has 32 bits"),
-            said("there are no ready-made packages for DDS and pages of the robot on it: they must be compiled, "
-                 "which takes hours"),
-            NOTHING_ON_THE_WIRE, "uname -m  # aarch64 or x86_64: install a system of 64 bits", must=False,
-        )  # fmt: skip
+            "python-32-bit",
+            about,
+            said("this Python has 32 bits"),
+            said(
+                "there are no ready-made packages for DDS and pages of the robot on it: they must be compiled, "
+                "which takes hours"
+            ),
+            NOTHING_ON_THE_WIRE,
+            "uname -m  # aarch64 or x86_64: install a system of 64 bits",
+            must=False,
+        )
 
 
 def check_packages(needs: tuple[PackageNeed, ...]) -> Iterator[Finding]:
@@ -45,17 +61,27 @@ def check_packages(needs: tuple[PackageNeed, ...]) -> Iterator[Finding]:
         install = f"pip install 'msbot[{need.extra}]'" if need.extra else f"pip install '{need.name}{need.wanted}'"
         if need.installed is None:
             yield Finding(
-                "package-missing", need.name, said("the package {name} is not installed", name=need.name),
-                said("what is asked for needs it, and ends with an error without it"), NOTHING_ON_THE_WIRE, install,
-            )  # fmt: skip
+                "package-missing",
+                need.name,
+                said("the package {name} is not installed", name=need.name),
+                said("what is asked for needs it, and ends with an error without it"),
+                NOTHING_ON_THE_WIRE,
+                install,
+            )
         elif not need.fits:
             yield Finding(
-                "package-version", need.name,
-                said("{name} is here in version {installed}, and {wanted} is needed", name=need.name,
-                     installed=need.installed, wanted=need.wanted),
+                "package-version",
+                need.name,
+                said(
+                    "{name} is here in version {installed}, and {wanted} is needed",
+                    name=need.name,
+                    installed=need.installed,
+                    wanted=need.wanted,
+                ),
                 said("other versions lack what MsBOT calls, or do it in another way"),
-                NOTHING_ON_THE_WIRE, f"pip install --upgrade '{need.name}{need.wanted}'",
-            )  # fmt: skip
+                NOTHING_ON_THE_WIRE,
+                f"pip install --upgrade '{need.name}{need.wanted}'",
+            )
 
 
 def check_access(facts: AccessFacts) -> Iterator[Finding]:
@@ -69,23 +95,37 @@ def check_access(facts: AccessFacts) -> Iterator[Finding]:
         wire = said("nothing: the device is never opened")
         if group in facts.member_of - facts.groups:
             yield Finding(
-                "group-not-in-force", devices,
-                said("{user} is in the group {group}, and this login does not know it yet", user=facts.user,
-                     group=group),
+                "group-not-in-force",
+                devices,
+                said(
+                    "{user} is in the group {group}, and this login does not know it yet", user=facts.user, group=group
+                ),
                 said("groups hold from the next login on: until then {devices} cannot be opened", devices=devices),
-                wire, f"newgrp {group}", first=said("log out and in again, or restart the computer"),
-            )  # fmt: skip
+                wire,
+                f"newgrp {group}",
+                first=said("log out and in again, or restart the computer"),
+            )
         elif group in ("", "root"):
             yield Finding(
-                "device-of-root", devices, said("only root may use {devices}", devices=devices),
+                "device-of-root",
+                devices,
+                said("only root may use {devices}", devices=devices),
                 said("no rule of udev gives it to a group: parts behind it cannot be reached"),
-                wire, f"sudo chmod a+rw {' '.join(paths)}",
-            )  # fmt: skip
+                wire,
+                f"sudo chmod a+rw {' '.join(paths)}",
+            )
         else:
             yield Finding(
-                "group-missing", devices,
-                said("{user} may not use {devices}: it belongs to the group {group}", user=facts.user, devices=devices,
-                     group=group),
-                said("parts and buses behind it cannot be reached"), wire,
-                f"sudo usermod -aG {group} {facts.user}", first=said("afterwards, log out and in again"),
-            )  # fmt: skip
+                "group-missing",
+                devices,
+                said(
+                    "{user} may not use {devices}: it belongs to the group {group}",
+                    user=facts.user,
+                    devices=devices,
+                    group=group,
+                ),
+                said("parts and buses behind it cannot be reached"),
+                wire,
+                f"sudo usermod -aG {group} {facts.user}",
+                first=said("afterwards, log out and in again"),
+            )

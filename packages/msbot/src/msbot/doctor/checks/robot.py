@@ -36,39 +36,55 @@ def _master(facts: RobotFacts) -> Iterator[Finding]:
     name = facts.name
     if not facts.is_run:
         yield Finding(
-            "no-master", name, said("no master runs {robot}", robot=name),
+            "no-master",
+            name,
+            said("no master runs {robot}", robot=name),
             said("nobody lets parts in: each stays in its safe state"),
-            said("parts ask to join, again and again; no answer"), "msbot master", must=False,
-        )  # fmt: skip
+            said("parts ask to join, again and again; no answer"),
+            "msbot master",
+            must=False,
+        )
     if facts.masters > 1:
         yield Finding(
-            "two-masters", name, said("{count} masters on this computer run a robot named {robot}", robot=name,
-                                      count=facts.masters),
+            "two-masters",
+            name,
+            said("{count} masters on this computer run a robot named {robot}", robot=name, count=facts.masters),
             said("parts join whichever answers first, and half of the robot is missing in each"),
-            said("two answers to one question; parts that change between them"), "msbot clients",
+            said("two answers to one question; parts that change between them"),
+            "msbot clients",
             first=said("end all but one"),
-        )  # fmt: skip
+        )
     if facts.not_stored:
         yield Finding(
-            "not-stored", name, said("changes are not stored: {why}", why=facts.not_stored),
-            said("they are lost when the master ends"), said("nothing: the robot goes on with what it has in memory"),
+            "not-stored",
+            name,
+            said("changes are not stored: {why}", why=facts.not_stored),
+            said("they are lost when the master ends"),
+            said("nothing: the robot goes on with what it has in memory"),
             "msbot doctor --only database,disk",
-        )  # fmt: skip
+        )
     if facts.stopped_by:
         yield Finding(
-            "stopped", name, said("STOP holds, said by {who}", who=facts.stopped_by),
+            "stopped",
+            name,
+            said("STOP holds, said by {who}", who=facts.stopped_by),
             said("no actuator moves until somebody says GO"),
-            said("STOP frames twice a second; samples to actuators are held back"), "msbot go", must=False,
+            said("STOP frames twice a second; samples to actuators are held back"),
+            "msbot go",
+            must=False,
             first=said("look whether everybody is clear of the robot"),
-        )  # fmt: skip
+        )
     for reason, count in facts.lost_packets.items():
         if count >= MANY_LOST:
             yield Finding(
-                "packets-lost", name, said("{count} packets were lost: {reason}", count=count, reason=said(reason)),
+                "packets-lost",
+                name,
+                said("{count} packets were lost: {reason}", count=count, reason=said(reason)),
                 said("samples are missing, and what is reliable is sent twice"),
-                said("gaps in the sequence numbers, ACKNACKs that ask for what is missing"), "msbot clients -v",
+                said("gaps in the sequence numbers, ACKNACKs that ask for what is missing"),
+                "msbot clients -v",
                 must=False,
-            )  # fmt: skip
+            )
 
 
 def _slots(facts: RobotFacts) -> Iterator[Finding | Unavailable]:
@@ -81,13 +97,15 @@ def _slots(facts: RobotFacts) -> Iterator[Finding | Unavailable]:
     for slot in facts.blueprint.slots:
         if slot.name not in filled:
             yield Finding(
-                "slot-empty", slot.name, said("slot {slot} has no part; it wants {number}", slot=slot.name,
-                                              number=slot.part_number),
+                "slot-empty",
+                slot.name,
+                said("slot {slot} has no part; it wants {number}", slot=slot.name, number=slot.part_number),
                 said("whatever it is wired to waits for it, or keeps its safe value"),
-                said("no beats from it; its topics are silent"), f"msbot why {slot.name}",
+                said("no beats from it; its topics are silent"),
+                f"msbot why {slot.name}",
                 first=said("plug the part in, or let a simulated one stand in: msbot simulate {slot}", slot=slot.name),
                 mending=Mending("simulate", {"slot": slot.name}),
-            )  # fmt: skip
+            )
 
 
 def _parts(facts: RobotFacts) -> Iterator[Finding]:
@@ -95,66 +113,95 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
     names = ", ".join([*late][:NAMED]) + (", ..." if len(late) > NAMED else "")
     if len(late) >= MANY_LATE and 2 * len(late) >= len(facts.parts):
         yield Finding(
-            "many-late", facts.name,
+            "many-late",
+            facts.name,
             said("{count} parts were late often in the last hour: {names}", count=len(late), names=names),
             said("so many are hardly each at fault: a computer that is too busy, or a full bus, delists them all"),
-            said("gaps in the beats of most parts"), "uptime",
-            first=said("see how busy the computers and the bus are; then look at each part: msbot why {part}",
-                       part=next(iter(late))),
-        )  # fmt: skip
+            said("gaps in the beats of most parts"),
+            "uptime",
+            first=said(
+                "see how busy the computers and the bus are; then look at each part: msbot why {part}",
+                part=next(iter(late)),
+            ),
+        )
     else:
         for name, count in late.items():
             yield Finding(
-                "often-late", name, said("{part} was late {count} times in the last hour", part=name, count=count),
+                "often-late",
+                name,
+                said("{part} was late {count} times in the last hour", part=name, count=count),
                 said("beats get lost, or its program is busy for longer than a beat: next time it may be delisted"),
-                said("gaps between its beats that are longer than the beat period"), f"msbot why {name}",
+                said("gaps between its beats that are longer than the beat period"),
+                f"msbot why {name}",
                 first=said("look at its supply and cable first, then for loops and waits in its program"),
-            )  # fmt: skip
+            )
     told: set[str] = set()
     for part in facts.parts:
         reasons = facts.refused.get(part.name, ())
         is_blocked = part.uid in facts.blocked
         if is_blocked and part.state == PartState.REFUSED.value:
             yield Finding(
-                "blocked", part.name, said("{part} is blocked, and keeps asking to join", part=part.name),
+                "blocked",
+                part.name,
+                said("{part} is blocked, and keeps asking to join", part=part.name),
                 said("somebody has shut it out; it stays out until somebody lets it in again"),
-                said("its claim, and a refusal, again and again"), f"msbot unblock {part.uid}", must=False,
+                said("its claim, and a refusal, again and again"),
+                f"msbot unblock {part.uid}",
+                must=False,
                 mending=Mending("unblock", {"part": part.uid}),
-            )  # fmt: skip
+            )
         elif len(reasons) >= OFTEN_REFUSED and not PartState(part.state).is_registered:
             if part.name in told:  # counted by name, and another part of that name was here before
                 continue
             told.add(part.name)
             yield Finding(
-                "often-refused", part.name,
-                said("{part} was refused {count} times in the last hour: {reason}", part=part.name,
-                     count=len(reasons), reason=reasons[-1]),
+                "often-refused",
+                part.name,
+                said(
+                    "{part} was refused {count} times in the last hour: {reason}",
+                    part=part.name,
+                    count=len(reasons),
+                    reason=reasons[-1],
+                ),
                 said("it is plugged in and takes no part in the robot"),
-                said("its claim, and a refusal, again and again"), f"msbot why {part.name}",
-            )  # fmt: skip
+                said("its claim, and a refusal, again and again"),
+                f"msbot why {part.name}",
+            )
         elif part.state == PartState.REFUSED.value and facts.is_run:
             yield Finding(
-                "refused", part.name, said("{part} is refused: {reason}", part=part.name, reason=part.reason),
-                said("it is plugged in and takes no part in the robot"), said("its claim, and a refusal"),
-                f"msbot why {part.name}", must=False,
-            )  # fmt: skip
+                "refused",
+                part.name,
+                said("{part} is refused: {reason}", part=part.name, reason=part.reason),
+                said("it is plugged in and takes no part in the robot"),
+                said("its claim, and a refusal"),
+                f"msbot why {part.name}",
+                must=False,
+            )
     if facts.blueprint.options.authentication != "open":
         for part in facts.parts:
             if part.slot and part.uid not in facts.keys:
                 yield Finding(
-                    "key-missing", part.name, said("{part} has no key, and this robot wants proof", part=part.name),
+                    "key-missing",
+                    part.name,
+                    said("{part} has no key, and this robot wants proof", part=part.name),
                     said("it is refused the next time that it joins"),
-                    said("the master asks for a proof; the part has none, and is refused"), f"msbot key new {part.uid}",
-                )  # fmt: skip
+                    said("the master asks for a proof; the part has none, and is refused"),
+                    f"msbot key new {part.uid}",
+                )
 
 
 def _wires(facts: RobotFacts) -> Iterator[Finding]:
     blueprint = facts.blueprint
     for topic, fault in facts.wire_faults.items():
         yield Finding(
-            "wire-fault", topic, fault, said("nothing can go over this wire"),
-            said("no samples on this topic"), f"msbot unbind {topic}", mending=Mending("unbind", {"topic": topic}),
-        )  # fmt: skip
+            "wire-fault",
+            topic,
+            fault,
+            said("nothing can go over this wire"),
+            said("no samples on this topic"),
+            f"msbot unbind {topic}",
+            mending=Mending("unbind", {"topic": topic}),
+        )
     bound = {end for binding in blueprint.bindings for end in binding.ends}
     for binding in blueprint.bindings:
         if binding.topic in facts.wire_faults:
@@ -162,30 +209,39 @@ def _wires(facts: RobotFacts) -> Iterator[Finding]:
         if not binding.source.slot and not binding.in_dds.ros and not binding.in_dds.export:
             ends = ", ".join(map(str, binding.targets))
             yield Finding(
-                "topic-unfed", binding.topic, said("nobody publishes {topic}, and {ends} wait for it",
-                                                   topic=binding.topic, ends=ends),
-                said("they keep their safe values for ever"), said("readers of this topic, and no sample"),
-                f"msbot bind SLOT.PORT {binding.targets[0] if binding.targets else ''}".rstrip(), must=False,
-            )  # fmt: skip
+                "topic-unfed",
+                binding.topic,
+                said("nobody publishes {topic}, and {ends} wait for it", topic=binding.topic, ends=ends),
+                said("they keep their safe values for ever"),
+                said("readers of this topic, and no sample"),
+                f"msbot bind SLOT.PORT {binding.targets[0] if binding.targets else ''}".rstrip(),
+                must=False,
+            )
     for slot in blueprint.slots:
         part_type = facts.library.get(slot.part_number)
         for port in () if part_type is None else part_type.ports:
             is_bound = any(end.slot == slot.name and end.port == port.name for end in bound)
             if port.direction is Direction.SUBSCRIBE and not is_bound:
                 yield Finding(
-                    "port-unbound", f"{slot.name}.{port.name}",
+                    "port-unbound",
+                    f"{slot.name}.{port.name}",
                     said("{port} is bound to nothing", port=f"{slot.name}.{port.name}"),
                     said("it does nothing until it is wired, or driven by hand"),
                     said("no reader for this port, no sample to it"),
-                    f"msbot bind SLOT.PORT {slot.name}.{port.name}", must=False,
-                )  # fmt: skip
+                    f"msbot bind SLOT.PORT {slot.name}.{port.name}",
+                    must=False,
+                )
     for loop in loops(_arrows(facts)):
         around = " -> ".join((*loop, loop[0]))
         yield Finding(
-            "loop", loop[0], said("the wires go in a circle: {around}", around=around),
+            "loop",
+            loop[0],
+            said("the wires go in a circle: {around}", around=around),
             said("wanted in a control loop; else each answers the other for ever, and the bus fills"),
-            said("samples of these slots in turn, as fast as they can"), f"msbot bus load  # {around}", must=False,
-        )  # fmt: skip
+            said("samples of these slots in turn, as fast as they can"),
+            f"msbot bus load  # {around}",
+            must=False,
+        )
 
 
 def _arrows(facts: RobotFacts) -> dict[str, list[str]]:
@@ -227,11 +283,19 @@ def _bus(facts: RobotFacts) -> Iterator[Finding]:
         return
     is_full = facts.bus_load >= FULL
     yield Finding(
-        "bus-load", facts.name,
-        said("with a part in every slot the bus at {rate:g} kbit/s will be {load:.0%} busy",
-             rate=facts.bus_bitrate / 1000, load=facts.bus_load),
-        said("that does not fit: what is less urgent never gets through" if is_full
-             else "that leaves too little room for parts that join, and for frames that are sent again"),
-        said("frames without gaps; those with high identifiers come late or never"), "msbot bus load",
+        "bus-load",
+        facts.name,
+        said(
+            "with a part in every slot the bus at {rate:g} kbit/s will be {load:.0%} busy",
+            rate=facts.bus_bitrate / 1000,
+            load=facts.bus_load,
+        ),
+        said(
+            "that does not fit: what is less urgent never gets through"
+            if is_full
+            else "that leaves too little room for parts that join, and for frames that are sent again"
+        ),
+        said("frames without gaps; those with high identifiers come late or never"),
+        "msbot bus load",
         first=said("take a higher bit rate, CAN FD, or lower rates of the ports"),
-    )  # fmt: skip
+    )

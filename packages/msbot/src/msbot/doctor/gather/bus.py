@@ -53,8 +53,9 @@ def serial(patient: Examined) -> SerialFacts:
     if not sys.platform.startswith("linux"):
         raise CannotSee(said("serial ports are examined on Linux only"))
     there = [str(path) for pattern in SERIAL for path in sorted(Path("/dev").glob(pattern))]
-    wanted = [port for rest in patient.of_kind("serial") for port in rest.partition("?")[0].split(",")
-              if port.startswith("/")]  # fmt: skip
+    wanted = [
+        port for rest in patient.of_kind("serial") for port in rest.partition("?")[0].split(",") if port.startswith("/")
+    ]
     there += [port for port in wanted if port not in there and Path(port).exists()]
     names = {name for _, name in running_programs()}
     held = {port: holder for port in wanted if (holder := _holder(port))}

@@ -72,8 +72,9 @@ def _is_wanted(marker: Marker | None, extra: str) -> bool:
 def wanted_extras(patient: Examined) -> list[str]:
     """The extras that links and database need; DDS has a check of its own, since it may come from the system."""
     extras = {"serial" for _ in patient.of_kind("serial")}
-    extras |= {"can" for kind in ("can", "canfd", "can-legacy") for rest in patient.of_kind(kind)
-               if PYTHON_CAN.match(rest)}  # fmt: skip
+    extras |= {
+        "can" for kind in ("can", "canfd", "can-legacy") for rest in patient.of_kind(kind) if PYTHON_CAN.match(rest)
+    }
     if patient.database is not None:
         extras.add("master")
         if "://" in patient.database and not patient.database.startswith("sqlite"):

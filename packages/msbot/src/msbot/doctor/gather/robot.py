@@ -74,9 +74,11 @@ def robot(patient: Examined) -> RobotFacts:
 def _meant(robots: Sequence[RobotRecord], name: str | None) -> RobotRecord:
     if not robots:
         raise CannotSee(
-            said("there is no robot in the database yet: `msbot apply robot.toml` or `msbot master robot.toml` puts "
-                 "one there")
-        )  # fmt: skip
+            said(
+                "there is no robot in the database yet: `msbot apply robot.toml` or `msbot master robot.toml` puts "
+                "one there"
+            )
+        )
     found = [one for one in robots if name in (None, one.name, one.serial_number)]
     if len(found) != 1:
         names = ", ".join(one.name for one in robots)
@@ -87,8 +89,19 @@ def _meant(robots: Sequence[RobotRecord], name: str | None) -> RobotRecord:
 def _of_blueprint(patient: Examined) -> RobotFacts:
     assert patient.blueprint is not None
     blueprint, library = open_blueprint(patient.blueprint)
-    return _facts(patient, blueprint, library, is_run=False, masters=[], stopped_by="", parts=(), late={}, refused={},
-                  blocked=frozenset(), keys=frozenset())  # fmt: skip
+    return _facts(
+        patient,
+        blueprint,
+        library,
+        is_run=False,
+        masters=[],
+        stopped_by="",
+        parts=(),
+        late={},
+        refused={},
+        blocked=frozenset(),
+        keys=frozenset(),
+    )
 
 
 def _is_of(master: AgentStatus, name: str, serial_number: str) -> bool:
@@ -96,10 +109,19 @@ def _is_of(master: AgentStatus, name: str, serial_number: str) -> bool:
 
 
 def _facts(
-    patient: Examined, blueprint: Blueprint, library: Library, *, is_run: bool, masters: list[AgentStatus],
-    stopped_by: str, parts: tuple[PartSeen, ...], late: Mapping[str, int], refused: Mapping[str, tuple[str, ...]],
-    blocked: frozenset[str], keys: frozenset[str],
-) -> RobotFacts:  # fmt: skip
+    patient: Examined,
+    blueprint: Blueprint,
+    library: Library,
+    *,
+    is_run: bool,
+    masters: list[AgentStatus],
+    stopped_by: str,
+    parts: tuple[PartSeen, ...],
+    late: Mapping[str, int],
+    refused: Mapping[str, tuple[str, ...]],
+    blocked: frozenset[str],
+    keys: frozenset[str],
+) -> RobotFacts:
     bitrate, data_bitrate = _bitrates(patient)
     load = 0.0
     if bitrate:

@@ -16,8 +16,13 @@ class DimmedOutput(PinDriver):
     def open(self) -> None:
         """Take the pin; it is off."""
         options = self.wiring
-        self._output = self.device("PWMOutputDevice", options.pins["s"], active_high=not options.flag("active_low"),
-                                   initial_value=0, frequency=options.number("frequency_hz"))  # fmt: skip
+        self._output = self.device(
+            "PWMOutputDevice",
+            options.pins["s"],
+            active_high=not options.flag("active_low"),
+            initial_value=0,
+            frequency=options.number("frequency_hz"),
+        )
 
     def wanted(self, values: Values) -> object:
         """Share of full power, 0 to 1."""
@@ -87,8 +92,14 @@ class ColourLamp(PinDriver):
     def open(self) -> None:
         """Take the pins; it is dark."""
         pins = self.wiring.pins
-        self._lamp = self.device("RGBLED", pins["red"], pins["green"], pins["blue"],
-                                 active_high=not self.wiring.flag("common_anode"), initial_value=(0, 0, 0))  # fmt: skip
+        self._lamp = self.device(
+            "RGBLED",
+            pins["red"],
+            pins["green"],
+            pins["blue"],
+            active_high=not self.wiring.flag("common_anode"),
+            initial_value=(0, 0, 0),
+        )
 
     def wanted(self, values: Values) -> object:
         """Three shares, 0 to 1."""

@@ -38,8 +38,12 @@ def open_input(driver: PinDriver, gpio: int, pull: str) -> Any:  # noqa: ANN401 
         # gpiozero treats a pulled-up pin as active when it is low; ours is the plain level.
         device = driver.device("DigitalInputDevice", gpio, pull_up=True)
         return _Inverted(device)
-    return driver.device("DigitalInputDevice", gpio, pull_up=False if pull == "down" else None,
-                         active_state=None if pull == "down" else True)  # fmt: skip
+    return driver.device(
+        "DigitalInputDevice",
+        gpio,
+        pull_up=False if pull == "down" else None,
+        active_state=None if pull == "down" else True,
+    )
 
 
 class _Inverted:

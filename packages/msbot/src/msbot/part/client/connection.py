@@ -436,9 +436,14 @@ class Connection:
         more_at = self._before_sending(now) if self.is_open else None
         self._send(now)
         self._turn.set_timer(
-            self.session.timer(), more_at, self._watch.timer(), self._login_at, self._lost_at, self._goodbye_at,
+            self.session.timer(),
+            more_at,
+            self._watch.timer(),
+            self._login_at,
+            self._lost_at,
+            self._goodbye_at,
             self._close_at,
-        )  # fmt: skip
+        )
 
     def _send(self, now: float) -> None:
         # One packet at a time: what the link has no room for waits in the session, where it stays fresh.

@@ -55,9 +55,13 @@ class FoundAgent:
 
 
 async def find_agents(
-    ask: Sequence[tuple[str, int]] = (MULTICAST,), *, enough: int | None = None, attempts: int = 3,
-    period_s: float = 0.25, interface: str | None = None,
-) -> list[FoundAgent]:  # fmt: skip
+    ask: Sequence[tuple[str, int]] = (MULTICAST,),
+    *,
+    enough: int | None = None,
+    attempts: int = 3,
+    period_s: float = 0.25,
+    interface: str | None = None,
+) -> list[FoundAgent]:
     """The agents that answer, in the order of their answers.
 
     Args:

@@ -113,9 +113,11 @@ class Membership:
         self.dropped = 0
         """Profiles and replies that made no sense."""
         self.client = client = make_client(
-            on_state=self._client_changed, on_reply=self._reply_received, on_topic=self._sample_received,
+            on_state=self._client_changed,
+            on_reply=self._reply_received,
+            on_topic=self._sample_received,
             on_room=self._say_on,
-        )  # fmt: skip
+        )
         self._claim = claim.encode()
         self._question = thesis_master.question(claim.part_number, claim.local_name)
         self._thesis_requester: Entity | None = None

@@ -182,8 +182,29 @@ class Trigger(Message):
 STANDARD_MESSAGES: dict[str, type[Message]] = {
     message.type_name: message
     for message in (
-        HelloWorld, Switch, Number, Count, Level, Text, Light, Colour, Temperature, Pressure, Gas, Distance, Angle,
-        Speed, Vector, Stick, Key, Line, Tone, Battery, Weight, Place, Trigger,
+        HelloWorld,
+        Switch,
+        Number,
+        Count,
+        Level,
+        Text,
+        Light,
+        Colour,
+        Temperature,
+        Pressure,
+        Gas,
+        Distance,
+        Angle,
+        Speed,
+        Vector,
+        Stick,
+        Key,
+        Line,
+        Tone,
+        Battery,
+        Weight,
+        Place,
+        Trigger,
     )
-}  # fmt: skip
+}
 """All standard messages by their names in the data space."""

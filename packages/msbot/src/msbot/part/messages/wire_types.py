@@ -273,9 +273,15 @@ def _array(element: FieldCodec, length: int) -> FieldCodec:
     needs = f"a list of exactly {length}, each element {element.needs}"
     word = f"list[{element.word}] (exactly {length})"
     return FieldCodec(
-        word, needs, length * element.smallest, lambda: [element.zero() for _ in range(length)], fits, write, read,
+        word,
+        needs,
+        length * element.smallest,
+        lambda: [element.zero() for _ in range(length)],
+        fits,
+        write,
+        read,
         fragile=True,
-    )  # fmt: skip
+    )
 
 
 def _write_all(writer: CdrWriter, element: FieldCodec, values: list[Any]) -> None:

@@ -120,9 +120,12 @@ class _Session:
 
     def as_message(self) -> SessionOpen:
         return SessionOpen(
-            number=self.number, times=self.times, client_key=self.info.client_key,
-            reads_profile=int(self.reads_profile), address=short(self.info.address),
-        )  # fmt: skip
+            number=self.number,
+            times=self.times,
+            client_key=self.info.client_key,
+            reads_profile=int(self.reads_profile),
+            address=short(self.info.address),
+        )
 
 
 class AgentEnd:

@@ -140,9 +140,15 @@ class MasterEnd:
     """
 
     def __init__(
-        self, access: Access, inventory: Inventory, profile: Profile, around: MasterHooks, *, random: Random,
+        self,
+        access: Access,
+        inventory: Inventory,
+        profile: Profile,
+        around: MasterHooks,
+        *,
+        random: Random,
         sealed: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.dropped = Tally()
         """Messages without effect, by reason in words."""
         self._access = access
@@ -302,10 +308,14 @@ class MasterEnd:
         self._around.send(
             key,
             AgentWelcome(
-                boot=hello.boot, robot=profile.name, version=profile.version, serial_number=profile.serial_number,
-                released=profile.released, manufacturer=profile.manufacturer,
+                boot=hello.boot,
+                robot=profile.name,
+                version=profile.version,
+                serial_number=profile.serial_number,
+                released=profile.released,
+                manufacturer=profile.manufacturer,
             ),
-        )  # fmt: skip
+        )
 
     def _refusal(self, key: int, hello: AgentHello) -> str:
         """Why the agent is not taken; empty when it is. A silent one of the same name makes room."""
@@ -341,7 +351,7 @@ class MasterEnd:
         number, holds = self._around.stop_number()
         self._around.send(
             agent.key, MasterHeard(count=count, stop=number, holds=int(holds), stops_confirmed=agent.stops_taken)
-        )  # fmt: skip
+        )
 
     # Sessions
 

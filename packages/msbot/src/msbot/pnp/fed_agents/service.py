@@ -109,10 +109,20 @@ class AgentsService:
     """
 
     def __init__(
-        self, make_client: ClientMaker, *, access: Access, inventory: Inventory, services: InventoryService,
-        profile: Profile, stop: EmergencyStop, random: Random, sealed: bool,
-        on_stop: Callable[[str, str], object], on_topics: Callable[[int], object], say: Callable[[str], object],
-    ) -> None:  # fmt: skip
+        self,
+        make_client: ClientMaker,
+        *,
+        access: Access,
+        inventory: Inventory,
+        services: InventoryService,
+        profile: Profile,
+        stop: EmergencyStop,
+        random: Random,
+        sealed: bool,
+        on_stop: Callable[[str, str], object],
+        on_topics: Callable[[int], object],
+        say: Callable[[str], object],
+    ) -> None:
         self.end = MasterEnd(access, inventory, profile, self, random=random, sealed=sealed)
         self._client: Client = make_client(on_request=self._request_received, on_room=self._go_on)
         participant = self._client.create_participant(SERVICE)

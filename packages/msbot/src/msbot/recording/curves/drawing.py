@@ -70,10 +70,11 @@ def terminal_plot(curves: Sequence[Curve], *, zero_s: float, width: int, height:
             points = thinned(curve.points, 4 * width)
             # Colours tell the curves apart, and the table below has them too; without colours it is letters.
             plotext.plot(
-                [at - zero_s for at, _ in points], [value for _, value in points],
+                [at - zero_s for at, _ in points],
+                [value for _, value in points],
                 color=f"{terminal_colour(number[curve.name])}+" if colour else None,
                 marker="braille" if colour or len(group) == 1 else terminal_letter(number[curve.name]),
-            )  # fmt: skip
+            )
         plotext.xlim(min(ends), max(ends) if max(ends) > min(ends) else min(ends) + 1)
         plotext.ylabel(axis_words(group) or unit)
         plotext.xlabel("s")
@@ -111,9 +112,14 @@ def save_picture(curves: Sequence[Curve], target: Path, *, zero_s: float, title:
     for place, group in zip(axes, groups.values(), strict=True):
         for curve in group:
             points = thinned(curve.points, MOST_DRAWN)
-            place.plot([at - zero_s for at, _ in points], [value for _, value in points], label=curve.name,
-                       color=COLOURS[number % len(COLOURS)], linestyle=("-", "--", ":")[number // len(COLOURS) % 3],
-                       linewidth=1.4)  # fmt: skip
+            place.plot(
+                [at - zero_s for at, _ in points],
+                [value for _, value in points],
+                label=curve.name,
+                color=COLOURS[number % len(COLOURS)],
+                linestyle=("-", "--", ":")[number // len(COLOURS) % 3],
+                linewidth=1.4,
+            )
             number += 1
         place.set_ylabel(axis_words(group).replace("$", r"\$"))
         place.grid(visible=True, alpha=0.3)

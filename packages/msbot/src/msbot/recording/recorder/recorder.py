@@ -286,9 +286,14 @@ class Recorder:
             {"port": one.port, "topic": one.topic, "type": one.type_name, "publishes": one.publishes}
             for one in held.bindings
         ]
-        value = {"slot": held.slot, "part_number": number, "local_name": local_name, "ports": ports,
-                 "settings": dict(held.settings),
-                 "nature": nature}  # fmt: skip
+        value = {
+            "slot": held.slot,
+            "part_number": number,
+            "local_name": local_name,
+            "ports": ports,
+            "settings": dict(held.settings),
+            "nature": nature,
+        }
         self._state(SLOTS, held.slot, value)
 
     def _stopped(self, status: StopStatus) -> None:

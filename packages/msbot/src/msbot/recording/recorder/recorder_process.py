@@ -54,8 +54,15 @@ class RecorderProcess:
     def __init__(self, recorder: Recorder, folder: Path | None, limits: RingLimits) -> None:
         self.recorder = recorder
         self.status = RecorderStatus("" if folder is None else str(folder))
-        self._command = [sys.executable, "-P", "-m", "msbot.recording.recorder", self.status.folder,
-                         str(limits.seconds), str(limits.octets)]  # fmt: skip
+        self._command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "msbot.recording.recorder",
+            self.status.folder,
+            str(limits.seconds),
+            str(limits.octets),
+        ]
         self._loop = asyncio.get_running_loop()
         self._process: subprocess.Popen[bytes] | None = None
         self._waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()

@@ -128,8 +128,9 @@ def topics_in_ros(blueprint: Blueprint) -> dict[str, tuple[str, InDds]]:
     robot = blueprint.robot.name
     return {
         one.topic: (topic_of(robot, one.in_dds.ros_topic or one.topic).removeprefix("rt"), one.in_dds)
-        for one in blueprint.bindings if one.in_dds.ros
-    }  # fmt: skip
+        for one in blueprint.bindings
+        if one.in_dds.ros
+    }
 
 
 def ros_metadata(shared: tuple[str, InDds], cls: type[Message]) -> dict[str, str]:
@@ -180,9 +181,17 @@ def frame_octets(frame: Frame, *, is_sent: bool) -> bytes:
     """A frame as a sample of `FRAME_TYPE`."""
     data = frame.data
     fixed = FRAME.pack(
-        frame.can_id, frame.extended, frame.fd, frame.brs, frame.esi, frame.remote, frame.error,
-        is_sent, frame.remote_length or frame.long_dlc, len(data),
-    )  # fmt: skip
+        frame.can_id,
+        frame.extended,
+        frame.fd,
+        frame.brs,
+        frame.esi,
+        frame.remote,
+        frame.error,
+        is_sent,
+        frame.remote_length or frame.long_dlc,
+        len(data),
+    )
     return fixed + data
 
 
@@ -193,28 +202,43 @@ def blueprint_words(blueprint: Blueprint, links: Sequence[str]) -> dict[str, obj
     """Slots and wires, as `/msbot/blueprint` has them."""
     timing = blueprint.timing
     return {
-        "beat_s": timing.beat_period_s, "tick_s": timing.tick_period_s, "life": timing.life, "links": [*links],
+        "beat_s": timing.beat_period_s,
+        "tick_s": timing.tick_period_s,
+        "life": timing.life,
+        "links": [*links],
         "slots": [
             {"slot": one.name, "part_number": one.part_number, "description": one.description}
             for one in blueprint.slots
         ],
         "wires": [
-            {"topic": one.topic, "type": one.type_name, "reliable": one.reliable,
-             "from": [one.source.slot, one.source.port], "to": [[end.slot, end.port] for end in one.targets]}
+            {
+                "topic": one.topic,
+                "type": one.type_name,
+                "reliable": one.reliable,
+                "from": [one.source.slot, one.source.port],
+                "to": [[end.slot, end.port] for end in one.targets],
+            }
             for one in blueprint.bindings
         ],
-    }  # fmt: skip
+    }
 
 
 def event_words(event: PartEvent) -> dict[str, object]:
     """A change of a part's state, as `/msbot/events` has it."""
     return {
-        "part": event.part, "slot": event.slot, "part_number": event.part_number,
-        "from": None if event.from_state is None else event.from_state.value, "to": event.to_state.value,
-        "reason": event.reason, "evidence": [list(pair) for pair in event.evidence], "uid": event.uid.hex(),
-        "client_key": event.client_key, "words": event.sentences()[0], "identity": event.identity.hex(),
+        "part": event.part,
+        "slot": event.slot,
+        "part_number": event.part_number,
+        "from": None if event.from_state is None else event.from_state.value,
+        "to": event.to_state.value,
+        "reason": event.reason,
+        "evidence": [list(pair) for pair in event.evidence],
+        "uid": event.uid.hex(),
+        "client_key": event.client_key,
+        "words": event.sentences()[0],
+        "identity": event.identity.hex(),
         "said": to_json(event.reason),
-    }  # fmt: skip
+    }
 
 
 def shown_words(

@@ -134,10 +134,17 @@ def write_parquet(messages: Iterable[tuple[float, RecordedMessage]], target: Pat
     except ImportError:
         raise ConfigError("Parquet needs pyarrow: install it with `pip install 'msbot[parquet]'`") from None
     word = arrow.dictionary(arrow.int32(), arrow.string())
-    schema = arrow.schema([
-        ("time_s", arrow.float64()), ("at", arrow.timestamp("ns", tz="UTC")), ("topic", word), ("slot", word),
-        ("field", word), ("number", arrow.float64()), ("text", arrow.string()),
-    ])  # fmt: skip
+    schema = arrow.schema(
+        [
+            ("time_s", arrow.float64()),
+            ("at", arrow.timestamp("ns", tz="UTC")),
+            ("topic", word),
+            ("slot", word),
+            ("field", word),
+            ("number", arrow.float64()),
+            ("text", arrow.string()),
+        ]
+    )
     decoder, rows, count = Decoder(), [], 0
     try:
         with target.open("xb") as stream, parquet.ParquetWriter(stream, schema) as writer:
@@ -160,6 +167,11 @@ def _row(at_s: float, message: RecordedMessage, name: str, value: object) -> dic
     is_number = isinstance(value, bool | int | float)
     text = value.hex() if isinstance(value, bytes) else str(value)
     return {
-        "time_s": at_s, "at": message.at_ns, "topic": message.topic, "slot": message.slot, "field": name,
-        "number": float(value) if isinstance(value, bool | int | float) else None, "text": None if is_number else text,
-    }  # fmt: skip
+        "time_s": at_s,
+        "at": message.at_ns,
+        "topic": message.topic,
+        "slot": message.slot,
+        "field": name,
+        "number": float(value) if isinstance(value, bool | int | float) else None,
+        "text": None if is_number else text,
+    }

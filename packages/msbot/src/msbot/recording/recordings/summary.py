@@ -64,9 +64,17 @@ def frame_of(message: RecordedMessage) -> Frame | None:
         return None
     data = message.data[4 + FRAME.size : 4 + FRAME.size + size]
     return Frame(
-        can_id, data, bool(extended), bool(fd), bool(brs), bool(remote), bool(error), bool(esi),
-        remote_length=dlc if remote else 0, long_dlc=0 if remote else dlc,
-    )  # fmt: skip
+        can_id,
+        data,
+        bool(extended),
+        bool(fd),
+        bool(brs),
+        bool(remote),
+        bool(error),
+        bool(esi),
+        remote_length=dlc if remote else 0,
+        long_dlc=0 if remote else dlc,
+    )
 
 
 def _stop_words(fields: Mapping[str, object]) -> str:

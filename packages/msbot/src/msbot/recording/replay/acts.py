@@ -136,9 +136,15 @@ class ActPlayer:
     """
 
     def __init__(
-        self, acts: RecordedActs, ask: Ask, *, speed: float = 1.0, say: Callable[[str], None],
-        may_go: Callable[[], bool] = lambda: True, begin_ns: int | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        acts: RecordedActs,
+        ask: Ask,
+        *,
+        speed: float = 1.0,
+        say: Callable[[str], None],
+        may_go: Callable[[], bool] = lambda: True,
+        begin_ns: int | None = None,
+    ) -> None:
         self.done = 0
         """Acts that were done."""
         self._acts = acts.acts

@@ -154,10 +154,11 @@ class Player:
                 if part.reason not in [refusal.words for refusal in PASSING]:
                     return ConfigError(f"slot {slot}: the robot refuses part number {part.part_number}: {part.reason}")
                 self._warn_once(
-                    slot, part.reason,
+                    slot,
+                    part.reason,
                     f"slot {slot}: {part.reason}; it waits. Take the part out of slot {slot}, or put the replayed one "
                     f"there with `msbot swap {slot} --to {_uid(part)}`",
-                )  # fmt: skip
+                )
         return None
 
     def _follow(self, now: float) -> None:

@@ -87,8 +87,11 @@ def bring_up_to_date(engine: Engine, address: Address, migrations: Migrations) -
             copy = _back_up(address.path, version) if address.path else _back_up_on_server(connection, version)
             _log.warning(
                 "the database %s is of schema %d and is brought to %d; a copy is kept in %s",
-                address.words, version, migrations.newest, copy,
-            )  # fmt: skip
+                address.words,
+                version,
+                migrations.newest,
+                copy,
+            )
         _upgrade(connection, migrations.location)
         _write_comments(connection)
 

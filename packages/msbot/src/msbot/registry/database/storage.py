@@ -219,9 +219,9 @@ class Storage:
     def health(self) -> StorageHealth:
         """What is not stored."""
         writer = self._writer
-        return StorageHealth(None, 0, 0) if writer is None else StorageHealth(
-            writer.trouble, writer.pending, writer.lost
-        )  # fmt: skip
+        return (
+            StorageHealth(None, 0, 0) if writer is None else StorageHealth(writer.trouble, writer.pending, writer.lost)
+        )
 
     @property
     def writer(self) -> Writer:

@@ -285,8 +285,12 @@ class Writer:
             self._changed.notify_all()
         self._thread.join(max(0.1, until - monotonic()))
         if left := self.pending:
-            _log.error("the database %s was closed before all changes were stored, %d are lost: it %s",
-                       self._database, left, self.fault or "is too slow")  # fmt: skip
+            _log.error(
+                "the database %s was closed before all changes were stored, %d are lost: it %s",
+                self._database,
+                left,
+                self.fault or "is too slow",
+            )
         return not left
 
     # The thread

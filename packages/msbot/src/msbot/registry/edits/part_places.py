@@ -115,9 +115,14 @@ def swap(connection: Connection, author: Author, uid: bytes, slot: str, *, other
 
 
 def _move(
-    connection: Connection, author: Author, places: Mapping[str, SlotMemory], *, slot: str, words: str,
+    connection: Connection,
+    author: Author,
+    places: Mapping[str, SlotMemory],
+    *,
+    slot: str,
+    words: str,
     told: Mapping[bytes, str | None] | None = None,
-) -> EditRecord:  # fmt: skip
+) -> EditRecord:
     after = UndoablePlace(places)
     before = after.as_it_is(connection, author.robot)
     if told:

@@ -209,8 +209,9 @@ def too_large_for_page(size: int) -> str:
         return ""
     return said(
         "the backup has {size} MB, and a page takes back {most} MB: `msbot db restore` takes it, while no master runs",
-        size=(size >> 20) + 1, most=MOST_OF_PAGE >> 20,
-    )  # fmt: skip
+        size=(size >> 20) + 1,
+        most=MOST_OF_PAGE >> 20,
+    )
 
 
 @dataclass(frozen=True, slots=True)

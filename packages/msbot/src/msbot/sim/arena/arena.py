@@ -77,9 +77,13 @@ class Arena:
             self.robots[place.name] = robot
         self.gripper = Grippers(self.space, {thing.shape: thing.plan.size for thing in self.boxes})
         self.senses = Senses(
-            plan=self.plan, space=self.space, floor=self.floor, colours=self.colours, robots=self.robots,
+            plan=self.plan,
+            space=self.space,
+            floor=self.floor,
+            colours=self.colours,
+            robots=self.robots,
             gripper=self.gripper,
-        )  # fmt: skip
+        )
         self.steps = 0
 
     @property
@@ -114,8 +118,9 @@ class Arena:
         """
         robot = self.robot(name)
         self.gripper.let_go(robot)
-        x, y = (max(0.0, min(most, value)) for value, most in zip(at, (self.plan.width_m, self.plan.height_m),
-                                                                  strict=True))  # fmt: skip
+        x, y = (
+            max(0.0, min(most, value)) for value, most in zip(at, (self.plan.width_m, self.plan.height_m), strict=True)
+        )
         robot.put((x, y), math.degrees(robot.pose.angle) if heading_deg is None else heading_deg)
         self.space.reindex_shapes_for_body(robot.body)
 

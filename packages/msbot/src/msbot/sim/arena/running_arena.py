@@ -200,11 +200,14 @@ class RunningArena:
             for name, pose in self.arena.poses().items()
         }
         return {
-            "world": self.arena.plan.name, "seconds": round(self.arena.now, 2), "paused": self.paused,
-            "speed": self.speed, "lost_s": round(self.lost_s, 2),
+            "world": self.arena.plan.name,
+            "seconds": round(self.arena.now, 2),
+            "paused": self.paused,
+            "speed": self.speed,
+            "lost_s": round(self.lost_s, 2),
             "robots": {name: {**places[name], "parts": list(self.slots(name))} for name in robots},
             "boxes": {name: place for name, place in places.items() if name not in robots},
-        }  # fmt: skip
+        }
 
     def step(self) -> None:
         """Let one tick pass in a world that is paused."""

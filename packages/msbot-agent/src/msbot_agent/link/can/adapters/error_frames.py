@@ -64,8 +64,12 @@ _PLACES: Final = {
     0x09: "reserved bit", 0x0B: "length", 0x0A: "data", 0x08: "check sum", 0x18: "check sum delimiter",
     0x19: "acknowledgement", 0x1B: "acknowledgement delimiter", 0x1A: "end of frame", 0x12: "intermission",
 }  # fmt: skip
-_CAN_H: Final = {0x4: "no wire", 0x5: "short circuit to the battery", 0x6: "short circuit to the supply",
-                 0x7: "short circuit to ground"}  # fmt: skip
+_CAN_H: Final = {
+    0x4: "no wire",
+    0x5: "short circuit to the battery",
+    0x6: "short circuit to the supply",
+    0x7: "short circuit to ground",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -289,8 +289,9 @@ class MasterJoin:
         if idle:
             return min(idle, key=lambda n: unproven[n].heard_at)
         silent = [
-            n for n in taken
+            n
+            for n in taken
             if n not in unproven and (n not in self.members or now - self.members[n].heard_at > SILENT_S)
-        ]  # fmt: skip
+        ]
         never = float("-inf")
         return min(silent, key=lambda n: self.members[n].heard_at if n in self.members else never, default=None)
