@@ -73,7 +73,7 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "python-new": ("/usr/bin/python3", lambda: check_python(replace(PYTHON, version=(3, 15, 0)))),
     "python-32-bit": ("/usr/bin/python3", lambda: check_python(replace(PYTHON, is_64_bit=False))),
     "package-missing": ("python-can",
-                        lambda: check_packages((PackageNeed("python-can", ">=4.4", "can", None, fits=False),))),
+                        lambda: check_packages((PackageNeed("python-can", ">=4", "msbot-agent[can]", None, False),))),
     "package-version": ("click", lambda: check_packages((replace(PACKAGES[0], installed="7.0", fits=False),))),
     "group-missing": ("/dev/ttyACM0", lambda: check_access(replace(ACCESS, groups=frozenset({"ada"}),
                                                                    member_of=frozenset({"ada"}), devices=(SHUT,)))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import socket
@@ -17,9 +18,12 @@ from click.testing import CliRunner
 from msbot.cli.doctor import command
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.doctor import CHECKS, Check, Examined, Finding, examine
+from msbot.doctor.checks.installation import check_packages
 from msbot.doctor.checks.robot import check_robot
 from msbot.doctor.checks.stop import check_stop
+from msbot.doctor.facts import PackageNeed
 from msbot.doctor.finding import CannotSee, NotNeeded
+from msbot.doctor.gather.installation import packages
 from msbot.doctor.gather.network import bound_ports, iptables_rules, missing_files, nft_rules, ports, ufw_ports
 from msbot.doctor.gather.robot import robot
 from msbot.doctor.gather.stop import stop
@@ -258,6 +262,30 @@ def test_a_check_that_there_is_not_is_one_sentence() -> None:
     done = CliRunner().invoke(command, ["--only", "tea"])
     assert isinstance(done.exception, ConfigError)
     assert "there are python, packages" in str(done.exception)
+
+
+def test_a_package_of_an_extra_of_a_lower_distribution_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`msbot[serial]` is `msbot-agent[serial]`: that msbot-agent is there does not mean that serialx is."""
+    there = importlib.metadata.version
+
+    def version(name: str) -> str:
+        if name == "serialx":
+            raise importlib.metadata.PackageNotFoundError(name)
+        return there(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    (found,) = check_packages(packages(Examined(None, links=("serial:/dev/ttyUSB0",))))
+    assert (found.about, found.mend) == ("serialx", "pip install 'msbot-agent[serial]'")
+    assert not list(check_packages(packages(Examined(None))))
+
+
+def test_nobody_is_sent_to_a_package_index_for_msbot_itself() -> None:
+    """It is not published there, and what has its name there is somebody else's."""
+    needs = (
+        PackageNeed("msbot-web", "==0.1.0", "", None, fits=False),
+        PackageNeed("msbot-agent", "==0.1.0", "", "0.0.9", fits=False),
+    )
+    assert all(not finding.mend.startswith("pip") for finding in check_packages(needs))
 
 
 def test_a_port_that_this_process_has_open_is_known_as_its_own() -> None:

@@ -33,7 +33,7 @@ MOST: Final = 500
 """Announcements that are listened to."""
 LONGEST: Final = 64
 """Characters of a text in an announcement."""
-NEEDED: Final = said("to announce and to find robots takes another package: pip install 'msbot[announce]'")
+NEEDED: Final = said("to announce and to find robots takes another package: pip install 'msbot-school[announce]'")
 NO_NETWORK: Final = said("this computer is in no network: nothing can be announced, and nobody found")
 
 _log = logging.getLogger(__name__)

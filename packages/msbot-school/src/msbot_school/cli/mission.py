@@ -210,7 +210,7 @@ def _asked(db: str | None, robot: str | None, number: int | None) -> PlayedMissi
 def _write_html(played: PlayedMission, path: Path, code: str) -> None:
     pages = extensions().all("mission_pages", FunctionType)
     if "html" not in pages:
-        raise ConfigError("--html needs the package msbot-web: `pip install msbot-web`")
+        raise ConfigError("--html needs the package msbot-web, which is not installed here")
     page = pages["html"](played, code)
     try:
         path.write_text(page, "utf-8")

@@ -32,7 +32,7 @@ class PackageNeed:
     wanted: str
     """Versions, as packagers write them: `>=4.4`."""
     extra: str
-    """The extra of MsBOT that brings it; empty: MsBOT itself."""
+    """The extra that brings it, with its distribution (`msbot-agent[serial]`); empty: MsBOT always needs it."""
     installed: str | None
     fits: bool
     """Whether the installed version is one of those."""

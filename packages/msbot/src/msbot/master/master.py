@@ -273,7 +273,9 @@ class Master:
         return (own_group() or self.blueprint.robot.stop_group) if given is None else given
 
     def say_stop(self, by: str, reason: str = "") -> StopStatus:
-        """Say STOP: every part goes to its safe state and stays there until `say_go`, whatever happens to this master.
+        """Say STOP: every part goes to its safe state and stays there until `say_go`.
+
+        That also holds when this master ends, unless STOP could not be stored (`StopStatus.trouble`).
 
         On a CAN bus this is a frame with priority over all others; the inventory also tells every part again and again
         until it has confirmed. `until_stop_is_stored` waits until STOP is stored.

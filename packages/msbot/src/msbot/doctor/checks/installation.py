@@ -58,7 +58,10 @@ def check_python(facts: PythonFacts) -> Iterator[Finding]:
 def check_packages(needs: tuple[PackageNeed, ...]) -> Iterator[Finding]:
     """Whether the packages are there."""
     for need in needs:
-        install = f"pip install 'msbot[{need.extra}]'" if need.extra else f"pip install '{need.name}{need.wanted}'"
+        # MsBOT itself is in no package index: pip is asked only for what others have published.
+        by_hand = f"msbot --version  # install {need.name}{need.wanted} from the folder of MsBOT or its wheels"
+        is_own = need.name.startswith("msbot")
+        install = f"pip install '{need.extra or need.name + need.wanted}'"
         if need.installed is None:
             yield Finding(
                 "package-missing",
@@ -66,7 +69,7 @@ def check_packages(needs: tuple[PackageNeed, ...]) -> Iterator[Finding]:
                 said("the package {name} is not installed", name=need.name),
                 said("what is asked for needs it, and ends with an error without it"),
                 NOTHING_ON_THE_WIRE,
-                install,
+                by_hand if is_own else install,
             )
         elif not need.fits:
             yield Finding(
@@ -80,7 +83,7 @@ def check_packages(needs: tuple[PackageNeed, ...]) -> Iterator[Finding]:
                 ),
                 said("other versions lack what MsBOT calls, or do it in another way"),
                 NOTHING_ON_THE_WIRE,
-                f"pip install --upgrade '{need.name}{need.wanted}'",
+                by_hand if is_own else f"pip install --upgrade '{need.name}{need.wanted}'",
             )
 
 

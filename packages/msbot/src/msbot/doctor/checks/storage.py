@@ -40,7 +40,7 @@ def check_database(facts: DatabaseFacts) -> Iterator[Finding]:
             ),
             said("this MsBOT cannot use it"),
             said("nothing: the master does not start"),
-            "pip install --upgrade msbot",
+            "msbot --version  # install the newer MsBOT that wrote it, from its folder or its wheels",
         )
         return
     if facts.schema < facts.newest_schema:

@@ -23,8 +23,6 @@ NEWEST = (3, 13)
 """Newest Python that MsBOT was tried with; the classifiers of pyproject.toml say the same."""
 OLDEST = (3, 11)
 DEVICES = ("ttyUSB*", "ttyACM*", "ttyAMA*", "serial*", "gpiochip*", "i2c-*", "spidev*")
-EXTRAS = {"can": "can", "canfd": "can", "can-legacy": "can", "serial": "serial"}
-"""Extras of MsBOT by the kind of link that needs them."""
 PYTHON_CAN = re.compile(r"[^:?]+:[^?]")
 """`slcan:/dev/ttyACM0`: an interface of python-can; one of Linux (`can0`) needs no package."""
 
@@ -40,28 +38,39 @@ def python(_: Examined) -> PythonFacts:
 def packages(patient: Examined) -> tuple[PackageNeed, ...]:
     """The packages that are needed for what is wanted."""
     try:
-        from packaging.requirements import Requirement
+        import packaging.requirements  # noqa: F401
     except ImportError:
         raise CannotSee(said("it needs a package: pip install packaging")) from None
     try:
-        wanted = importlib.metadata.requires("msbot") or []
+        return tuple(_needs("msbot", ["", *wanted_extras(patient)]))
     except importlib.metadata.PackageNotFoundError:
         raise CannotSee(said("MsBOT is not installed as a package here")) from None
-    extras = wanted_extras(patient)
-    found = []
-    for line in wanted:
+
+
+def _needs(distribution: str, extras: list[str]) -> Iterator[PackageNeed]:
+    """What a distribution of MsBOT needs with these extras (empty: without any).
+
+    An extra may be one of a lower distribution: `msbot[serial]` is `msbot-agent[serial]`, which needs serialx.
+    """
+    from packaging.requirements import Requirement
+
+    for line in importlib.metadata.requires(distribution) or []:
         need = Requirement(line)
-        for extra in ("", *extras):
-            if not _is_wanted(need.marker, extra):
-                continue
-            try:
-                installed = importlib.metadata.version(need.name)
-            except importlib.metadata.PackageNotFoundError:
-                installed = None
-            fits = installed is not None and need.specifier.contains(installed, prereleases=True)
-            found.append(PackageNeed(need.name, str(need.specifier), extra, installed, fits))
-            break
-    return tuple(found)
+        extra = next((one for one in extras if _is_wanted(need.marker, one)), None)
+        if extra is None:
+            continue
+        try:
+            installed = importlib.metadata.version(need.name)
+        except importlib.metadata.PackageNotFoundError:
+            installed = None
+        fits = installed is not None and need.specifier.contains(installed, prereleases=True)
+        if not need.name.startswith("msbot"):
+            brought_by = f"{distribution}[{extra}]" if extra else ""
+            yield PackageNeed(need.name, str(need.specifier), brought_by, installed, fits)
+        elif installed is None or not fits:
+            yield PackageNeed(need.name, str(need.specifier), "", installed, fits)
+        elif need.extras or not extra:
+            yield from _needs(need.name, sorted(need.extras) or [""])
 
 
 def _is_wanted(marker: Marker | None, extra: str) -> bool:
