@@ -56,7 +56,7 @@ def user_command() -> None:
 @db_option
 @json_option
 def list_users(db: str | None, *, as_json: bool) -> None:
-    """List everybody who may sign in, with roles, tokens and tickets."""
+    """List everybody who may sign in, with roles, API tokens and relays."""
     with _accounts(db) as accounts:
         people = accounts.users()
     if as_json:
@@ -167,7 +167,7 @@ def new_token(name: str, purpose: str, db: str | None) -> None:
 @click.argument("relay")
 @db_option
 def new_ticket(name: str, relay: str, db: str | None) -> None:
-    """Print a ticket with which RELAY, a relay or an agent, brings parts as those of the teacher NAME.
+    """Print a token with which RELAY, a relay or an agent, brings parts as those of the teacher NAME.
 
     It opens nothing else. `msbot user revoke NAME RELAY` makes it worthless.
     """
@@ -180,7 +180,7 @@ def new_ticket(name: str, relay: str, db: str | None) -> None:
 @click.argument("purpose")
 @db_option
 def revoke(name: str, purpose: str, db: str | None) -> None:
-    """Revoke an API token or ticket."""
+    """Revoke an API token, or the token of a relay."""
     with _accounts(db) as accounts:
         run_to_end(accounts.remove_token(name, purpose, who=user_name()))
     click.echo(f"the token of {name} for {purpose} is worthless now")
