@@ -14,14 +14,9 @@ ARGS ?=
 ENGINE ?= uml
 # One distribution's own tests: make test PACKAGE=xrce (or agent, msbot, school, web)
 PACKAGE ?=
-TESTS_xrce := tests/xrce tests/conformance
-TESTS_agent := tests/agent tests/link tests/space tests/idl tests/wide tests/stock
-TESTS_msbot := tests/cli tests/config tests/doctor tests/firmware tests/hardware tests/homes tests/master tests/metrics \
-	tests/operations tests/part tests/pnp tests/registry tests/ros tests/runtime tests/sim tests/stop
-TESTS_school := tests/lab tests/lessons tests/school
-TESTS_web := tests/web
 # Protocols and rules: what a change breaks first, in about a minute.
-QUICK := tests/xrce tests/conformance tests/agent tests/link/can/protocol tests/idl tests/config tests/part tests/pnp
+QUICK := packages/msbot-xrce/tests $(addprefix packages/msbot-agent/tests/,conformance agent link/can/protocol idl) \
+	$(addprefix packages/msbot/tests/,config part pnp)
 HASHES ?= yes
 
 # The tests start hundreds of processes: where Python may not keep what it has compiled, each compiles all it imports.
@@ -82,7 +77,7 @@ test: $(if $(PACKAGE),,check) tests
 # A file of tests stays on one worker, which makes its fixtures once; the files that take longest come first, and two
 # workers have no browser (tests/taking_turns.py).
 tests: $(VENV)/.dev
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(TESTS_$(PACKAGE)) $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(if $(PACKAGE),packages/$(patsubst msbot-msbot,msbot,msbot-$(PACKAGE))/tests) $(ARGS)
 
 quick: $(VENV)/.dev
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -p tests.quick $(QUICK) $(ARGS)

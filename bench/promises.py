@@ -30,7 +30,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="begin no new round after these (default: 10)")
     parser.add_argument("--write", action="store_true", help=f"put the table into {RESULT.relative_to(ROOT)}")
-    parser.add_argument("tests", nargs="*", default=["tests"], help="folders or files of tests (default: all)")
+    parser.add_argument("tests", nargs="*", help="folders or files of tests (default: all)")
     options = parser.parse_args()
     began, rounds = monotonic(), 0
     tallies: dict[str, Tally] = {}

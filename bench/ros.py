@@ -2,7 +2,7 @@
 
     PYTHONPATH=. python bench/ros.py [--write] [--times 300]
 
-Runs tests/ros/genuine: genuine ROS 2 Jazzy in an environment that the tests make, in a network of its own. Its packages
+Runs tests.ros.genuine: genuine ROS 2 Jazzy in an environment that the tests make, in a network of its own. Its packages
 have `rmw_fastrtps` only. Whoever has built `librmw_cyclonedds_cpp.so` for them names it in MSBOT_RMW_CYCLONEDDS, and
 both middlewares are genuine; without it, Cyclone DDS with its header in front of requests and replies stands in for
 `rmw_cyclonedds`, and the table says so.
@@ -67,7 +67,7 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="put the table into bench/results/ros.md")
     parser.add_argument("--times", type=int, default=300, help="so many of each are timed (default: 300)")
     options = parser.parse_args()
-    passed = run([ROOT / "tests/ros/genuine", *sorted({_file(test) for test in STAND_IN.values()})])
+    passed = run([ROOT / "packages/msbot/tests/ros/genuine", *sorted({_file(test) for test in STAND_IN.values()})])
     times = {middleware: run_to_end(medians(middleware, options.times)) for middleware in MIDDLEWARES}
     lines = table(passed, times)
     print("\n".join(lines))

@@ -2,7 +2,7 @@
 
     PYTHONPATH=. python bench/stop_table.py [--write]
 
-The stories of `tests/stop`, in virtual time: parts in Python, of the firmware (C), in MicroPython's VM and in a browser
+The stories of `tests.stop`, in virtual time: parts in Python, of the firmware (C), in MicroPython's VM and in a browser
 speak and listen without a pause; STOP is said; something happens; and when all have confirmed, no function of a part
 may get a sample that is still on its way. The rows of real robots are processes in real time: their masters, parts, a
 PostgreSQL server and a browser. `--write` puts the table into bench/results/stop_table.md. Needs gcc, node, Chromium

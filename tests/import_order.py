@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests import place_of
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -43,5 +43,5 @@ def begun_at(worker: int, workers: int, modules: list[str]) -> list[str]:
 def modules_in(place: Path) -> list[str]:
     """The names of the test modules in a folder; of the module if it is one."""
     files = [file.resolve() for file in (place.rglob("test_*.py") if place.is_dir() else [place])]
-    inside = [file.relative_to(ROOT) for file in files if file.suffix == ".py" and file.is_relative_to(ROOT / "tests")]
-    return [".".join(file.with_suffix("").parts) for file in inside]
+    inside = [found for file in files if file.suffix == ".py" and (found := place_of(file)) is not None]
+    return [".".join(("tests", *found.with_suffix("").parts)) for found in inside]

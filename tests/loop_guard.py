@@ -20,10 +20,10 @@ from typing import Any
 from sqlalchemy import Engine, event
 
 from msbot.registry.database.writer import PendingChange, Writer
+from tests import FOLDERS, ROOT
 
-ROOT = Path(__file__).parent.parent
 PRODUCT = ROOT / "packages"
-ONLOOKERS = (ROOT / "tests", ROOT / "bench")
+ONLOOKERS = (*FOLDERS, ROOT / "bench")
 """What may look something up between two steps of a robot."""
 NO_ROBOT_RUNS = PRODUCT / "msbot/src/msbot/operations/stored_robot.py"
 
@@ -80,9 +80,11 @@ def _whose(file: str) -> Whose:
     path = Path(file)
     if path in (Path(__file__), NO_ROBOT_RUNS):
         return Whose.NO_ROBOT if path == NO_ROBOT_RUNS else Whose.ASKED
+    if any(map(path.is_relative_to, ONLOOKERS)):
+        return Whose.ONLOOKER
     if path.is_relative_to(PRODUCT):
         return Whose.ASKED if path.is_relative_to(PRODUCT / "msbot/src/msbot/registry") else Whose.ROBOT
-    return Whose.ONLOOKER if any(map(path.is_relative_to, ONLOOKERS)) else Whose.OTHERS
+    return Whose.OTHERS
 
 
 def _callers(frame: FrameType | None) -> Iterator[str]:

@@ -9,7 +9,8 @@ import re
 from functools import cache
 from pathlib import Path
 
-ROOT = Path(__file__).parent
+from tests import FOLDERS, place_of
+
 STARTS = re.compile(r"^\s*(?:import|from) (?:subprocess|multiprocessing|playwright|schemathesis)\b", re.MULTILINE)
 _OURS = re.compile(r"^\s*(?:from (tests[\w.]*) import ([\w, ()\n]+)|import (tests[\w.]+))", re.MULTILINE)
 ANYWAY = ("registry/postgres.py",)
@@ -19,7 +20,12 @@ ANYWAY = ("registry/postgres.py",)
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
     """Leave out folders whose fixtures start something, and files that do."""
     fixtures = collection_path / "conftest.py" if collection_path.is_dir() else collection_path
-    if collection_path != ROOT and fixtures.is_file() and fixtures.suffix == ".py" and starts_something(fixtures):
+    if (
+        collection_path not in FOLDERS
+        and fixtures.is_file()
+        and fixtures.suffix == ".py"
+        and starts_something(fixtures)
+    ):
         return True
     return None
 
@@ -27,7 +33,7 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 @cache
 def starts_something(file: Path) -> bool:
     """Whether a module of the tests starts processes, by itself or by what it imports."""
-    if file.is_relative_to(ROOT) and file.relative_to(ROOT).as_posix() in ANYWAY:
+    if (place := place_of(file)) is not None and place.as_posix() in ANYWAY:
         return False
     text = file.read_text()
     if STARTS.search(text):
@@ -39,7 +45,8 @@ def _imported(text: str) -> set[Path]:
     found = set[Path]()
     for package, names, module in _OURS.findall(text):
         name = package or module
-        folder = ROOT.parent / name.replace(".", "/")
-        wanted = [folder.with_suffix(".py"), *(folder / f"{one.strip(' (),')}.py" for one in names.split(","))]
-        found.update(path for path in wanted if path.is_file())
+        for tests in FOLDERS:
+            folder = tests / name.partition(".")[2].replace(".", "/")
+            wanted = [folder.with_suffix(".py"), *(folder / f"{one.strip(' (),')}.py" for one in names.split(","))]
+            found.update(path for path in wanted if path.is_file())
     return found

@@ -18,12 +18,21 @@ if TYPE_CHECKING:
     from xdist.remote import Producer
     from xdist.workermanage import WorkerController
 
-BROWSERS = "tests/web/browser/"
+BROWSERS = "packages/msbot-web/tests/web/browser/"
 WAITING = (
-    "tests/e2e/", "tests/hostile/", "tests/lab/test_processes.py", "tests/space/", "tests/wide/", "tests/socketcan/",
-    "tests/school/test_mdns.py", "tests/hardware/test_keeper.py", "tests/registry/database/test_storage.py",
-    "tests/cli/change/test_robot_access.py", "tests/cli/bus/", "tests/web/api/test_routes.py",
-)  # fmt: skip
+    "tests/e2e/",
+    "tests/hostile/",
+    "packages/msbot-school/tests/lab/test_processes.py",
+    "packages/msbot-agent/tests/space/",
+    "packages/msbot-agent/tests/wide/",
+    "tests/socketcan/",
+    "packages/msbot-school/tests/school/test_mdns.py",
+    "packages/msbot/tests/hardware/test_keeper.py",
+    "packages/msbot/tests/registry/database/test_storage.py",
+    "packages/msbot/tests/cli/change/test_robot_access.py",
+    "packages/msbot/tests/cli/bus/",
+    "packages/msbot-web/tests/web/api/test_routes.py",
+)
 """Files that wait for more than half of their time."""
 MORE_WORKERS = 3
 """As many more than there are processors."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests import ROOT
 from tests.import_order import begun_at, modules_in
 
 HERE = Path(__file__).parent
@@ -21,6 +22,6 @@ def test_a_module_has_the_name_by_which_pytest_imports_it() -> None:
     assert __name__ in modules_in(Path(__file__)) == modules_in(HERE / "test_import_order.py")
     there = modules_in(HERE)
     assert __name__ in there
-    assert "tests.link.net.test_udp" in there
-    assert "tests.conftest" not in there
+    assert "tests.e2e.processes" not in there
+    assert "tests.link.net.test_udp" in modules_in(ROOT / "packages/msbot-agent/tests/link")
     assert modules_in(HERE.parent / "README.md") == modules_in(HERE.parent / "tools" / "set_up.py") == []

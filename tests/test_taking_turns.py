@@ -8,7 +8,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from tests.conftest import FIRST
+from conftest import FIRST
+from tests import FOLDERS, ROOT
 from tests.taking_turns import BROWSERS, WAITING, TakingTurns
 
 
@@ -89,16 +90,14 @@ def test_at_the_end_all_help_and_one_worker_alone_does_all() -> None:
 
 def test_it_is_in_use() -> None:
     words = ["-m", "pytest", "-v", "-n", "1", "--dist", "loadfile", "-p", "no:cacheprovider", "tests/test_errors.py"]
-    done = subprocess.run(
-        [sys.executable, *words], cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     assert "scheduling tests via TakingTurns" in done.stdout
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_what_has_a_place_in_the_order_or_a_kind_is_there() -> None:
     """A file that got another name would lose its place without a word."""
-    here = Path(__file__).parent
-    names = [here / name for name in FIRST] + [here.parent / name for name in (BROWSERS, *WAITING)]
+    names = [next((path for folder in FOLDERS if (path := folder / name).exists()), Path(name)) for name in FIRST]
+    names += [ROOT / name for name in (BROWSERS, *WAITING)]
     assert [path for path in names if not path.exists()] == []
-    assert {path.name for path in (here.parent / BROWSERS).glob("test_*.py")} <= {path.name for path in names}
+    assert {path.name for path in (ROOT / BROWSERS).glob("test_*.py")} <= {path.name for path in names}

@@ -23,7 +23,7 @@ FOLDERS = {
     "micropython": ROOT / "packages/msbot-web/src/msbot_web/static/micropython",
     "uplot": ROOT / "packages/msbot-web/src/msbot_web/static/uplot",
     "blockly": ROOT / "packages/msbot-web/src/msbot_web/static/blockly",
-    "axe-core": ROOT / "tests/web/browser/axe-core",
+    "axe-core": ROOT / "packages/msbot-web/tests/web/browser/axe-core",
 }
 """Each with a manifest: package, version, and the SHA-256 of every file by its path in the package."""
 

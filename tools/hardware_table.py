@@ -29,7 +29,7 @@ BUSES = {
     BusKind.SPI: "SPI",
     BusKind.SERIAL: "serial port",
 }
-TESTS = ("tests/hardware", "tests/socketcan")
+TESTS = ("packages/msbot/tests/hardware", "tests/socketcan")
 """Folders of the tests of drivers."""
 
 

@@ -45,7 +45,9 @@ def main(*arguments: str) -> int:
         # pip does this for what it installs, but not for what is used where it lies; the first start would take twice
         # as long. A folder that cannot be written to is no reason to fail.
         subprocess.run(
-            [python, "-m", "compileall", "-q", "-j", "0", "packages"], stdout=subprocess.DEVNULL, check=False
+            [python, "-m", "compileall", "-q", "-j", "0", *(f"packages/{name}/src" for name in DISTRIBUTIONS)],
+            stdout=subprocess.DEVNULL,
+            check=False,
         )
     end_line()
     return status

@@ -1,7 +1,7 @@
 """A program on a simulated board, started by `msbot board run`, is a part of a real master; Ctrl-C ends it.
 
-The board is MicroPython's VM with its own prompt behind a pseudo terminal (tests/homes/board.mjs); its UART is a second
-pseudo terminal, at whose other end the master is.
+The board is MicroPython's VM with its own prompt behind a pseudo terminal (board.mjs in tests.homes); its UART is a
+second pseudo terminal, at whose other end the master is.
 """
 
 import json

@@ -1,6 +1,6 @@
 """All that depends on what NiceGUI and its server have inside, in one place: nobody promises that it stays.
 
-Elsewhere only `nicegui.ui`, `nicegui.Client` and `nicegui.events` are used. `tests/web/test_nicegui_internals.py` fails
+Elsewhere only `nicegui.ui`, `nicegui.Client` and `nicegui.events` are used. `tests.web.test_nicegui_internals` fails
 when a new version has moved something that is used here, or when something outside uses more.
 
 | file | uses | for |

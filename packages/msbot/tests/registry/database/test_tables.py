@@ -1,0 +1,35 @@
+"""`docs/reference/registry.md` names every table and column with its comment, and nothing else."""
+
+import re
+
+from msbot.registry.database.tables import metadata
+from msbot.registry.database.writer import CAPACITY
+from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS
+from tests import ROOT
+
+PAGE = (ROOT / "docs/reference/registry.md").read_text()
+
+
+def _tables() -> dict[str, dict[str, str]]:
+    """Column -> comment for each table of the page."""
+    parts = re.split(r"(?m)^### `(\w+)`$", PAGE)
+    row = re.compile(r"(?m)^\| `(\w+)` \| (.*) \|$")
+    return {name: dict(row.findall(text)) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def test_the_page_shows_the_tables_as_they_are() -> None:
+    expected = {
+        table.name: {column.name: column.comment for column in table.columns} for table in metadata.sorted_tables
+    }
+    assert _tables() == expected
+
+
+def test_the_numbers_on_the_page_are_right() -> None:
+    assert f"newest {JOURNAL_ROWS:,} lines" in PAGE
+    assert f"newest {STRANGERS} are kept" in PAGE
+    assert f"up to {CAPACITY:,} changes" in PAGE
+
+
+def test_column_names_say_their_unit() -> None:
+    times = [column for table in metadata.sorted_tables for column in table.columns if column.name.endswith("_at")]
+    assert times == []
