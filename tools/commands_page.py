@@ -3,8 +3,8 @@
     python tools/commands_page.py            says whether the page is up to date (status 1 if not); a test does the same
     python tools/commands_page.py --write    writes them
 
-A row is a command with its arguments, the first sentence of its `--help`, and the names of its own options: those of
-the page's table of shared options are left out, and those that all commands of a group have stand once.
+A row is a command with its arguments, then the first sentence of its `--help` and the names of its own options: those
+of the page's table of shared options are left out, and those that all commands of a group have stand once.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def tables(shared: set[str]) -> str:
         raise ValueError(f"TASKS and COMMANDS differ: {sorted(set(grouped) ^ set(COMMANDS))}")
     lines = []
     for title, names in TASKS.items():
-        lines += [f"## {title}", "", "| command | does | options |", "|---|---|---|"]
+        lines += [f"## {title}", "", "| `msbot` | does |", "|---|---|"]
         for name in names:
             lines += _rows(name, shared)
         lines.append("")
@@ -61,15 +61,15 @@ def _rows(name: str, shared: set[str]) -> Iterator[str]:
     command = msbot.get_command(context, name)
     assert command is not None, name
     if not isinstance(command, click.Group):
-        yield _row(f"msbot {name}", command, shared)
+        yield _row(name, command, shared)
         return
     subs = command.commands
     of_all = set.intersection(*(set(_options(one)) for one in subs.values())) - shared if len(subs) > 2 else set()
     if of_all:
         options = [option for option in _options(next(iter(subs.values()))) if option in of_all]
-        yield f"| `msbot {name} ...` | {_first_sentence(command)} | {_listed(options)} |"
+        yield f"| `{name} ...` | {_first_sentence(command)}{_listed(options)} |"
     for sub, one in subs.items():
-        yield _row(f"msbot {name} {sub}", one, shared | of_all)
+        yield _row(f"{name} {sub}", one, shared | of_all)
 
 
 def _row(words: str, command: click.Command, left_out: set[str]) -> str:
@@ -77,7 +77,7 @@ def _row(words: str, command: click.Command, left_out: set[str]) -> str:
     arguments = [part.make_metavar(context) for part in command.params if isinstance(part, click.Argument)]
     call = " ".join([words, *arguments]).replace("|", "\\|")
     options = [option for option in _options(command) if option not in left_out]
-    return f"| `{call}` | {_first_sentence(command)} | {_listed(options)} |"
+    return f"| `{call}` | {_first_sentence(command)}{_listed(options)} |"
 
 
 def _options(command: click.Command) -> dict[str, None]:
@@ -86,7 +86,7 @@ def _options(command: click.Command) -> dict[str, None]:
 
 
 def _listed(options: list[str]) -> str:
-    return ", ".join(f"`{option}`" for option in options)
+    return f". {', '.join(f'`{option}`' for option in options)}" if options else ""
 
 
 def _first_sentence(command: click.Command) -> str:

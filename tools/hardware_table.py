@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from msbot.config import BOARD_DRIVERS, BusKind, PartType, load_library, scalar_text
@@ -29,6 +30,8 @@ BUSES = {
     BusKind.SPI: "SPI",
     BusKind.SERIAL: "serial port",
 }
+DIVIDER = " of 1 and 2 kilo-ohms when it has 5 V: a Raspberry Pi takes 3.3 V"
+"""What the page of wiring says once."""
 TESTS = ("packages/msbot/tests/hardware", "tests/socketcan")
 """Folders of the tests of drivers."""
 
@@ -44,23 +47,30 @@ def tests_of(part_type: PartType) -> list[str]:
 
 
 def table() -> str:
-    """One row for each part type."""
-    rows = ["| part number | driver on Linux | driver on boards |", "|---|---|---|"]
-    for part_type in sorted(load_library(), key=lambda one: one.number):
-        driver = part_type.driver
-        linux = f"[{BUSES[driver.bus]}](wiring.md#{anchor(part_type)})" if driver.entry_point else f"no: {driver.none}"
-        board = driver.board.driver
-        boards = f"`{board}`" if board in BOARD_DRIVERS else "–"
-        rows.append(f"| `{part_type.number}` | {linux} | {boards} |")
+    """One row for each kind of connection with its part types, then one for each part type without a driver."""
+    part_types = sorted(load_library(), key=lambda one: one.number)
+    rows = ["| driver on Linux | part types |", "|---|---|"]
+    for bus, words in BUSES.items():
+        driven = [one for one in part_types if one.driver.entry_point and one.driver.bus is bus]
+        rows.append(f"| {words} | {', '.join(map(linked, driven))} |")
+    rows += ["", "| part type without one | why |", "|---|---|"]
+    rows += [f"| `{one.number}` | {one.driver.none} |" for one in part_types if not one.driver.entry_point]
     return "\n".join(rows) + "\n"
 
 
 def drivers_of_boards() -> str:
     """One row for each driver of boards."""
-    rows = ["| driver | uses | sources |", "|---|---|---|"]
+    rows = ["| driver | uses | sources | part types |", "|---|---|---|---|"]
+    part_types = sorted(load_library(), key=lambda one: one.number)
     for name, driver in BOARD_DRIVERS.items():
-        rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} |")
+        driven = ", ".join(f"`{one.number}`" for one in part_types if one.driver.board.driver == name)
+        rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} | {driven} |")
     return "\n".join(rows) + "\n"
+
+
+def linked(part_type: PartType) -> str:
+    """Its part number, with a link to its wiring."""
+    return f"[`{part_type.number}`](wiring.md#{anchor(part_type)})"
 
 
 def anchor(part_type: PartType) -> str:
@@ -69,36 +79,41 @@ def anchor(part_type: PartType) -> str:
 
 
 def wiring() -> str:
-    """One section for each part type with a driver."""
+    """One section for each part type with a driver. The page's head says what holds for all of them."""
     sections = []
     for part_type in sorted(load_library(), key=lambda one: one.number):
         driver = part_type.driver
         if not driver.entry_point:
             continue
-        lines = [f"## {part_type.number}", ""]
-        lines += [f"{part_type.name}. ![Wires of {part_type.number}](wiring/{part_type.number}.svg)", ""]
-        wires = {wire.pin: wire for wire in driver.pins}
-        for pin in part_type.pins:
-            supply = str(part_type.supply or "supply")
-            goes = {"ground": "ground", "power": supply}.get(pin.kind.value, "")
-            if pin.name in wires:
-                wire = wires[pin.name]
-                place = "channel" if wire.analog else "GPIO"
-                goes = f"{place} {wire.default} (`{wire.name}`)"
-                goes += f", {wire.description}" if wire.description else ""
-            elif pin.kind.value == "bus" and driver.bus is BusKind.I2C:
-                goes = {"SDA": "SDA, GPIO 2", "SCL": "SCL, GPIO 3"}.get(pin.name, "")
-            said = "" if pin.kind.value == "bus" else pin.description
-            if said or (goes and goes != "ground"):
-                lines.append(f"* {pin.name}: {'; '.join(filter(None, (goes, said)))}")
-        lines += ["", "```", example(part_type), "```", ""]
-        if driver.options:
-            for option in driver.options:
-                unit = f" {option.unit}" if option.unit else ""
-                lines.append(f"* `{option.name}`, {scalar_text(option.default)}{unit}: {option.description}")
-            lines.append("")
-        sections.append("\n".join(lines))
+        lines = [f"## {part_type.number}", "", f"{part_type.name}. `{example(part_type)}`", ""]
+        lines += [f"![{part_type.number}](wiring/{part_type.number}.svg)", ""]
+        lines += [*pins(part_type), *options(part_type)]
+        sections.append("\n".join(lines).rstrip() + "\n")
     return "\n".join(sections)
+
+
+def pins(part_type: PartType) -> Iterator[str]:
+    """A line for each pin that the command and the page's head leave something to say about."""
+    wires = {wire.pin: wire for wire in part_type.driver.pins}
+    supply = str(part_type.supply or "supply").replace("at most ", "")
+    for pin in part_type.pins:
+        goes, called = {"ground": "ground", "power": supply}.get(pin.kind.value, ""), ""
+        if pin.name in wires:
+            wire = wires[pin.name]
+            goes = wire.description.removesuffix(DIVIDER) if wire.description else ""
+            called = "" if wire.name.casefold() == pin.name.casefold() else f" (`{wire.name}`)"
+        said = "" if pin.kind.value == "bus" else pin.description
+        if said or called or (goes and goes != "ground"):
+            words = "; ".join(filter(None, (goes, said)))
+            yield f"* {pin.name}{called}{': ' if words else ''}{words}"
+
+
+def options(part_type: PartType) -> Iterator[str]:
+    """A line for each option with its default."""
+    for option in part_type.driver.options:
+        unit = f" {option.unit}" if option.unit else ""
+        words = "" if option.name == "pull" else f": {option.description}"
+        yield f"* `{option.name}={scalar_text(option.default)}`{unit}{words}"
 
 
 def example(part_type: PartType) -> str:
