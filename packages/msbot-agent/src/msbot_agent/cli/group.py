@@ -5,7 +5,10 @@ from __future__ import annotations
 import errno
 import importlib
 import os
+import shlex
 import sys
+from importlib.util import find_spec
+from pathlib import Path
 
 import click
 from click.core import ParameterSource
@@ -121,7 +124,16 @@ def run() -> None:
 
 def complain(words: str) -> None:
     """Say on standard error what is wrong."""
-    click.echo(f"msbot: {words}", err=True)
+    click.echo(f"msbot: {words}{pip_elsewhere(words)}", err=True)
+
+
+def pip_elsewhere(words: str) -> str:
+    """What to write in place of `pip`, if it is needed and this environment has none: that of `make` has none."""
+    if "pip install" not in words or find_spec("pip") is not None:
+        return ""
+    base = Path(sys.base_prefix, "bin", "python3")
+    python = shlex.join([str(base) if base.exists() else "python3", "-m", "pip", "--python", sys.executable])
+    return f"\nThis environment has no pip of its own: in place of `pip` write `{python}`"
 
 
 def usage_words(error: click.UsageError) -> str:
