@@ -150,8 +150,17 @@ async def test_what_clients_say_is_recorded(tmp_path: Path, place: dict[str, str
     assert reader.damage == ""
     assert [one.data.removeprefix(ENCAPSULATION) for one in samples] == [b"x", bytes(range(256)) * 12, b"\x7e\x7d" * 40]
     assert {one.channel.metadata["type"] for one in samples} == {"T"}
+    with running("agent", "udp4", "-p", "0", "--rec", "bag.mcap,ros2", cwd=tmp_path, env=place) as agent:
+        port = await asyncio.to_thread(port_of, agent)
+        async with connected(open_link(f"udp:127.0.0.1:{port}")) as client:
+            await hear_oneself(client)  # in a type that nobody knows
+        await asyncio.to_thread(agent.wait_for, "bag.mcap leaves out what is no ROS 2 message: /light")
+        assert agent.end(signal.SIGINT) == 0
+    bag = RecordingReader(tmp_path / "bag.mcap")
+    assert (list(bag.messages()), bag.damage) == ([], "")
     for file, words in (
         ("a.mcap", "is there already"),
+        ("a.mcap,ros2", "is there already"),
         ("b.txt", "ends in .mcap: b.txt.mcap"),
         ("no/b.mcap", "there is no folder"),
     ):

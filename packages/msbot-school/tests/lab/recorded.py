@@ -35,6 +35,7 @@ def record_demo(
     sample: str = "thesis",
     *,
     shared: Mapping[str, str] | None = None,
+    bag: Path | None = None,
 ) -> DemoRobot:
     """Run the thesis' ring, or another sample, or some of its slots, through a scene in virtual time.
 
@@ -42,6 +43,7 @@ def record_demo(
 
     Args:
         shared: topic -> what its binding says about ROS 2, in TOML.
+        bag: is recorded at the same time, as a bag.
     """
 
     async def main() -> DemoRobot:
@@ -79,21 +81,34 @@ def record_demo(
                 robot.finish()
                 await running
                 measuring.cancel()
-        store(Unpacker().feed(recorder.drain()), target)
+        items = list(Unpacker().feed(recorder.drain()))
+        store(items, target)
+        if bag is not None:
+            store(items, bag, as_bag=True)
         return robot
 
     return run_virtual(main())
 
 
-def store(items: Iterable[Item], target: Path) -> None:
-    """Write records to one file, as the recorder's process does with `--rec FILE`."""
+def store(items: Iterable[Item], target: Path, *, as_bag: bool = False) -> list[str]:
+    """Write records to one file, as the recorder's process does with `--rec FILE`; what is named as left out."""
     said: list[tuple[str, str]] = []
-    storing = Storing(None, LIMITS, lambda file, trouble: said.append((file, trouble)))
-    storing.take((Kind.START, 0, 0, str(target).encode()), 0.0)
+    left_out: list[str] = []
+    ended: list[str] = []
+    storing = Storing(
+        None,
+        LIMITS,
+        lambda file, trouble: said.append((file, trouble)),
+        on_left_out=lambda _file, topics: left_out.extend(topics),
+        on_end=ended.append,
+    )
+    storing.take((Kind.START_BAG if as_bag else Kind.START, 0, 0, str(target).encode()), 0.0)
     for item in items:
         storing.take(item, 0.0)
     storing.close()
     assert said == []
+    assert ended == [str(target)]
+    return left_out
 
 
 def channel(number: int, topic: str = "/t", **more: str) -> Item:

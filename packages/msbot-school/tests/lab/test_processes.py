@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import Reader
 
 from msbot.recording.recorder.recording_file import begun_segments, segment_name, segments
 from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
@@ -129,15 +130,11 @@ def test_recording_starts_and_stops_while_the_robot_runs(
     assert instead.startswith(f"{tmp_path}/lesson.mcap is complete; everything is recorded in {tmp_path}/instead.mcap")
     assert "instead.mcap" in run("rec", "list", cwd=tmp_path, env=env).stdout
     assert run("stop", cwd=tmp_path, env=env).returncode == 0
-    assert "is complete" in run("rec", "stop", cwd=tmp_path, env=env).stdout
+    assert run("rec", "stop", cwd=tmp_path, env=env).stdout == f"{tmp_path}/instead.mcap is complete\n"
     path = tmp_path / "instead.mcap"
-
-    def ended() -> bool:
-        reader = RecordingReader(path)
-        topics = [one.topic for one in reader.messages()]  # all of them: damage is found where the file ends
-        return "/msbot/acts" in topics and not reader.damage
-
-    until(ended)
+    reader = RecordingReader(path)
+    assert "/msbot/acts" in [one.topic for one in reader.messages()]
+    assert not reader.damage  # it is complete when the command says so
     assert "STOP by" in run("log", "show", str(path), "--topic", "msbot/stop", cwd=tmp_path, env=env).stdout
     refused = run("rec", "stop", cwd=tmp_path, env=env)
     assert refused.returncode == 2
@@ -150,6 +147,57 @@ def test_recording_starts_and_stops_while_the_robot_runs(
         assert unwritable.returncode == 2
         assert "/proc/lesson.mcap cannot be written" in unwritable.stderr
         assert "nothing is recorded there" in unwritable.stderr
+
+
+@pytest.mark.promise(
+    "What the recorder writes with --ros2 is a bag that ROS 2's own readers take, and what is not in it is named"
+)
+def test_a_bag_is_written_while_the_robot_runs_also_by_a_recorder_that_follows_a_killed_one(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir(mode=0o700)
+    env = {"XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(tmp_path / "run")}
+    assert run("init", cwd=tmp_path, env=env).returncode == 0
+    blueprint = tmp_path / "robot.toml"
+    line = 'topic = "HelloWorldTopic_1_to_2"\n'
+    blueprint.write_text(blueprint.read_text().replace(line, f"{line}ros = true\n"))
+    with running("master", "--no-page", "--rec", "first.mcap,ros2", *ANY_PORT, cwd=tmp_path, env=env) as master:
+        with running("part", "AA", "--link", link_of(master), cwd=tmp_path, env=env):
+            master.wait_for("-> active")
+            listed = run("rec", "list", cwd=tmp_path, env=env).stdout
+            assert f"What ROS 2 can read is recorded in {tmp_path}/first.mcap, too.\n" in listed
+            until(lambda: bool(greetings(tmp_path / "first.mcap")))
+            begun = run("rec", "start", "second", "--ros2", cwd=tmp_path, env=env).stdout
+            assert begun.startswith(
+                f"{tmp_path}/first.mcap is complete; left out, for they are no ROS 2 messages: /msbot/"
+            )
+            assert begun.endswith(f"what ROS 2 can read is recorded in {tmp_path}/second.mcap from now on\n")
+            assert topics_of_bag(tmp_path / "first.mcap")[GREETINGS] == "std_msgs/msg/String"
+            (recorder,) = children(master.pid)
+            os.kill(recorder, signal.SIGKILL)
+            third = tmp_path / "second-2.mcap"
+            until(lambda: bool(greetings(third)))
+            ended = run("rec", "stop", cwd=tmp_path, env=env).stdout
+            assert ended.startswith(f"{third} is complete; left out, for they are no ROS 2 messages: /msbot/")
+            assert topics_of_bag(third)[GREETINGS] == "std_msgs/msg/String"
+            mended = run("log", "filter", "second.mcap", "mended.mcap", "--ros2", cwd=tmp_path, env=env)
+            assert (mended.returncode, "second.mcap is damaged: " in mended.stderr) == (1, True)
+            assert topics_of_bag(tmp_path / "mended.mcap")[GREETINGS] == "std_msgs/msg/String"
+        master.end()
+
+
+GREETINGS = "/MSBOT_MASTER/HelloWorldTopic_1_to_2"
+
+
+def greetings(path: Path) -> list[RecordedMessage]:
+    """What is in a bag so far of the topic that ROS 2 has."""
+    found = RecordingReader(path).messages() if _begun(path) else ()
+    return [one for one in found if one.topic == GREETINGS]
+
+
+def topics_of_bag(path: Path) -> dict[str, str]:
+    """Topics and types of a bag that has messages, as a reader of others finds them."""
+    with Reader(path) as reader:
+        assert reader.message_count > 0
+        return {topic: str(info.msgtype) for topic, info in reader.topics.items()}
 
 
 def test_off_is_off(tmp_path: Path) -> None:

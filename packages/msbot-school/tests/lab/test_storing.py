@@ -256,13 +256,17 @@ def test_what_is_no_recording_is_told_in_words(octets: bytes, words: str, tmp_pa
         ("500MB", RecordingRequest(octets=500 << 20)),
         ("30min, 1GB", RecordingRequest(seconds=1800.0, octets=1 << 30)),
         ("lesson.mcap", RecordingRequest(file=Path("lesson.mcap"))),
+        ("a, b.mcap", RecordingRequest(file=Path("a, b.mcap"))),
+        ("lesson.mcap, ROS2", RecordingRequest(file=Path("lesson.mcap"), is_bag=True)),
     ],
 )
 def test_wishes(text: str, expected: RecordingRequest) -> None:
     assert read_wish(text) == expected
 
 
-@pytest.mark.parametrize("text", ["", "10", "ten minutes", "10min,20min", "1s", "0MB", "-3min", "9999999h"])
+@pytest.mark.parametrize(
+    "text", ["", "10", "ten minutes", "10min,20min", "1s", "0MB", "-3min", "9999999h", "10min,ros2", "ros2"]
+)
 def test_wishes_that_are_none(text: str) -> None:
     with pytest.raises(ConfigError, match=f"^{re.escape(repr(text))}: "):
         read_wish(text)

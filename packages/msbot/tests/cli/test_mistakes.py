@@ -227,7 +227,7 @@ def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *w
         (
             "demo --rec 5",
             'Invalid value for \'--rec\': \'5\': say how much to keep ("10min", "2h", "500MB", "30min,500MB"), a '
-            'file ("lesson.mcap"), or "off". Try `msbot demo --help`.',
+            'file ("lesson.mcap", "bag.mcap,ros2"), or "off". Try `msbot demo --help`.',
         ),
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -46,12 +46,15 @@ class Tape:
     def __init__(self) -> None:
         self.file = ""
 
-    def record(self, path: Path) -> None:
-        self.file = str(path)
+    def record(self, path: Path, *, as_bag: bool) -> None:
+        self.file, self.is_bag = str(path), as_bag
 
     def end_record(self) -> str:
         file, self.file = self.file, ""
         return file
+
+    async def ended(self, file: str) -> Sequence[str] | None:
+        return {"lost.mcap": None, "bag.mcap": ["/strange"] * 31}.get(Path(file).name, [])
 
     def as_json(self) -> Mapping[str, object]:
         return {"file": self.file}
@@ -207,6 +210,25 @@ def test_the_reference_has_the_table_of_operations() -> None:
         )
         for name, row in OPERATIONS.items()
     }
+
+
+def test_the_end_of_a_recording_tells_what_is_not_in_it(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        tape = Tape()
+        stage.operations.recording.use(tape)
+        bag, lost, last = (str(tmp_path / f"{name}.mcap") for name in ("bag", "lost", "last"))
+        begun = await ask(stage, "record", file=bag, ros2=True)
+        assert (begun["words"], tape.is_bag) == (f"what ROS 2 can read is recorded in {bag} from now on", True)
+        left_out = f"{bag} is complete; left out, for they are no ROS 2 messages: " + "/strange, " * 30 + "..."
+        instead = await ask(stage, "record", file=lost)
+        assert instead["words"] == f"{left_out}; everything is recorded in {lost} from now on"
+        assert not tape.is_bag
+        not_ended = f"{lost} is not complete yet, or could not be written: see `msbot rec list`"
+        assert (await ask(stage, "end_record"))["words"] == not_ended
+        await ask(stage, "record", file=last)
+        assert (await ask(stage, "end_record"))["words"] == f"{last} is complete"
+
+    play(tmp_path, scene)
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -12,18 +13,24 @@ from msbot.operations.operation import Outcome
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import PartInfo
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import Sentence, joined, said
 from msbot_xrce.errors import ConfigError, RegistryError
+
+MOST_NAMES = 30
+"""So many topics are named in a sentence."""
 
 
 class RecorderControl(Protocol):
     """What records this robot."""
 
-    def record(self, path: Path) -> None:
-        """Record in one more file from now on."""
+    def record(self, path: Path, *, as_bag: bool) -> None:
+        """Record in one more file from now on: everything, or as a bag what ROS 2 can read."""
 
     def end_record(self) -> str:
         """End that file; its path, empty if there was none."""
+
+    async def ended(self, file: str) -> Sequence[str] | None:
+        """Wait until that file is complete: topics of which something is not in it; None: it could not be finished."""
 
     def as_json(self) -> Mapping[str, object]:
         """Where it records, and what is wrong with it."""
@@ -39,30 +46,29 @@ class Recording:
         """Say what records this robot."""
         self._recorder = recorder
 
-    def record(self, file: str, who: str) -> Outcome:  # noqa: ARG002 - what every operation is given
+    async def record(self, file: str, who: str, *, ros2: bool) -> Outcome:  # noqa: ARG002 - what all are given
         """Record in a file of its own, in addition to the ring; one that was recorded so far ends."""
         path = Path(file)
-        if not path.is_absolute():
-            raise ConfigError(said("{file}: the file is named with its whole path", file=file))
-        if not path.parent.is_dir():
-            raise ConfigError(said("{file}: there is no folder {folder}", file=file, folder=str(path.parent)))
-        if path.exists():
-            raise ConfigError(said("{file} is there already: give the recording another name", file=file))
+        await asyncio.to_thread(_check_new, path)
         recorder = self._the_recorder()
-        ended = recorder.end_record()
-        recorder.record(path)
-        if ended:
-            return Outcome(
-                said("{ended} is complete; everything is recorded in {file} from now on", ended=ended, file=file)
-            )
-        return Outcome(said("everything is recorded in {file} from now on", file=file))
+        earlier = recorder.end_record()
+        recorder.record(path, as_bag=ros2)
+        if ros2:
+            begun = said("what ROS 2 can read is recorded in {file} from now on", file=file)
+        else:
+            begun = said("everything is recorded in {file} from now on", file=file)
+        if not earlier:
+            return Outcome(begun)
+        ended = _in_words(earlier, await recorder.ended(earlier))
+        return Outcome(joined("; ", (ended, begun)))
 
-    def end_record(self, who: str) -> Outcome:  # noqa: ARG002 - as above
+    async def end_record(self, who: str) -> Outcome:  # noqa: ARG002 - as above
         """End that file."""
-        file = self._the_recorder().end_record()
+        recorder = self._the_recorder()
+        file = recorder.end_record()
         if not file:
             raise ConfigError(said("nothing is recorded but the ring: `msbot rec save` keeps that"))
-        return Outcome(said("{file} is complete", file=file))
+        return Outcome(_in_words(file, await recorder.ended(file)))
 
     def recording(self) -> Outcome:
         """Where the robot is recorded; an empty answer: nowhere."""
@@ -72,6 +78,30 @@ class Recording:
         if self._recorder is None:
             raise ConfigError(said("this robot runs with `--rec off`: it has no recorder"))
         return self._recorder
+
+
+def _check_new(path: Path) -> None:
+    """Make sure that a recording can be made there.
+
+    Raises:
+        ConfigError: the text says what would be right.
+    """
+    file = str(path)
+    if not path.is_absolute():
+        raise ConfigError(said("{file}: the file is named with its whole path", file=file))
+    if not path.parent.is_dir():
+        raise ConfigError(said("{file}: there is no folder {folder}", file=file, folder=str(path.parent)))
+    if path.exists():
+        raise ConfigError(said("{file} is there already: give the recording another name", file=file))
+
+
+def _in_words(file: str, left_out: Sequence[str] | None) -> Sentence:
+    if left_out is None:
+        return said("{file} is not complete yet, or could not be written: see `msbot rec list`", file=file)
+    if not left_out:
+        return said("{file} is complete", file=file)
+    named = ", ".join(left_out[:MOST_NAMES]) + (", ..." if len(left_out) > MOST_NAMES else "")
+    return said("{file} is complete; left out, for they are no ROS 2 messages: {topics}", file=file, topics=named)
 
 
 # What helps people to find parts: a part shows itself, says why its state is what it is, or is hidden.

@@ -202,7 +202,9 @@ _ROWS = (
     ),
     Operation(
         "record", "Record what the robot does in a file of its own, in addition to the ring.",
-        (Argument("file", is_needed=True, longest=4096, help="The file with its whole path."),),
+        (Argument("file", is_needed=True, longest=4096, help="The file with its whole path."),
+         Argument("ros2", ArgumentKind.FLAG, default=False, option="--ros2",
+                  help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it.")),
         Right.ARRANGE,
     ),
     Operation("end_record", "End the recording that `record` began.", (), Right.ARRANGE),

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from msbot.recording.recorder.batch import Unpacker
 from msbot.recording.recorder.recorder import Recorder
-from msbot.recording.recordings.cutting import write_cut
 from tests.lab.recorded import BEGAN_NS, store
 from tests.ros.genuine.node import Node
 from tests.ros.genuine.robots import LIBRARY, robot
@@ -22,9 +21,8 @@ async def test_a_bag_of_one_robot_moves_another(tmp_path: Path, node: Node) -> N
     async with robot(tmp_path / "first", recorder=recorder) as rover:
         rover.parts["knob"].set("knob", 80)
         await until(lambda: rover.parts["fan"].source("speed") > 0, "the fan turns")  # type: ignore[operator]
-    whole, bag = tmp_path / "whole.mcap", tmp_path / "bag.mcap"
-    store(Unpacker().feed(recorder.drain()), whole)
-    write_cut([whole], bag, ros=True)
+    bag = tmp_path / "bag.mcap"
+    store(Unpacker().feed(recorder.drain()), bag, as_bag=True)  # as `rec start --ros2` writes it
     async with robot(tmp_path, parts=("fan",)) as rover:
         fan = rover.parts["fan"]
         assert fan.source("speed") == 0

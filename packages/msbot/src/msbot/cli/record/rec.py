@@ -34,10 +34,15 @@ def command() -> None:
     """The flight recorder of the robot that runs here: keep what it has, record in a file of its own."""
 
 
+_ros2_option = click.option(
+    "--ros2", "ros", is_flag=True, help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it."
+)
+
+
 @command.command("save")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--last", "last_s", type=FiniteRange(min=0.1), metavar="SECONDS", help="Only so much.")
-@click.option("--ros2", "ros", is_flag=True, help="As a bag: only what ROS 2 can read, as `ros2 bag` takes it.")
+@_ros2_option
 @robot_options
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *, ros: bool) -> None:
     """Save the last minutes of the flight recorder in FILE (.mcap), also of a robot that has ended."""
@@ -69,7 +74,7 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *,
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
     click.echo(f"{target}: {amount(cut.messages, 'message')} of {seconds:.0f} s")
     if cut.left_out:
-        click.echo(f"left out, for they are no ROS 2 messages: {printable(', '.join(sorted(cut.left_out)))}")
+        click.echo(f"left out, for they are no ROS 2 messages: {_names(cut.left_out)}")
     for name, damage in cut.damages.items():
         if name != paths[-1].name:  # the newest file is being written: it has no end yet
             click.echo(f"msbot: {name} is damaged: {damage}", err=True)  # what is kept is all that there is
@@ -77,20 +82,21 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *,
 
 @command.command("start")
 @click.argument("file", type=click.Path(path_type=Path))
+@_ros2_option
 @robot_options
-def start(file: Path, db: str | None, robot: str | None) -> None:
+def start(file: Path, db: str | None, robot: str | None, *, ros: bool) -> None:
     """Record in FILE from now on, in addition to the ring."""
     path = recording_name(file).absolute()
-    words = perform(db, robot, "record", {"file": str(path)})["words"]
+    words = str(perform(db, robot, "record", {"file": str(path), "ros2": ros})["words"])
     _wait_until_begun(path, db, robot)
-    click.echo(words)
+    click.echo(printable(words))
 
 
 @command.command("stop")
 @robot_options
 def stop(db: str | None, robot: str | None) -> None:
     """End the recording that `rec start` or `--rec FILE` began."""
-    click.echo(perform(db, robot, "end_record", {})["words"])
+    click.echo(printable(str(perform(db, robot, "end_record", {})["words"])))
 
 
 @command.command("list")
@@ -114,7 +120,10 @@ def list_recordings(db: str | None, robot: str | None, *, as_json: bool) -> None
         return
     _show_ring(str(status["folder"]), files)
     if status.get("file"):
-        click.echo(f"Everything is recorded in {status['file']}, too.")
+        what = "What ROS 2 can read" if status.get("ros2") else "Everything"
+        click.echo(f"{what} is recorded in {status['file']}, too.")
+    if topics := status.get("not_ros2"):
+        click.echo(f"Left out there, for they are no ROS 2 messages: {_names(topics)}")
     if left_out := status.get("left_out"):
         click.echo(f"{left_out} octets were left out: more was said than could be written.")
     troubles = status.get("troubles")
@@ -136,6 +145,10 @@ def _files(folder: str) -> Iterator[_File]:
         for segment in segments(Path(folder)):
             changed = datetime.fromtimestamp(segment.changed_s).isoformat(" ", "seconds")
             yield _File(segment.path.name, segment.octets, changed)
+
+
+def _names(topics: object) -> str:
+    return printable(", ".join(sorted(topics))) if isinstance(topics, set | list) else ""
 
 
 def _wait_until_begun(path: Path, db: str | None, robot: str | None) -> None:

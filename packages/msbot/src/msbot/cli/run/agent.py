@@ -8,10 +8,11 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
+from msbot.recording.recorder.batch import bag_wish
 from msbot_agent.agent import Agent, AgentSettings
 from msbot_agent.cli.agent.agent_service import AgentContext, AgentPlan, AgentService
 from msbot_agent.cli.services import Beside
@@ -124,18 +125,26 @@ def check_recording(path: Path) -> None:
         raise ConfigError(f"--rec needs the package {error.name}: `pip install 'msbot[master]'`") from error
 
 
+class RecordedFile(NamedTuple):
+    """What `--rec` asks for."""
+
+    path: Path
+    is_bag: bool
+    """What ROS 2 can read, as a bag; else everything."""
+
+
 class AgentRecording:
     """Records one agent; must be made inside its event loop.
 
     Args:
-        path: where; see `check_recording`.
+        wanted: where; see `check_recording`.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, wanted: RecordedFile) -> None:
         from msbot.config import load_library
         from msbot.recording.recorder.recorder import Recorder
 
-        self._path = path.absolute()
+        self._path, self._is_bag = wanted.path.absolute(), wanted.is_bag
         # The types that MsBOT knows have schemas; samples of others are recorded as octets.
         self._recorder = Recorder(time.monotonic, time.time_ns, load_library())
 
@@ -151,11 +160,11 @@ class AgentRecording:
 
         process = RecorderProcess(self._recorder, None, RingLimits(RING_S, RING_OCTETS))
         self._recorder.watch_links([link])
-        process.record(self._path)
+        process.record(self._path, as_bag=self._is_bag)
         await run_recorder(process)
 
 
-class RecordingService(AgentService[Path]):
+class RecordingService(AgentService[RecordedFile]):
     """`msbot agent ... --rec FILE`."""
 
     options = (
@@ -163,30 +172,33 @@ class RecordingService(AgentService[Path]):
             "--rec",
             metavar="FILE",
             type=click.Path(path_type=Path),
-            help="Record samples and CAN frames in this .mcap file (extra msbot[master]).",
+            help="Record samples and CAN frames in this .mcap file (extra msbot[master]); `FILE,ros2`: what ROS 2 can "
+            "read, as a bag.",
         ),
     )
 
     def __init__(self) -> None:
         self._running: AgentRecording | None = None
 
-    def check(self, given: Mapping[str, Any]) -> Path | None:
+    def check(self, given: Mapping[str, Any]) -> RecordedFile | None:
         """Where the recording goes."""
         path: Path | None = given["rec"]
-        if path is not None:
-            if given.get("master") is not None:
-                raise ConfigError(
-                    "--rec is for an agent on its own; a robot is recorded by its master: `msbot master --rec`"
-                )
-            check_recording(path)
-        return path
+        if path is None:
+            return None
+        if given.get("master") is not None:
+            raise ConfigError(
+                "--rec is for an agent on its own; a robot is recorded by its master: `msbot master --rec`"
+            )
+        name, is_bag = bag_wish(str(path))
+        check_recording(Path(name))
+        return RecordedFile(Path(name), is_bag)
 
-    def space(self, wanted: Path, space: Space) -> Space:
+    def space(self, wanted: RecordedFile, space: Space) -> Space:
         """The data space with the recorder before it."""
         self._running = AgentRecording(wanted)
         return self._running.space(space)
 
-    def beside(self, wanted: Path, context: AgentContext) -> Iterable[Beside]:  # noqa: ARG002 - the recorder has it
+    def beside(self, wanted: RecordedFile, context: AgentContext) -> Iterable[Beside]:  # noqa: ARG002 - the recorder has it
         """The recorder."""
         assert self._running is not None
         (link,) = context.links

@@ -187,7 +187,8 @@ rec_option = click.option(
     default="10min",
     show_default=True,
     envvar="MSBOT_REC",
-    help="What the flight recorder keeps: the last minutes or megabytes, everything in an .mcap file too, or nothing.",
+    help="What the flight recorder keeps: the last minutes or megabytes, everything in an .mcap file too (`FILE,ros2`: "
+    "what ROS 2 can read, as a bag), or nothing.",
 )
 
 
@@ -227,5 +228,5 @@ class RobotRecording:
         self._recorder.watch(master, operations)
         operations.recording.use(process)
         if self._wish.file is not None:
-            process.record(self._wish.file.absolute())
+            process.record(self._wish.file.absolute(), as_bag=self._wish.is_bag)
         return [run_recorder(process), keep_measuring(master.agent, master.inventory.view, self._recorder.measured)]

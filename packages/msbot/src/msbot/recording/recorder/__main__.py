@@ -32,9 +32,9 @@ def _read(pieces: queue.Queue[bytes]) -> None:
     pieces.put(b"")
 
 
-def _say(file: str, trouble: str) -> None:
+def _say(file: str, **news: object) -> None:
     with contextlib.suppress(BrokenPipeError):  # the robot is gone; its last records are still written
-        os.write(1, json.dumps({"file": file, "trouble": trouble}).encode() + b"\n")
+        os.write(1, json.dumps({"file": file, **news}).encode() + b"\n")
 
 
 def main() -> None:
@@ -45,7 +45,13 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(5)
     folder, seconds, octets = sys.argv[1:]
-    storing = Storing(Path(folder) if folder else None, RingLimits(float(seconds), int(octets)), _say)
+    storing = Storing(
+        Path(folder) if folder else None,
+        RingLimits(float(seconds), int(octets)),
+        lambda file, trouble: _say(file, trouble=trouble),
+        on_left_out=lambda file, topics: _say(file, left_out=topics),
+        on_end=lambda file: _say(file, has_ended=True),
+    )
     pieces: queue.Queue[bytes] = queue.Queue(MOST_PIECES)
     threading.Thread(target=_read, args=(pieces,), daemon=True, name="msbot-recorder-input").start()
     unpacker = Unpacker()

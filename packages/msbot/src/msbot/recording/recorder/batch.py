@@ -42,7 +42,9 @@ class Kind(IntEnum):
     START = 5
     """Record in one more file, whose path is the content."""
     STOP = 6
-    """End the file that START began."""
+    """End the file that START or START_BAG began."""
+    START_BAG = 7
+    """Record in one more file what ROS 2 can read; the content is the path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +135,7 @@ LEAST_OCTETS: Final = 1 << 20
 MOST_S: Final = 30 * 24 * 3600.0
 MOST_OCTETS: Final = 1 << 40
 SUFFIX: Final = ".mcap"
+BAG: Final = "ros2"
 _SECONDS: Final = {"s": 1, "min": 60, "h": 3600}
 _OCTETS: Final = {"MB": 1 << 20, "GB": 1 << 30}
 _AMOUNT: Final = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|MB|GB)", re.IGNORECASE)
@@ -148,6 +151,14 @@ class RecordingRequest:
     """The ring keeps at most so much."""
     file: Path | None = None
     """A file that gets everything from the start as well."""
+    is_bag: bool = False
+    """The file is a bag of ROS 2: it gets what ROS 2 can read."""
+
+
+def bag_wish(text: str) -> tuple[str, bool]:
+    """The file that is wished for, and whether as a bag of ROS 2: `bag.mcap,ros2`."""
+    name, comma, rest = text.rpartition(",")
+    return (name, True) if comma and rest.strip().lower() == BAG else (text, False)
 
 
 def read_wish(text: str) -> RecordingRequest:
@@ -158,8 +169,9 @@ def read_wish(text: str) -> RecordingRequest:
     """
     if text.strip().lower() == "off":
         return RecordingRequest(on=False)
-    if text.lower().endswith(SUFFIX):
-        return RecordingRequest(file=Path(text))
+    name, is_bag = bag_wish(text)
+    if name.lower().endswith(SUFFIX):
+        return RecordingRequest(file=Path(name), is_bag=is_bag)
     seconds: float | None = None
     octets: int | None = None
     for word in text.split(","):
@@ -168,7 +180,7 @@ def read_wish(text: str) -> RecordingRequest:
         if match is None or (unit in _OCTETS and octets is not None) or (unit in _SECONDS and seconds is not None):
             raise ConfigError(
                 f'{text!r}: say how much to keep ("10min", "2h", "500MB", "30min,500MB"), '
-                f'a file ("lesson{SUFFIX}"), or "off"'
+                f'a file ("lesson{SUFFIX}", "bag{SUFFIX},ros2"), or "off"'
             )
         if unit in _OCTETS:
             octets = round(float(match[1]) * _OCTETS[unit])

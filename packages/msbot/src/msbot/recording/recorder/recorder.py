@@ -176,9 +176,14 @@ class Recorder:
         self.put(Kind.OBJECT, self._json_channel(MEASURED), now, encode_object(value))
         self._look(infos)
 
-    def start(self, path: str) -> None:
-        """Record in one more file from now on."""
-        self.put(Kind.START, 0, self.clock(), path.encode())
+    def start(self, path: str, *, as_bag: bool = False) -> None:
+        """Record in one more file from now on.
+
+        Args:
+            path: the file.
+            as_bag: what ROS 2 can read, as a bag.
+        """
+        self.put(Kind.START_BAG if as_bag else Kind.START, 0, self.clock(), path.encode())
 
     def stop(self) -> None:
         """End that file."""

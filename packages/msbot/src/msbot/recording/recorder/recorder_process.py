@@ -11,11 +11,11 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, field
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.recording_file import RingLimits
@@ -29,6 +29,10 @@ AGAIN_S: Final = 3.0
 """Pause before it is started again."""
 END_S: Final = 10.0
 """Longest wait for it to finish its files at the end."""
+FINISHED_S: Final = 4.0
+"""Longest wait for it to finish a file while the robot runs: less than people's programs wait for an answer."""
+OWN: Final = ("/msbot/", "/msbot_inventory_")
+"""How topics of MsBOT itself begin: none is for ROS 2."""
 
 logger = logging.getLogger(__name__)
 
@@ -41,11 +45,24 @@ class RecorderStatus:
     """Where the ring is; empty: there is none."""
     file: str = ""
     """The file that is recorded in addition; empty: none."""
+    ros2: bool = False
+    """Whether that file is a bag of ROS 2."""
+    not_ros2: list[str] = field(default_factory=list)
+    """Topics of which something is not in that bag, because it is no ROS 2 message, or a value does not fit."""
     left_out: int = 0
     """Octets of records that had to be left out, because the recorder's process could not keep up."""
     restarts: int = 0
     troubles: dict[str, str] = field(default_factory=dict)
     """File -> what is wrong with it."""
+
+
+@dataclass(slots=True)
+class _ExtraFile:
+    """A file that is recorded in addition, until the recorder's process has finished it or given it up."""
+
+    left_out: list[str] = field(default_factory=list)
+    end: asyncio.Event = field(default_factory=asyncio.Event)
+    is_whole: bool = False
 
 
 class RecorderProcess:
@@ -64,6 +81,7 @@ class RecorderProcess:
             str(limits.octets),
         ]
         self._loop = asyncio.get_running_loop()
+        self._files: dict[str, _ExtraFile] = {}
         self._process: subprocess.Popen[bytes] | None = None
         self._waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._waiting_octets = 0
@@ -102,17 +120,47 @@ class RecorderProcess:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(END_S)
 
-    def record(self, path: Path) -> None:
-        """Record in one more file from now on."""
-        self.status.file = str(path)
+    def record(self, path: Path, *, as_bag: bool = False) -> None:
+        """Record in one more file from now on.
+
+        Args:
+            path: the file.
+            as_bag: only what ROS 2 can read, as a bag.
+        """
+        file = _ExtraFile()
+        self.status.file, self.status.ros2, self.status.not_ros2 = str(path), as_bag, file.left_out
         self.status.troubles.pop(self.status.file, None)
-        self.recorder.start(self.status.file)
+        self._files[self.status.file] = file
+        self.recorder.start(self.status.file, as_bag=as_bag)
 
     def end_record(self) -> str:
         """End that file; its path, empty if there was none."""
-        file, self.status.file = self.status.file, ""
+        file = self._no_file()
         if file:
             self.recorder.stop()
+            self.hand_over()
+        return file
+
+    async def ended(self, file: str) -> Sequence[str] | None:
+        """Wait until a file that `end_record` named is complete.
+
+        Returns:
+            the topics of which something is not in it, because it is a bag; None: the recorder could not finish it, or
+            has not in a long time.
+        """
+        known = self._files.get(file)
+        if known is None:
+            return None
+        try:
+            async with asyncio.timeout(FINISHED_S):
+                await known.end.wait()
+        except TimeoutError:
+            self._files.pop(file, None)
+        return sorted(known.left_out) if known.is_whole else None
+
+    def _no_file(self) -> str:
+        file = self.status.file
+        self.status.file, self.status.ros2, self.status.not_ros2 = "", False, []
         return file
 
     def as_json(self) -> Mapping[str, object]:
@@ -166,7 +214,8 @@ class RecorderProcess:
         self.recorder.note({"why": "the recorder had ended, and was started again"})
         if self.status.file:
             path = Path(self.status.file)
-            self.record(path.with_stem(f"{path.stem}-{self.status.restarts + 1}"))
+            self._files.pop(self.status.file, None)
+            self.record(path.with_stem(f"{path.stem}-{self.status.restarts + 1}"), as_bag=self.status.ros2)
 
     def _tell_left_out(self) -> None:
         why = "more was said than could be written"
@@ -175,17 +224,30 @@ class RecorderProcess:
     def _listen(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdout is not None
         for line in process.stdout:
-            said = json.loads(line)
-            self._from_loop(partial(self._heard, said["file"], said["trouble"]))
+            self._from_loop(partial(self._heard, json.loads(line)))
 
-    def _heard(self, file: str, trouble: str) -> None:
-        if trouble:
-            self.status.troubles[file] = trouble
-            logger.warning("recording: %s %s", file, trouble)
-            if file == self.status.file:
-                self.status.file = ""
-        else:
-            self.status.troubles.pop(file, None)
+    def _heard(self, said: Mapping[str, Any]) -> None:
+        name = said["file"]
+        file = self._files.get(name)
+        match said:
+            case {"left_out": topics} if file is not None:
+                file.left_out.extend(topics)
+                if foreign := [topic for topic in topics if not topic.startswith(OWN)]:
+                    logger.warning("recording: %s leaves out what is no ROS 2 message: %s", name, ", ".join(foreign))
+            case {"has_ended": True} if file is not None:
+                file.is_whole = True
+                file.end.set()
+                del self._files[name]
+            case {"trouble": ""}:
+                self.status.troubles.pop(name, None)
+            case {"trouble": trouble}:
+                self.status.troubles[name] = trouble
+                logger.warning("recording: %s %s", name, trouble)
+                if name == self.status.file:
+                    self._no_file()
+                if file is not None:
+                    file.end.set()
+                    del self._files[name]
 
     def _from_loop(self, call: Callable[[], None]) -> None:
         with contextlib.suppress(RuntimeError):  # the robot has ended in the meantime

@@ -27,8 +27,13 @@ class RecordingFile:
         OSError: from each method, when the file cannot be written.
     """
 
-    def __init__(self, path: Path, began_ns: int) -> None:
+    def __init__(self, path: Path, began_ns: int, profile: str = "") -> None:
         """Create the file.
+
+        Args:
+            path: where.
+            began_ns: when it begins, nanoseconds since 1970.
+            profile: what kind of messages is in it, as MCAP's header says it; empty: several kinds.
 
         Raises:
             FileExistsError: there is one; nothing recorded is overwritten.
@@ -41,7 +46,7 @@ class RecordingFile:
         self._schemas: dict[tuple[str, str], int] = {}
         self._counts: dict[int, int] = {}
         self._has_news = True
-        self._writer.start("", PROGRAM)
+        self._writer.start(profile, PROGRAM)
 
     @property
     def octets(self) -> int:

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object, split_state
 from msbot.recording.recorder.recording_file import RecordingFile, RingLimits, Segment, segment_name, segments, too_old
+
+if TYPE_CHECKING:
+    from msbot.recording.recorder.bag import Bag
 
 MOST_STATES: Final = 5_000
 """Keys of states that are remembered for the beginning of the next file."""
@@ -27,17 +30,29 @@ class Storing:
         folder: where the ring is; None: there is none.
         limits: how much it keeps.
         say: takes what people should know: a pair of file and trouble; an empty trouble: it is well again.
+        on_left_out: takes topics that cannot be in a bag, as soon as something of them was left out: file and topics.
+        on_end: takes a file that was begun by START or START_BAG and gets nothing more.
     """
 
-    def __init__(self, folder: Path | None, limits: RingLimits, say: Callable[[str, str], None]) -> None:
+    def __init__(
+        self,
+        folder: Path | None,
+        limits: RingLimits,
+        say: Callable[[str, str], None],
+        *,
+        on_left_out: Callable[[str, list[str]], None] = lambda *_: None,
+        on_end: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self._folder = folder
         self._limits = limits
         self._say = say
+        self._on_left_out = on_left_out
+        self._on_end = on_end
         self._channels: dict[int, RecordedChannel] = {}
         self._states: dict[tuple[int, bytes], tuple[int, bytes]] = {}
         self._samples: dict[int, tuple[int, bytes]] = {}
         self._ring: RecordingFile | None = None
-        self._extra: RecordingFile | None = None
+        self._extra: RecordingFile | Bag | None = None
         self._number = 0
         self._left_out = 0
         self._retry_at: float | None = None
@@ -50,8 +65,8 @@ class Storing:
         self._now_ns = max(self._now_ns, at_ns)
         if kind == Kind.CHANNEL:
             self._channels[number] = RecordedChannel.decode(content)
-        elif kind == Kind.START:
-            self._start(Path(content.decode()), at_ns)
+        elif kind in {Kind.START, Kind.START_BAG}:
+            self._start(Path(content.decode()), at_ns, as_bag=kind == Kind.START_BAG)
         elif kind == Kind.STOP:
             self._end_extra()
         elif number not in self._channels:
@@ -77,6 +92,7 @@ class Storing:
         if self._extra is not None:
             try:
                 self._extra.flush()
+                self._tell_unfit(self._extra)
             except OSError as error:
                 self._extra_failed(error)
 
@@ -122,7 +138,8 @@ class Storing:
         path = self._folder / segment_name(at_ns, self._number)
         try:
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._ring = self._begin(path, at_ns)
+            self._ring = RecordingFile(path, at_ns)
+            self._write_known(self._ring, at_ns)
             self._number += 1
             if self._left_out:
                 self._tell_left_out(self._ring, at_ns)
@@ -134,16 +151,14 @@ class Storing:
         self._well(self._folder)
         return True
 
-    def _begin(self, path: Path, at_ns: int) -> RecordingFile:
-        """A new file, with what was last known at its beginning."""
-        file = RecordingFile(path, at_ns)
+    def _write_known(self, file: RecordingFile | Bag, at_ns: int) -> None:
+        """Begin a new file with what was last known."""
         known = [(number, Kind.STATE, when, content) for (number, _), (when, content) in self._states.items()]
         known += [(number, Kind.SAMPLE, when, content) for number, (when, content) in self._samples.items()]
         for number, kind, when, content in sorted(known, key=lambda one: one[2]):
             self._write(file, (kind, number, when, content), at_ns)
-        return file
 
-    def _write(self, file: RecordingFile, item: Item, logged_ns: int | None = None) -> None:
+    def _write(self, file: RecordingFile | Bag, item: Item, logged_ns: int | None = None) -> None:
         kind, number, at_ns, content = item
         if not file.has(number):
             file.declare(number, self._channels[number])
@@ -185,12 +200,14 @@ class Storing:
         self._retry_at = now + RETRY_S
         self._told(self._folder, error)
 
-    def _start(self, path: Path, at_ns: int) -> None:
+    def _start(self, path: Path, at_ns: int, *, as_bag: bool) -> None:
         self._end_extra()
         self._in_trouble.discard(str(path))  # somebody waits to hear how it goes this time
         try:
-            self._extra = self._begin(path, at_ns)
+            self._extra = _new_bag(path, at_ns) if as_bag else RecordingFile(path, at_ns)
+            self._write_known(self._extra, at_ns)
             self._extra.flush()
+            self._tell_unfit(self._extra)
             self._well(path)
         except OSError as error:
             self._extra = None
@@ -213,11 +230,18 @@ class Storing:
         if self._extra is not None:
             try:
                 self._extra.close()
+                self._tell_unfit(self._extra)
             except OSError as error:
                 self._trouble(self._extra, error)
+            self._on_end(str(self._extra.path))
             self._extra = None
 
-    def _trouble(self, file: RecordingFile, error: OSError) -> None:
+    def _tell_unfit(self, file: RecordingFile | Bag) -> None:
+        """Name what cannot be in a bag."""
+        if not isinstance(file, RecordingFile) and (topics := file.take_left_out()):
+            self._on_left_out(str(file.path), topics)
+
+    def _trouble(self, file: RecordingFile | Bag, error: OSError) -> None:
         self._told(file.path, error)
 
     def _told(self, what: Path, error: OSError) -> None:
@@ -229,3 +253,9 @@ class Storing:
         if str(what) in self._in_trouble:
             self._in_trouble.discard(str(what))
             self._say(str(what), "")
+
+
+def _new_bag(path: Path, at_ns: int) -> Bag:
+    from msbot.recording.recorder.bag import Bag  # with the robot's messages, which no other recording needs here
+
+    return Bag(path, at_ns)

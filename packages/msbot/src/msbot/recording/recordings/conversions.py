@@ -1,116 +1,71 @@
-"""A recording as ROS 2 has it: topics with the names and types that ROS 2 nodes know, if the robot shares them.
-
-A topic with `ros = true` becomes what `ros2 bag record` would have recorded of it: `/ROVER/power` with messages of the
-type std_msgs/msg/Float32. So `ros2 bag play` plays it to any node, and to the robot itself. All others keep their own
-types.
-"""
+"""A recording in the form of others: as a bag of ROS 2, and its values as a table."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import replace
 from importlib import import_module
-from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from mcap.records import Channel, Schema
+from mcap.records import Schema
 
+from msbot.recording.recorder.bag import BagTopic, BagTopics
+from msbot.recording.recorder.batch import RecordedChannel
 from msbot.recording.recorder.recording_file import ENCAPSULATION
-from msbot.recording.recorder.schemas import ENCODING, ROS_FIELDS, ROS_TOPIC, ROS_TYPE, ros_definition, ros_topic
 from msbot.recording.recordings.reading import OWN, Decoder, RecordedMessage
 from msbot.recording.recordings.summary import flat_fields
-from msbot_xrce.errors import ConfigError, MsbotError
-from msbot_xrce.lazy import dataclass
+from msbot_xrce.errors import ConfigError
 
-if TYPE_CHECKING:
-    from msbot.part import Message
-    from msbot.ros2.forms import RosFields
+ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class _Shared:
-    """A topic that ROS 2 has."""
-
-    name: str
-    cls: type[Message]
-    fields: RosFields
-    schema: Schema
+def channel_key(message: RecordedMessage) -> ChannelKey:
+    """What tells a channel from others, whichever file it is in."""
+    channel = message.channel
+    data = b"" if message.schema is None else message.schema.data
+    return (channel.topic, channel.message_encoding, data, tuple(sorted(channel.metadata.items())))
 
 
 class RosView:
-    """Shows messages of a recording as those of ROS 2."""
+    """Shows messages of a recording as those of a bag."""
 
     def __init__(self) -> None:
-        self._decoder = Decoder()
-        self._names: dict[str, str] = {}
-        """What a topic is -> its name in the file."""
-        self._shared: dict[tuple[str, str, str], _Shared | None] = {}
+        self._topics = BagTopics()
+        self._found: dict[ChannelKey, tuple[BagTopic, Schema] | None] = {}
 
     def shown(self, message: RecordedMessage) -> RecordedMessage | None:
-        """The message in ROS 2; None: it is none, or a value of it does not fit there.
-
-        What a channel says of slot and port is left out: a topic of a bag is one channel, whoever publishes in it.
-        """
-        if not message.is_ros:
+        """The message in ROS 2; None: it is none, or a value of it does not fit there."""
+        key = channel_key(message)
+        if key not in self._found:
+            self._found[key] = self._find(message)
+        found = self._found[key]
+        if found is None:
             return None
-        shared = self._shared_of(message.channel)
-        if shared is None:
-            channel = replace(message.channel, topic=self._name(message.topic, ros_topic(message.topic)), metadata={})
-            return replace(message, channel=channel)
-        values = self._decoder.fields(message)
-        if values is None:
+        topic, schema = found
+        data = message.data
+        if topic.convert is not None:
+            payload = topic.convert(data.removeprefix(ENCAPSULATION), message.at_ns)
+            if payload is None:
+                return None
+            data = ENCAPSULATION + payload
+        channel = replace(message.channel, topic=topic.channel.topic, metadata={})
+        return RecordedMessage(message.logged_ns, message.at_ns, channel, schema, data)
+
+    def _find(self, message: RecordedMessage) -> tuple[BagTopic, Schema] | None:
+        if message.schema is None or not message.is_ros:
             return None
-        try:
-            data = _as_ros(shared, list(values.values()), message.at_ns)
-        except MsbotError:
+        schema, metadata = message.schema, message.channel.metadata
+        definition = schema.data.decode("utf-8", "replace")
+        topic = self._topics.of(
+            RecordedChannel(message.topic, "cdr", schema.name, schema.encoding, definition, (*metadata.items(),))
+        )
+        if topic is None:
             return None
-        name = self._name(f"{shared.name} of {shared.schema.name}", shared.name)
-        channel = replace(message.channel, topic=name, metadata={})
-        return RecordedMessage(message.logged_ns, message.at_ns, channel, shared.schema, data)
-
-    def _shared_of(self, channel: Channel) -> _Shared | None:
-        told = channel.metadata
-        words = (told.get(ROS_TOPIC, ""), told.get(ROS_TYPE, ""), told.get(ROS_FIELDS, ""))
-        if words not in self._shared:
-            self._shared[words] = _read(*words)
-        return self._shared[words]
-
-    def _name(self, key: str, wanted: str) -> str:
-        """A name that no other topic of the file has."""
-        if key not in self._names:
-            taken = set(self._names.values())
-            others = (f"{wanted}_{number}" for number in count(2))
-            self._names[key] = wanted if wanted not in taken else next(one for one in others if one not in taken)
-        return self._names[key]
-
-
-def _read(name: str, type_name: str, fields: str) -> _Shared | None:
-    """What a channel says of its topic in ROS 2; None: it is not there, or what it says makes no sense."""
-    if not (name and type_name and fields):
-        return None
-    from msbot.ros2.forms import ros_class
-
-    try:
-        cls = ros_class(type_name)
-        steps = tuple((int(position), str(path), float(factor)) for position, path, factor in json.loads(fields))
-    except (ConfigError, ValueError, TypeError):
-        return None
-    return _Shared(
-        ros_topic(name), cls, steps, Schema(id=0, name=type_name, encoding=ENCODING, data=ros_definition(cls).encode())
-    )
-
-
-def _as_ros(shared: _Shared, values: list[object], at_ns: int) -> bytes:
-    """The payload of a sample.
-
-    Raises:
-        RemoteProtocolError: a value does not fit.
-    """
-    from msbot.ros2.forms import recorded_as_ros
-
-    return ENCAPSULATION + recorded_as_ros(shared.cls, shared.fields, values, at_ns)
+        if topic.convert is None:
+            return topic, schema
+        told = topic.channel
+        return topic, Schema(id=0, name=told.schema_name, encoding=told.schema_encoding, data=told.schema.encode())
 
 
 # The values of a recording as a Parquet file, which pandas, DuckDB and Polars read: the extra `msbot[parquet]`.

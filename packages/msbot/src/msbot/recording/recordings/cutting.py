@@ -13,8 +13,9 @@ from typing import Final
 from mcap.records import Channel
 from mcap.writer import Writer
 
+from msbot.recording.recorder.bag import PROFILE
 from msbot.recording.recorder.new_file import new_file, whole_or_none
-from msbot.recording.recordings.conversions import RosView
+from msbot.recording.recordings.conversions import ChannelKey, RosView, channel_key
 from msbot.recording.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage, RecordingReader
 from msbot.recording.recordings.summary import line_of
 from msbot_xrce.counting import amount
@@ -23,11 +24,6 @@ from msbot_xrce.lazy import dataclass
 
 MOMENTS: Final = (f"{OWN}acts", f"{OWN}measured")
 """Topics that say what happened at a moment, and nothing that is so from then on."""
-
-ROS: Final = "ros2"
-"""The profile of a file in which everything is a ROS 2 message: ros2 bag and rosbags ask for it."""
-
-ChannelKey = tuple[str, str, bytes, tuple[tuple[str, str], ...]]
 
 
 @dataclass(slots=True)
@@ -101,7 +97,7 @@ class _Copier:
         """What was known before the cut begins; None: it has begun."""
 
     def start(self) -> None:
-        self._writer.start(ROS if self._ros else "", "msbot")
+        self._writer.start(PROFILE if self._ros else "", "msbot")
 
     def take(
         self,
@@ -126,7 +122,7 @@ class _Copier:
             self._cut.last_ns = message.at_ns
         elif self._before is not None and message.topic not in MOMENTS:
             # Of a state there may be several keys, which the file does not tell apart: all are kept.
-            key = _key(message)
+            key = channel_key(message)
             self._before[key, message.at_ns if message.channel.message_encoding == "json" else 0] = message
 
     def finish(self, from_ns: int | None) -> None:
@@ -142,7 +138,7 @@ class _Copier:
                 self._write(message, at_ns)
 
     def _write(self, message: RecordedMessage, logged_ns: int) -> None:
-        key = _key(message)
+        key = channel_key(message)
         if key not in self._channels:
             self._channels[key] = self._declare(message.channel, message)
         self._writer.add_message(self._channels[key], logged_ns, message.data, message.at_ns)
@@ -160,12 +156,6 @@ class _Copier:
             schema,
             channel.metadata,
         )
-
-
-def _key(message: RecordedMessage) -> ChannelKey:
-    channel = message.channel
-    data = b"" if message.schema is None else message.schema.data
-    return (channel.topic, channel.message_encoding, data, tuple(sorted(channel.metadata.items())))
 
 
 # What happened in one recording and not in another.
