@@ -50,6 +50,7 @@ def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -
         number=status.number,
         by=status.by,
         also_by=list(status.also_by),
+        place=status.place,
         reason=status.reason,
         since_s=None if status.since_ns is None else max(epoch_ns() - status.since_ns, 0) / 1e9,
         confirmed=[StopConfirmed(part=one.part, ms=one.ms) for one in status.confirmed],

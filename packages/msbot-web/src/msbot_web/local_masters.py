@@ -39,6 +39,8 @@ class LocalMaster:
     """The mark of its blueprint in force."""
     msbot: str = ""
     """The version of MsBOT that runs it."""
+    stop_group: str = ""
+    """Its STOP group; empty: none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +79,17 @@ class LocalMasters:
         answers, _ = await asyncio.to_thread(self._ask, {"do": "status", "who": "page"})
         return [_neighbour(answer) for answer in answers]
 
-    async def stop_all(self, who: str, reason: str) -> StopForAll:
-        """STOP to every one of them."""
-        answers, silent = await asyncio.to_thread(self._ask, {"do": "stop", "who": who, "reason": reason})
+    async def stop_all(self, who: str, reason: str, page_of: str, database: str | None = None) -> StopForAll:
+        """STOP to every one of them.
+
+        Args:
+            who: who says it.
+            reason: why.
+            page_of: the robot on whose page it is said.
+            database: only to robots of this database (`database_identity`); None: of any.
+        """
+        request = {"do": "stop", "who": who, "reason": reason, "page_of": page_of, "database": database}
+        answers, silent = await asyncio.to_thread(self._ask, request)
         taken = [answer for answer in answers if answer.get("stopped") is True]
         return StopForAll(
             told=tuple(str(answer.get("robot", "")) for answer in taken),
@@ -111,6 +121,7 @@ def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
         text("version"),
         text("blueprint"),
         text("msbot"),
+        text("stop_group"),
     )
 
 

@@ -83,13 +83,13 @@ class RemoteRobots:
             raise ConfigError(self._trouble)
         return self._seen
 
-    async def stop_all(self, reason: str) -> list[RemoteStop]:
-        """STOP to all of them at once; 5 s for each at most.
+    async def stop_all(self, reason: str, group: str = "") -> list[RemoteStop]:
+        """STOP to all of them at once, or to those of a STOP group; 5 s for each at most.
 
         Raises:
             ConfigError: the file with the accesses cannot be used.
         """
-        return await asyncio.get_running_loop().run_in_executor(self._threads, self._stop, reason)
+        return await asyncio.get_running_loop().run_in_executor(self._threads, self._stop, reason, group)
 
     def _look(self) -> Sequence[ClassRobot]:
         accesses = self._book.all()
@@ -100,15 +100,15 @@ class RemoteRobots:
         self._still = set(asking.unfinished())  # those get a rest, so that their threads do not add up
         return list(chain(found, (_unknown(one) for one in waiting)))
 
-    def _stop(self, reason: str) -> list[RemoteStop]:
+    def _stop(self, reason: str, group: str) -> list[RemoteStop]:
         accesses = self._book.all()
-        answers = ParallelRequest(accesses, say_stop(reason), STOP_S).answers()
+        answers = ParallelRequest(accesses, say_stop(reason, group), STOP_S).answers()
         found = []
         for access in accesses:
             answer, name = answers[access.address], f"{access.robot} {access.serial_number}"
             if isinstance(answer, RemoteMasterError):
                 found.append(RemoteStop(name, None, str(answer)))
-            else:
+            elif "stopped" in answer:  # else it is of another STOP group
                 found.append(RemoteStop(name, answer))
         return found
 

@@ -232,9 +232,12 @@ class Service:
 
     def asker(self, session: Session) -> Asker:
         """Who asks for an operation: `operations.do` checks the right at that moment."""
-        return Asker(
-            session.name, partial(self.accounts.require, session), session.may, self.accounts.since_ns(session)
+        robot = self._robot()
+        place = (
+            said("a program with an API token") if session.is_program else said("the page of {robot}", robot=robot.name)
         )
+        require, since_ns = partial(self.accounts.require, session), self.accounts.since_ns(session)
+        return Asker(session.name, require, session.may, place, since_ns)
 
     # Doing: students
 

@@ -1,5 +1,10 @@
 """The whole class as the pages show it: the robots of the database, of every master here, and those on other computers
-with an access; and one STOP for all."""
+with an access; and one STOP for all.
+
+That STOP is a teacher's, and reaches the robots of the class: those of this robot's STOP group, wherever they are; of a
+robot without a group, those of its database, and those elsewhere with an access, which is what both sides agreed on.
+Robots of others that happen to run for the same user are shown, and left alone.
+"""
 
 from __future__ import annotations
 
@@ -111,28 +116,47 @@ class WholeClass:
                 except ConfigError as error:
                     far, self.trouble = (), str(error)
                 tiles = with_far(tiles, far, self._records.database)
+                group, mark = self._operations.stop_group, self._mark
+                tiles = [one.model_copy(update={"in_class": is_in_class(one, group, mark)}) for one in tiles]
                 self._seen = (self._clock(), tiles)
             return self._seen[1]
 
     async def _stored(self) -> list[RobotTile]:
+        return [tile.model_copy(update={"database": self._mark}) for tile in await self._records.robots()]
+
+    async def _stop_here(self, who: str, reason: str, group: str) -> StopForAll:
+        """The robots of the class on this computer; a robot without STOP group and database is the only one."""
+        robot = self._robot().name
+        if group or self._records.database:
+            return await self._neighbours.stop_all(who, reason, robot, None if group else self._records.database)
+        status = self._operations.stopping.status
+        waiting = (f"{robot} ({', '.join(status.silent)})",) if status.silent else ()
+        return StopForAll((robot,), len(status.confirmed), status.told, 0, waiting)
+
+    @property
+    def _mark(self) -> str:
         database = self._records.database
-        mark = database_mark(database) if database else ""
-        return [tile.model_copy(update={"database": mark}) for tile in await self._records.robots()]
+        return database_mark(database) if database else ""
 
     async def stop_all(self, session: Session) -> StopForAll:
-        """STOP to every robot whose master runs on this computer, or elsewhere with an access; all at once.
+        """STOP to every robot of the class, here and elsewhere; all at once.
 
         Raises:
-            NotAllowed: the session may not say STOP.
+            NotAllowed: the session may not stop the whole class.
             ConfigError: the file with the accesses cannot be used, and the robots of this computer were told; or no
                 thread can be started, and only this robot was told.
         """
-        self._accounts.require(session, Right.STOP)
+        self._accounts.require(session, Right.STOP_CLASS)
         self.rollouts.hold_back(said("STOP was said to all robots"))
+        robot, group = self._robot().name, self._operations.stop_group
         reason = said("{session} said STOP to all robots of the class", session=session.name)
+        far_reason = said("{reason}, from the page of {robot}", reason=reason, robot=robot)
         own = self._operations.do("stop", who=self._asker(session), reason=reason)  # first, and without a thread
         found = _, here, far = await asyncio.gather(
-            own, self._neighbours.stop_all(session.name, reason), self._far.stop_all(reason), return_exceptions=True
+            own,
+            self._stop_here(session.name, reason, group),
+            self._far.stop_all(far_reason, group),
+            return_exceptions=True,
         )
         for one in found:
             if isinstance(one, RuntimeError):
@@ -142,6 +166,21 @@ class WholeClass:
         assert isinstance(here, StopForAll)
         assert isinstance(far, list)
         return together(here, far)
+
+
+def is_in_class(tile: RobotTile, group: str, database: str) -> bool:
+    """Whether a robot is in the class of another one, so that one STOP is meant for both.
+
+    Args:
+        tile: the robot.
+        group: the STOP group of the other one; empty: none.
+        database: the mark of that one's database; empty: it has none.
+    """
+    if tile.here:
+        return True
+    if group:  # who does not answer, or does not run, may be in it: it is named, not forgotten
+        return tile.stop_group == group or not tile.reachable
+    return tile.elsewhere or bool(database and tile.database == database)
 
 
 def together(here: StopForAll, far: Sequence[RemoteStop]) -> StopForAll:
@@ -196,6 +235,7 @@ def with_far(tiles: Sequence[RobotTile], far: Iterable[ClassRobot], database: st
             "msbot": one.msbot,
             "trouble": one.far.trouble,
             "database": one.database_mark,
+            "stop_group": one.stop_group,
         }
         number = known.get((one.name, one.serial_number)) if mark and one.far.text("database") == mark else None
         if number is None:
@@ -254,6 +294,7 @@ def with_neighbours(tiles: Sequence[RobotTile], found: Iterable[LocalMaster], da
                 "version": one.version or tile.version,
                 "blueprint": one.blueprint or tile.blueprint,
                 "msbot": one.msbot,
+                "stop_group": one.stop_group,
             }
         )
     return list(known.values())

@@ -83,7 +83,7 @@ class NobodyElsewhere(RemoteRobots):
     async def look(self) -> Sequence[ClassRobot]:
         return ()
 
-    async def stop_all(self, reason: str) -> list[RemoteStop]:
+    async def stop_all(self, reason: str, group: str = "") -> list[RemoteStop]:
         return []
 
 

@@ -74,8 +74,8 @@ def test_one_stop_for_all_says_how_many_it_did_not_reach() -> None:
             SilentMaster(None, 0, 0, "/tmp")
         ]
 
-    done = asyncio.run(LocalMasters(ask).stop_all("ann", "enough"))
-    assert asked == [{"do": "stop", "who": "ann", "reason": "enough"}]
+    done = asyncio.run(LocalMasters(ask).stop_all("ann", "enough", "A", OWN))
+    assert asked == [{"do": "stop", "who": "ann", "reason": "enough", "page_of": "A", "database": OWN}]
     assert (done.told, done.confirmed, done.parts, done.silent) == (("A", "C"), 2, 6, 2)
     assert done.waiting == ("A (BB, CC)", "C (BB, CC)")
 

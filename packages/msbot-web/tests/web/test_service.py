@@ -29,7 +29,7 @@ Deed = Callable[[Service, Session], object]
 FINDING = doctor.Finding("x", "x", "x", "x", "x", "x", mending=doctor.Mending("unblock", {"part": "nobody"}))
 DEEDS: dict[str, tuple[Role, Deed]] = {
     "figures": (Role.VIEWER, lambda do, who: do.figures(who)),
-    "stop all": (Role.VIEWER, lambda do, who: do.whole_class.stop_all(who)),
+    "stop all": (Role.TEACHER, lambda do, who: do.whole_class.stop_all(who)),
     "own token": (Role.VIEWER, lambda do, who: do.new_token(who, who.name, "x")),
     "tickets": (Role.TEACHER, lambda do, who: do.tickets(who)),
     "own ticket": (Role.TEACHER, lambda do, who: do.new_ticket(who, who.name, "body")),

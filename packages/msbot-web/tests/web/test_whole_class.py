@@ -164,7 +164,7 @@ async def test_a_master_that_answers_nonsense_breaks_neither_the_class_nor_its_s
         assert len(json.loads(shown)) == 2
         assert all(_for_visitor(tile.address, "localhost") is not None for tile in tiles)
         assert b"javascript:" not in shown or name != "page"
-        whole = together(await masters.stop_all("ada", "test"), [RemoteStop("R 1", answer)])
+        whole = together(await masters.stop_all("ada", "test", "A"), [RemoteStop("R 1", answer)])
         assert "R 1" in (*whole.told, *whole.not_told)
         json.dumps(whole.waiting, ensure_ascii=False).encode()
 

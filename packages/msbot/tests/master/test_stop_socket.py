@@ -44,7 +44,7 @@ class Robot:
         self.is_stored = asyncio.Event()
         self.is_stored.set()
 
-    def say_stop(self, by: str, _reason: str = "") -> StopStatus:
+    def say_stop(self, by: str, _reason: str = "", _place: str = "") -> StopStatus:
         self.said.append(by)
         return self.stop
 

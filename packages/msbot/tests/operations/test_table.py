@@ -33,6 +33,7 @@ def test_every_operation_has_its_method_with_the_arguments_of_the_table(tmp_path
         assert operations._methods.keys() == OPERATIONS.keys()
         for name, row in OPERATIONS.items():
             wanted = {argument.passed_as for argument in row.arguments} | (set() if row.is_question else {"who"})
+            wanted |= {"place"} if row.takes_place else set()
             assert set(inspect.signature(operations._methods[name]).parameters) == wanted, name
 
     play(tmp_path, scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -76,7 +77,7 @@ class RealClass:
             assert signed_in.ok, signed_in.text()
             page.goto(f"{site}/class")
             page.locator("a.slot, div.slot").nth(1).wait_for()
-            yield page.get_by_role("button", name="STOP all robots of the class").click
+            yield page.get_by_role("button", name=re.compile("^STOP .* of the class$")).click
             browser.close()
 
     def wanted(self) -> Blueprint:

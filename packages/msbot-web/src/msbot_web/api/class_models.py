@@ -67,6 +67,10 @@ class RobotTile(Model):
     """Whether there is an access to its master on another computer."""
     trouble: Said = ""
     """Why a master elsewhere does not answer."""
+    stop_group: str = ""
+    """Its STOP group; empty: none, or it is not known."""
+    in_class: bool = True
+    """Whether one STOP for all is meant for it; False: it is of another class, or of another STOP group."""
     database: str = ""
     """A mark of its database, which tells robots of the same name apart; empty: it has none, or it is not known."""
 

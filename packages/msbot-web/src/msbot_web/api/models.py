@@ -284,6 +284,8 @@ class StopState(Model):
     by: str = ""
     also_by: list[str] = Field(default_factory=list)
     """Who else has said STOP while it held."""
+    place: Said = ""
+    """From where; empty: not known."""
     reason: Said = ""
     since_s: float | None = None
     """How long it has held."""

@@ -36,15 +36,8 @@ def _tiles(page: Page, hostname: str) -> None:
             "outlined dense clearable"
         )
         count = ui.label("").classes("soft num").props("aria-live=polite")
-        ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None).classes("ms-stop").props(
-            f'unelevated aria-label="{page.say("STOP all robots of the class")}"'
-        )
-    ui.label(
-        page.say(
-            "The robots of this database, of every master on this computer, and those elsewhere that there is an access "
-            "to. Click one to go to its page."
-        )
-    ).classes("soft")
+        reach = _Reach(page)
+    reach.explain()
     trouble = ui.label("").classes("ms-banner warn")
     nobody = ui.label(page.say("No robot fits. Try part of its name, or clear the search."))
     above = ui.column().classes("w-full")
@@ -63,6 +56,7 @@ def _tiles(page: Page, hostname: str) -> None:
             return
         trouble.set_text(page.say(page.service.whole_class.trouble))
         trouble.set_visibility(bool(page.service.whole_class.trouble))
+        reach.update(tiles)
         fitting = shown.update(tiles, str(find.value or "").casefold().split())
         well = sum(_state_of(tile)[0] == "active" for tile in fitting)
         words = page.say("Robots that are well: {well} of {all}", well=well, all=len(fitting))
@@ -73,6 +67,69 @@ def _tiles(page: Page, hostname: str) -> None:
 
     page.every_look(show)
     find.on_value_change(show)
+
+
+class _Reach:
+    """The button that stops all robots of the class, for those who may, and which robots these are."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._may = page.may(Right.STOP_CLASS)
+        self._shown: tuple[str, ...] = ()
+        if self._may:
+            self._button = ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None)
+            self._button.classes("ms-stop").props("unelevated")
+
+    def explain(self) -> None:
+        """What the button reaches; below the row in which it is."""
+        words = self._page.say("Click a robot to go to its page.")
+        if not self._may:
+            more = self._page.say(
+                "The red STOP stops {robot} alone. Only teachers stop all robots of a class.",
+                robot=self._page.service.robot_name,
+            )
+            words = f"{words} {more}"
+        ui.label(words).classes("soft")
+        self._who = ui.label("").classes("soft").props("id=ms-reach")
+        self._others = ui.label("").classes("soft")
+        self._others.set_visibility(False)
+
+    def update(self, tiles: list[RobotTile]) -> None:
+        """Show how many robots the button stops, which, and which not."""
+        if not self._may:
+            return
+        page, group = self._page, self._page.service.operations.stop_group
+        meant = [tile for tile in tiles if tile.in_class and (tile.running or tile.elsewhere)]
+        others = [tile for tile in tiles if not tile.in_class]
+        here = [_label(tile) for tile in meant if not tile.elsewhere]
+        far = [f"{_label(tile)} ({urlsplit(tile.address).netloc})" for tile in meant if tile.elsewhere]
+        count = page.language.count(len(meant), "STOP {count} robot", "STOP all {count} robots")
+        whose = (
+            page.say("STOP all reaches the STOP group {group}: {robots}", group=group, robots=_named(here + far))
+            if group
+            else page.say("STOP all reaches the robots of this class: {robots}", robots=_named(here + far))
+        )
+        left = page.say("It does NOT reach robots of others: {robots}", robots=_named([_label(one) for one in others]))
+        words = (count, whose, left if others else "")
+        if words != self._shown:
+            self._shown = words
+            self._button.set_text(count)
+            self._button.props["aria-label"] = page.language.count(
+                len(meant), "STOP {count} robot of the class", "STOP all {count} robots of the class"
+            )
+            self._button.update()
+            self._who.set_text(whose)
+            self._others.set_text(words[2])
+            self._others.set_visibility(bool(others))
+
+
+def _label(tile: RobotTile) -> str:
+    return f"{tile.name} {tile.serial_number}"
+
+
+def _named(names: list[str]) -> str:
+    more = [f"+{len(names) - MOST_NAMED}"] if len(names) > MOST_NAMED else []
+    return ", ".join([*names[:MOST_NAMED], *more])
 
 
 class _Shown:
@@ -92,7 +149,7 @@ class _Shown:
         """Show these robots as far as all words are found in what is said of them; returns those."""
         if tiles is not self._source:  # else nobody has looked at the robots since
             self._source = tiles
-            self._tiles = sorted(tiles, key=lambda tile: (_natural(tile.name), _natural(tile.serial_number)))
+            self._tiles = sorted(tiles, key=_in_order)
             with self._grid:
                 self._elements += [
                     ui.html("", sanitize=False).style("display:grid;min-width:0;grid-template-columns:minmax(0,1fr)")
@@ -114,6 +171,10 @@ class _Shown:
         return fitting
 
 
+def _in_order(tile: RobotTile) -> tuple[bool, list[tuple[int, str]], list[tuple[int, str]]]:
+    return not tile.in_class, _natural(tile.name), _natural(tile.serial_number)
+
+
 def _natural(text: str) -> list[tuple[int, str]]:
     """By this, robot 10 comes after robot 9."""
     return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"([0-9]+)", text.casefold())]
@@ -126,7 +187,7 @@ async def _stop_all(page: Page) -> None:
         unreached = [
             f"{tile.name} {tile.serial_number}"
             for tile in await school.robots()
-            if tile.running and not (tile.reachable or tile.here or tile.elsewhere)
+            if tile.in_class and tile.running and not (tile.reachable or tile.here or tile.elsewhere)
         ]
     except MsbotError as error:
         ui.notify(page.say(str(error)), type="negative", multi_line=True)
@@ -138,7 +199,7 @@ async def _stop_all(page: Page) -> None:
         "{confirmed} of {count} parts have confirmed it so far.",
         confirmed=done.confirmed,
     )
-    words = f"{told}; {confirmed}"
+    words = f"{told} ({_named(list(done.told))}); {confirmed}" if done.told else f"{told}; {confirmed}"
     ui.notify(words, type="warning", multi_line=True, timeout=8000)
     if done.waiting:
         words = page.say("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
@@ -184,7 +245,7 @@ def _state_of(tile: RobotTile) -> tuple[str, str]:
 def _searched(page: Page, tile: RobotTile) -> str:
     state = page.say(_state_of(tile)[1])
     return (
-        f"{tile.name} {tile.serial_number} {tile.owner} {tile.version} {tile.blueprint} {tile.msbot} {tile.address} {state}"
+        f"{tile.name} {tile.serial_number} {tile.owner} {tile.version} {tile.blueprint} {tile.msbot} {tile.address} {tile.stop_group} {state}"
     ).casefold()
 
 

@@ -4,12 +4,14 @@ blueprint for many."""
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 from playwright.sync_api import Browser, expect
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
+from msbot.stop.names import GROUP_VARIABLE
 from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from tests.e2e.processes import run, running
 from tests.operations.stage import put_database
@@ -22,7 +24,7 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
         (tmp_path / name).mkdir()
     away = f"http://127.0.0.1:{free_port()}"
     RemoteAccessFile(tmp_path / "msbot").keep(RemoteAccess(away, "msbot_x", "GONE", "1"))
-    state = {"XDG_STATE_HOME": str(tmp_path)}
+    state = {"XDG_STATE_HOME": str(tmp_path), GROUP_VARIABLE: f"{os.getpid()}class"}  # both have chosen it
     with (
         running("demo", "--robot", "rover", "--port", "0", cwd=tmp_path / "one", env=state) as first,
         running("demo", "--robot", "thesis", "--port", "0", cwd=tmp_path / "two", env=state) as second,
@@ -44,13 +46,14 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
         expect(shown).to_have_count(1)
         page.get_by_label("Search").fill("")
         expect(shown).to_have_count(3)
-        page.get_by_role("button", name="STOP all robots of the class").click()
+        expect(page.locator("#ms-reach")).to_contain_text("MSBOT_MASTER")
+        page.get_by_role("button", name="STOP all 3 robots of the class").click()
         expect(page.get_by_text("STOP: 2 robots were told")).to_be_visible()
         expect(page.get_by_text("NOT stopped: 1 robot on another computer does not answer: GONE 1")).to_be_visible()
         assert [one for one in hurdles(page, dark=False) if "notification" in one] == []
         expect(ring).to_contain_text("STOP is in force")
         for robot in ("ROVER", "MSBOT_MASTER"):
-            status = json.loads(run("stop", "--status", "--json", "--robot", robot, cwd=tmp_path).stdout)
+            status = json.loads(run("stop", "--status", "--json", "--robot", robot, cwd=tmp_path, env=state).stdout)
             assert status["stopped"] is True, robot
         page.context.close()
 

@@ -124,7 +124,7 @@ class Master:
         """Slot of a board -> what is wrong with what is wired to it."""
         self._witnesses: list[Callable[[PartInfo], Sequence[str]]] = []
         self._stop_listeners: list[Callable[[StopStatus], object]] = []
-        self._speech_listeners: list[Callable[[bool, str, str], object]] = []
+        self._speech_listeners: list[Callable[[bool, str, str, str], object]] = []
         self._epoch_ns = epoch_ns
         self._keeper = StopStore(store, stop_file, is_shared=is_shared)
         self._stop = EmergencyStop(self._keeper.load())
@@ -272,7 +272,7 @@ class Master:
         given = self._stop_group
         return (own_group() or self.blueprint.robot.stop_group) if given is None else given
 
-    def say_stop(self, by: str, reason: str = "") -> StopStatus:
+    def say_stop(self, by: str, reason: str = "", place: str = "") -> StopStatus:
         """Say STOP: every part goes to its safe state and stays there until `say_go`.
 
         That also holds when this master ends, unless STOP could not be stored (`StopStatus.trouble`).
@@ -290,10 +290,10 @@ class Master:
             for link in self.agent.links:
                 if isinstance(link, StoppableLink):
                     in_any_case(_say_on, link)
-        is_news = self._inventory.stop_all(by, reason, self._epoch_ns(), tell=tell)
+        is_news = self._inventory.stop_all(by, reason, self._epoch_ns(), tell=tell, place=place)
         if not held or self._stop_trouble or now - self._stored_at >= STORE_S:
             self._keep_stop()
-        return self._stop_said(by, reason, is_news=is_news)
+        return self._stop_said(by, reason, place, is_news=is_news)
 
     def say_go(self, by: str, number: int | None = None) -> int:
         """End STOP; returns how many parts were told.
@@ -332,7 +332,7 @@ class Master:
             )
         told = self._inventory.go_all(by)
         self._keep_stop()
-        self._stop_said(by, "", is_news=True)
+        self._stop_said(by, "", "", is_news=True)
         return told
 
     async def until_stop_is_stored(self, timeout_s: float = STORED_S) -> StopStatus:
@@ -353,10 +353,10 @@ class Master:
 
         self._keeper.keep(self._stop.record, stored)
 
-    def _stop_said(self, by: str, reason: str, *, is_news: bool) -> StopStatus:
+    def _stop_said(self, by: str, reason: str, place: str, *, is_news: bool) -> StopStatus:
         status = self.stop
         for speech_listener in self._speech_listeners:
-            in_any_case(speech_listener, status.stopped, by, reason)
+            in_any_case(speech_listener, status.stopped, by, reason, place)
         for listener in self._stop_listeners if is_news else ():
             in_any_case(listener, status)
         return status
@@ -370,8 +370,9 @@ class Master:
         """Call the listener after every GO, and every STOP that tells something new: not when a person repeats it."""
         self._stop_listeners.append(listener)
 
-    def on_stop_said(self, listener: Callable[[bool, str, str], object]) -> None:
-        """Call the listener after every STOP (true) and GO (false) with who has said it just now, and why.
+    def on_stop_said(self, listener: Callable[[bool, str, str, str], object]) -> None:
+        """Call the listener after every STOP (true) and GO (false) with who has said it just now,
+        why, and from where.
 
         Where one says STOP while that of another holds, the status goes on naming the other.
         """

@@ -31,7 +31,7 @@ from msbot.stop.listening import StopListener, listen, peer_of
 from msbot.stop.names import new_name
 from msbot.stop.places import IS_LINUX, IS_THERE, own_user
 from msbot_agent.text.given_file import read_told
-from msbot_agent.text.sentence import whole
+from msbot_agent.text.sentence import said, whole
 from msbot_xrce.errors import ConfigError
 
 # File descriptors held in reserve, for what must work when a process has no others left.
@@ -248,7 +248,9 @@ class StopSocket:
                 return
             if do == "stop":
                 # STOP is said at once, before anything that could fail; the answer follows when it is stored.
-                self._master.say_stop(who, whole(str(request.get("reason") or "")[:200]))
+                reason, page_of = (whole(str(request.get(name) or "")[:200]) for name in ("reason", "page_of"))
+                on_page = said("the page of {robot}", robot=page_of)
+                self._master.say_stop(who, reason, on_page if page_of else said("a terminal of the robot's computer"))
             elif do == "go":
                 if monotonic() > float(request.get("expires") or inf):
                     _log.warning("a GO was not obeyed: it came while this program stood still, and nobody waits for it")
@@ -330,6 +332,7 @@ def answer_of(status: StopStatus) -> dict[str, object]:
         "number": status.number,
         "by": status.by if status.stopped else None,
         "also_by": list(status.also_by),
+        "place": status.place,
         "reason": status.reason,
         "since": None if status.since_ns is None else status.since_ns / 1e9,
         "told": status.told,

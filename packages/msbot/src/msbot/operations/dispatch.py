@@ -130,6 +130,8 @@ class Operations:
         deed = {one.name: given[one.passed_as] for one in row.arguments if one.passed_as in given}
         self.asked += 1
         given["who"] = asker.name
+        if row.takes_place:
+            given["place"] = asker.place
         if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
             outcome = await _outcome(method(**given))
         else:

@@ -89,6 +89,8 @@ class Operation(NamedTuple):
     right_for_others: Right | None = None
     """The right needed to act on changes by others; without it only on one's own settings. None: no difference."""
 
+    takes_place: bool = False
+    """Whether the method is told from where it is asked for (`Asker.place`)."""
     drops_odd: bool = False
     """Whether an argument that is too long, of the wrong kind or unknown is cut or dropped, and refuses nothing."""
 

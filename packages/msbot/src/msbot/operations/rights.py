@@ -49,6 +49,8 @@ class Right(Enum):
     SEE = "see the robot"
     STOP = "press STOP"
     """Anybody who sees a robot run wild must be able to stop it."""
+    STOP_CLASS = "stop all robots of the class"
+    """At one press; whoever may press STOP may stop each of them on its own page."""
     JOIN = "run parts of one's own"
     """By the page; guests with a ticket may, too (`msbot_web.access.guest_tickets`)."""
     OPERATE = "play with simulated parts"
@@ -69,6 +71,7 @@ class Right(Enum):
 _LEAST = {
     Right.SEE: Role.VIEWER,
     Right.STOP: Role.VIEWER,
+    Right.STOP_CLASS: Role.TEACHER,
     Right.JOIN: Role.STUDENT,
     Right.OPERATE: Role.STUDENT,
     Right.SET: Role.STUDENT,
@@ -87,6 +90,8 @@ class Asker(NamedTuple):
     """Raises when the person does not have that right at this moment."""
     may: Callable[[Right], bool]
     """Whether the person has that right."""
+    place: str = ""
+    """From where, in words, for whoever asks who said STOP; empty: not known."""
     since_ns: int = 0
     """When the person's account was made, on the wall clock: what somebody of that name did before is not theirs."""
 

@@ -60,9 +60,9 @@ class Stopping:
         """The state of STOP: who said it, which parts have confirmed it, which have not."""
         return self._running.master.stop
 
-    async def stop(self, reason: str, who: str) -> Outcome:
+    async def stop(self, reason: str, who: str, place: str = "") -> Outcome:
         """Say STOP to all parts, before anything else; then have it stored; then answer."""
-        said_now = self._running.master.say_stop(who, reason)
+        said_now = self._running.master.say_stop(who, reason, place)
         words = counted(
             said_now.told,
             "STOP: {count} part is told to go to the safe state",
@@ -93,9 +93,9 @@ class Stopping:
         """The state of STOP, as JSON: who said it, which parts have confirmed it after how many ms, which have not."""
         return Outcome(answer=answer_of(self.status))
 
-    def _said(self, is_stop: bool, by: str, reason: str) -> None:
+    def _said(self, is_stop: bool, by: str, reason: str, place: str) -> None:
         if is_stop:
-            self._note_stop(by, reason)
+            self._note_stop(by, reason, place)
             return
         self._count()
         self._lines.clear()
@@ -103,7 +103,7 @@ class Stopping:
         self._running.note(EditKind.GO, words, by)
         self._on_said("go", by, {}, words)
 
-    def _note_stop(self, by: str, reason: str) -> None:
+    def _note_stop(self, by: str, reason: str, place: str) -> None:
         now = self._running.now()
         line = self._lines.get(by) or (self._lines.get(OTHERS) if len(self._lines) >= MOST_PEOPLE else None)
         if line is not None:
@@ -112,7 +112,7 @@ class Stopping:
                 self._is_counting = True
                 self._running.loop.call_later(COUNT_S, self._count)
             return
-        words = said("STOP by {name}", name=by)
+        words = said("STOP by {name}, from {place}", name=by, place=place) if place else said("STOP by {name}", name=by)
         if reason:
             words = said("{words}: {reason}", words=words, reason=reason)
         noted = self._running.note(EditKind.STOP, words, by)

@@ -185,7 +185,7 @@ _ROWS = (
     Operation(
         "stop", "STOP: all parts go to their safe states.",
         (Argument("reason", default="", longest=1000, help="Why, for the people who see it."),),
-        Right.STOP, Where.RUNNING, Kept.LINE, "stop", "POST /stop", drops_odd=True,
+        Right.STOP, Where.RUNNING, Kept.LINE, "stop", "POST /stop", drops_odd=True, takes_place=True,
     ),
     Operation(
         "go", "End STOP: the parts may work again.",

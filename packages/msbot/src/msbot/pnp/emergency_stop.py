@@ -88,6 +88,8 @@ class StopStatus:
     """Whether this status is stored; False without `trouble`: it is being stored."""
     also_by: tuple[str, ...] = ()
     """Who else has said STOP while it held, since this master has run."""
+    place: str = ""
+    """From where it was said, in words; empty: not known, as after a restart of the master."""
     first: int = 0
     """The number of the STOP that parts confirm: the first of those that hold."""
 
@@ -119,6 +121,8 @@ class EmergencyStop:
         self._waiting: dict[bytes, tuple[str, float]] = {}
         """Part -> its name, and when it was asked to confirm."""
         self._also_by: list[str] = []
+        self._place = ""
+        """From where the STOP was said; not stored."""
         self._confirmed: dict[bytes, StopConfirmation] = {}
         self._sayers: dict[bytes, str] = {}
         """Parts whose last beat said STOP, and their names."""
@@ -138,7 +142,9 @@ class EmergencyStop:
         """The number of the STOP that was said last."""
         return max(self.record.number, self.record.latest)
 
-    def say(self, by: str, reason: str, parts: Iterable[tuple[bytes, str]], now: float, at_ns: int) -> bool:
+    def say(
+        self, by: str, reason: str, parts: Iterable[tuple[bytes, str]], now: float, at_ns: int, *, place: str = ""
+    ) -> bool:
         """Say STOP; parts go on confirming one that already holds, and those that have not are asked again.
 
         False: that person has said STOP already, and it holds.
@@ -149,10 +155,12 @@ class EmergencyStop:
             parts: identity and name of every part that holds a slot.
             now: the robot's clock, seconds.
             at_ns: the wall clock, nanoseconds since 1970.
+            place: from where, in words; may be empty.
         """
         number, is_news = _after(self.latest), not self.holds
         if is_news:
             self.record = StopRecord(number, True, by, reason, at_ns, number)
+            self._place = place
         else:
             self.record = replace(self.record, latest=number)
             if by != self.record.by and by not in self._also_by and len(self._also_by) < MOST_NAMES:
@@ -220,6 +228,7 @@ class EmergencyStop:
         self._waiting.clear()
         self._confirmed.clear()
         self._also_by.clear()
+        self._place = ""
         return self.number
 
     def status(self, *, is_stored: bool = True, trouble: str = "") -> StopStatus:
@@ -236,6 +245,7 @@ class EmergencyStop:
             is_stored=is_stored,
             trouble=trouble,
             also_by=tuple(self._also_by),
+            place=self._place,
             first=record.number,
         )
 

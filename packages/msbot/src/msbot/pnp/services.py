@@ -160,7 +160,7 @@ class InventoryService:
             if loop.time() >= self._inventory.timer():
                 self._inventory.handle_timer(loop.time())
 
-    def stop_all(self, by: str, reason: str, at_ns: int, *, tell: bool = True) -> bool:
+    def stop_all(self, by: str, reason: str, at_ns: int, *, tell: bool = True, place: str = "") -> bool:
         """Say STOP to all parts, and to those that join before `go_all`.
 
         False: that person has said it already, and it holds.
@@ -170,8 +170,10 @@ class InventoryService:
             reason: why; may be empty.
             at_ns: the wall clock, nanoseconds since 1970.
             tell: whether to tell the parts, who may have been told a moment ago.
+            place: from where it is said, in words; may be empty.
         """
-        is_news = self.stop.say(by, reason, self._inventory.members(), asyncio.get_running_loop().time(), at_ns)
+        now = asyncio.get_running_loop().time()
+        is_news = self.stop.say(by, reason, self._inventory.members(), now, at_ns, place=place)
         if tell:
             self._tell_all(plug.NoticeKind.STOP)
         return is_news

@@ -90,7 +90,8 @@ def ask_masters(
     whoever said it was told that nobody answers: `expires` says until when it holds, by the system's monotonic clock.
 
     Args:
-        request: `do`: `stop`, `go` or `status`; `who`, `reason`; `robot` (a name or serial number),
+        request: `do`: `stop`, `go` or `status`; `who`, `reason`, `page_of` (on whose page it is
+            said; none: in a terminal); `robot` (a name or serial number),
             `serial_number` and `database` select the masters, None = any.
         timeout_s: how long to wait for the slowest of them.
         group: only masters of this STOP group; empty: all; None: as `$MSBOT_STOP_GROUP` says.
@@ -162,7 +163,9 @@ class _Asking:
         self.answers: list[dict[str, object]] = []
         self.silent: list[SilentMaster] = []
         self._word = secrets.token_hex(8)
-        words = {name: str(request[name] or "")[:LONGEST_WORDS] for name in ("who", "reason") if name in request}
+        words = {
+            name: str(request[name] or "")[:LONGEST_WORDS] for name in ("who", "reason", "page_of") if name in request
+        }
         self._line = json.dumps({**request, **words, "nonce": self._word}).encode() + b"\n"
         self._is_go = request.get("do") == "go"
         self._until = until

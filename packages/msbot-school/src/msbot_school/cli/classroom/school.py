@@ -128,21 +128,22 @@ def _as_dict(robot: ClassRobot) -> dict[str, object]:
 def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) -> None:
     """STOP every robot of the class at once, without asking, and report who confirmed.
 
-    Those whose masters run on this computer, and those elsewhere with an access; with --stop-group, those in it (the
-    variable counts for this computer alone). HOME and XDG folders do not keep robots apart. A robot that does not
-    answer is named.
+    Those whose masters run on this computer, and those elsewhere with an access; with --stop-group or
+    $MSBOT_STOP_GROUP, those in that group. HOME and XDG folders do not keep robots apart. A robot that does not answer
+    is named, and so is one elsewhere that is not in the group.
     """
     group, odd = group_to_stop() if stop_group is None else (stop_group, "")
     if odd:
-        click.echo(f"{odd}: STOP goes to every robot of yours on this computer", err=True)
+        click.echo(f"{odd}: STOP goes to every robot of yours and of the class", err=True)
     trouble = ""
     try:
         accesses = RemoteAccessFile().all()
     except ConfigError as error:  # the robots here are stopped all the same
         accesses, trouble = [], str(error)
-    far = ParallelRequest(accesses, say_stop(reason, stop_group or ""), STOP_S)  # they are told while those here are
+    far = ParallelRequest(accesses, say_stop(reason, group), STOP_S)  # they are told while those here are
     answers, silent = _stop_here(reason, group)
-    answers = sorted([*answers, *_stop_lines(accesses, far)], key=_in_order)
+    lines, left_alone = _stop_lines(accesses, far)
+    answers = sorted([*answers, *lines], key=_in_order)
     if as_json:
         names = (
             "robot",
@@ -161,13 +162,15 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
     else:
         for answer in answers:
             click.echo(stop_line(answer))
+        for words in left_alone:
+            click.echo(f"{words}: left alone, it is not in the STOP group {group}")
     told = {(answer.get("robot"), answer.get("serial_number")) for answer in answers}
     not_stopped = [f"{one.get('robot')} {one.get('serial_number')}" for one in answers if not one.get("stopped")]
     # What needs the database comes after STOP: it may be slow, or away.
     elsewhere = [
         robot.words
         for robot in _stored_robots(db)
-        if not stop_group and robot.runs_elsewhere and (robot.name, robot.serial_number) not in told
+        if not group and robot.runs_elsewhere and (robot.name, robot.serial_number) not in told
     ]
     if not IS_THERE:
         trouble = "this system has no socket for STOP: say `msbot stop --robot NAME` for each robot that runs here"
@@ -208,17 +211,20 @@ def _in_order(answer: Answer) -> tuple[str, str]:
     return str(answer.get("robot")), str(answer.get("serial_number"))
 
 
-def _stop_lines(accesses: list[RemoteAccess], far: ParallelRequest[Answer]) -> list[Answer]:
-    """How STOP stands at the robots elsewhere."""
+def _stop_lines(accesses: list[RemoteAccess], far: ParallelRequest[Answer]) -> tuple[list[Answer], list[str]]:
+    """How STOP stands at the robots elsewhere, and which of them are of another STOP group."""
     found = far.answers()
     lines: list[Answer] = []
+    left_alone: list[str] = []
     for access in accesses:
         answer, known = found[access.address], {"robot": access.robot, "serial_number": access.serial_number}
         if isinstance(answer, RemoteMasterError):
             lines.append(known | {"page": access.address, "stopped": False, "error": f"NOT told: {answer}"})
-        elif "stopped" in answer:  # else it is of another STOP group
+        elif "stopped" in answer:
             lines.append(known | {"page": access.address} | answer)
-    return lines
+        else:
+            left_alone.append(f"{access.robot} {access.serial_number}")
+    return lines, left_alone
 
 
 def stop_line(answer: dict[str, object]) -> str:

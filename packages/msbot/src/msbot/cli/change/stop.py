@@ -150,6 +150,10 @@ def go_command(one: Answer, among: Sequence[Answer], meant: Meant) -> str:
     return shlex.join(words)
 
 
+def _from(one: Answer) -> str:
+    return f" from {one['place']}" if one.get("place") else ""
+
+
 def silent_words(silent: Sequence[SilentMaster]) -> str:
     """Masters that run and do not answer, by name."""
     return f"{', '.join(map(str, silent))}: {'it runs and does' if len(silent) == 1 else 'they run and do'} not answer"
@@ -295,7 +299,7 @@ def _show_status(reached: Reached, meant: Meant, *, as_json: bool) -> None:
         assert isinstance(since, int | float)
         where = f" at {robot_label(one)}" if len(reached.answers) > 1 else ""
         at = f"{datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}"
-        click.echo(f"STOP {one['number']}{where} since {at}, said by {one['by']}{why}")
+        click.echo(f"STOP {one['number']}{where} since {at}, said by {one['by']}{_from(one)}{why}")
         for line in _lines([one], meant, among=reached.answers):
             click.echo(line)
     if reached.silent:
