@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from msbot.master import StopSocket
 from msbot.operations.rights import Role
 from msbot.pnp import StopStatus
-from msbot.stop.asking import ask_masters
+from msbot.stop.asking import SilentMaster, ask_masters
 from msbot.stop.names import GROUP_VARIABLE
 from msbot.stop.places import IS_THERE
 from msbot_agent.process.end_signals import run_to_end
@@ -99,12 +100,16 @@ def test_the_class_is_a_database_or_a_group_that_both_chose(group: str, reached:
 def test_a_pupil_stops_the_own_robot_and_not_the_class(tmp_path: Path) -> None:
     asked: list[object] = []
 
+    def nobody(request: Mapping[str, object]) -> tuple[list[dict[str, object]], list[SilentMaster]]:
+        asked.append(request.get("database"))
+        return [], []
+
     async def scene(rig: Rig) -> None:
         school = rig.service.whole_class
-        school._neighbours = LocalMasters(lambda request: (asked.append(request.get("database")), ([], []))[1])
+        school._neighbours = LocalMasters(nobody)
         for role in (Role.VIEWER, Role.STUDENT):
             who = rig.session(role)
-            assert "may not stop all robots of the class" in str(await refusal(lambda who=who: school.stop_all(who)))
+            assert "may not stop all robots of the class" in str(await refusal(partial(school.stop_all, who)))
         guest = rig.accounts.sessions.begin("guest 1", Role.VIEWER, guest_of="teacher")
         assert "may not" in str(await refusal(lambda: school.stop_all(guest)))
         assert (asked, rig.service.is_stopped) == ([], False)
