@@ -97,7 +97,7 @@ def test_messages_are_restored(row: Row) -> None:
 
 def test_the_page_shows_what_a_message_costs() -> None:
     table = (
-        SECTION.partition("What a message costs")[2]
+        SECTION.partition("Cost on classic CAN")[2]
         .partition("|---|---|---|---|---|---|---|\n")[2]
         .partition("\n\n")[0]
     )

@@ -75,7 +75,9 @@ FREE = {"safe", "settings", "fields", "units", "pins"}
 def _sections() -> dict[str, str]:
     """Text of the pages by heading, without brackets and backticks."""
     parts = re.split(r"(?m)^##+ (.*)$", PAGE + "\n" + LIBRARY_PAGE)
-    return {heading.strip("`[]"): text for heading, text in zip(parts[1::2], parts[2::2], strict=True)}
+    sections = {heading.strip("`[]"): text for heading, text in zip(parts[1::2], parts[2::2], strict=True)}
+    assert "The keys of [`[[parameter]]`](#parameter)" in sections["driver.option"]
+    return sections | {"driver.option": sections["parameter"]}
 
 
 @pytest.fixture
