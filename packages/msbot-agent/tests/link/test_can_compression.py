@@ -97,9 +97,7 @@ def test_messages_are_restored(row: Row) -> None:
 
 def test_the_page_shows_what_a_message_costs() -> None:
     table = (
-        SECTION.partition("Cost on classic CAN")[2]
-        .partition("|---|---|---|---|---|---|---|\n")[2]
-        .partition("\n\n")[0]
+        SECTION.partition("Cost on classic CAN")[2].partition("|---|---|---|---|---|---|---|\n")[2].partition("\n\n")[0]
     )
     shown = table.splitlines()
     assert len(shown) > 10
