@@ -1,7 +1,9 @@
-"""What a swap passes on its way from the API to SQL: the layers, the files, and the changes of room.
+"""What a swap passes from the API to SQL, and what a setting passes to the function of a part's program.
 
 A real robot runs in virtual time with a real database; the swap is asked for as the API does it. A *layer* is a module
-of MsBOT that waits on the stack, in the event loop or in the writer's thread, when the UPDATE is executed. Run it:
+of MsBOT that waits on the stack: of the swap, in the event loop or in the writer's thread, when the UPDATE is executed;
+of the setting, in the master when the slot's configuration is replaced, and in the part when the function is called.
+What carries every message (links, sessions, the client) is not counted there. Run it:
 
     python tools/layers_of_an_operation.py
 """
@@ -19,22 +21,36 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from sqlalchemy import event
 
-import msbot
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
+from msbot.pnp import Configuration
+from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.state_changes import StateChanges
 from msbot.registry.database.writer import PendingChange
 from msbot_web.api.operation_routes import _call_of
+from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 from tests.web.rig import Rig, show
 
-ROOT = Path(msbot.__file__).parent
+SOURCES = tuple((Path(__file__).parents[1] / "packages").glob("*/src"))
 MOST = 6
-"""The goal."""
+"""The goal for a swap."""
+MOST_OF_A_SETTING = 5
+"""The goal for a setting, at each end."""
+CARRIERS = ("msbot_agent/link/", "msbot_xrce/", "msbot/part/client/")
+"""What carries every message."""
+TEST_LOOP = "msbot/process/virtual_time"
 
 
 def module_of(file: str) -> str | None:
     """The module of MsBOT that a file holds; None: another's."""
     path = Path(file)
-    return str(path.relative_to(ROOT).with_suffix("")) if path.is_relative_to(ROOT) else None
+    name = next((str(path.relative_to(one).with_suffix("")) for one in SOURCES if path.is_relative_to(one)), None)
+    return None if name == TEST_LOOP else name
+
+
+def room_of(module: str) -> str:
+    """The room of a module: `msbot/operations`."""
+    return "/".join(module.split("/")[:2])
 
 
 def modules_on(frame: FrameType | None) -> list[str]:
@@ -67,10 +83,10 @@ def measure() -> tuple[list[str], set[str], int]:
 
     def called(frame: FrameType, what: str, _argument: object) -> None:
         name = module_of(frame.f_code.co_filename) if what == "call" else None
-        if name is None or not (is_writers(frame) or "web/api/operation_routes" in modules_on(frame)):
+        if name is None or not (is_writers(frame) or "msbot_web/api/operation_routes" in modules_on(frame)):
             return  # the robot goes on meanwhile
         files.add(name)
-        room = name.partition("/")[0]
+        room = room_of(name)
         if not rooms or rooms[-1] != room:
             rooms.append(room)
 
@@ -85,7 +101,7 @@ def measure() -> tuple[list[str], set[str], int]:
         @event.listens_for(rig.stage.registry.storage.engine, "before_cursor_execute")
         def execute(_connection: object, _cursor: object, statement: str, *_: object) -> None:
             if statement.startswith("UPDATE parts") and not layers:
-                thread = [name for name in modules_on(sys._getframe(1)) if not name.startswith("runtime/")]
+                thread = modules_on(sys._getframe(1))
                 layers.extend([*handed_over, *(name for name in thread if name not in handed_over)])
 
         body = type("Body", (), {"part": "DD"})()
@@ -103,18 +119,58 @@ def measure() -> tuple[list[str], set[str], int]:
 
     with TemporaryDirectory() as folder:
         show(Path(folder), scene)
-    ours = [name for name in layers if not name.startswith("runtime/")]
-    return ours, files, len(rooms) - 1
+    return layers, files, len(rooms) - 1
+
+
+def measure_setting() -> tuple[list[str], list[str]]:
+    """The layers of a setting in the master and in the part."""
+    ends: dict[str, list[str]] = {}
+    configure = StateChanges.configure
+
+    def noted(self: StateChanges, record: InventoryRecord, configuration: Configuration) -> None:
+        ends["master"] = modules_on(sys._getframe(1))
+        configure(self, record, configuration)
+
+    async def scene(stage: Stage) -> None:
+        part = stage.plug("AA", "DIAL")
+
+        @part.on_setting("period_s", float, default=1.0)
+        def follow(value: float) -> None:
+            if value == 0.75:
+                ends["part"] = [one for one in modules_on(sys._getframe(1)) if not one.startswith(CARRIERS)]
+
+        await asyncio.sleep(2.0)
+        StateChanges.configure = noted  # type: ignore[method-assign]
+        try:
+            await stage.do.set("AA", "period_s", "0.75", who="ann")
+        finally:
+            StateChanges.configure = configure  # type: ignore[method-assign]
+        await asyncio.sleep(2.0)
+
+    with TemporaryDirectory() as folder:
+        play(Path(folder), scene, AA_IS_A_DIAL)
+    return ends["master"], ends["part"]
 
 
 def main() -> None:
     """Print the figures; ends with status 1 when there are more layers than is the goal."""
     layers, files, changes = measure()
-    print(f"{len(layers)} layers (at most {MOST}):")
+    assert files, "no file of MsBOT was seen"
+    rooms = {room_of(file) for file in files}
+    is_good = show_layers("a swap, from the API to SQL", layers, MOST)
+    print(f"{len(files)} files of {len(rooms)} rooms; {changes} changes of room")
+    master, part = measure_setting()
+    is_good &= show_layers("a setting, in the master", master, MOST_OF_A_SETTING)
+    is_good &= show_layers("a setting, in the part", part, MOST_OF_A_SETTING)
+    sys.exit(not is_good)
+
+
+def show_layers(what: str, layers: list[str], most: int) -> bool:
+    """Print them; whether there are as few as is the goal."""
+    print(f"{what}: {len(layers)} layers (at most {most})")
     for layer in layers:
         print(f"  {layer}")
-    print(f"{len(files)} files of {len({file.partition('/')[0] for file in files})} rooms; {changes} changes of room")
-    sys.exit(len(layers) > MOST)
+    return 0 < len(layers) <= most
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ def test_a_command_takes_what_its_operation_takes(name: str) -> None:
     assert taken == {argument.passed_as for argument in OPERATIONS[name].arguments}
 
 
-def test_a_swap_passes_six_layers_at_most_from_the_api_to_sql() -> None:
+def test_a_swap_passes_six_layers_at_most_from_the_api_to_sql_and_a_setting_five_at_each_end() -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "tools" / "layers_of_an_operation.py"], capture_output=True, text=True, check=False
     )

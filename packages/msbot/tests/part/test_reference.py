@@ -5,7 +5,7 @@ from dataclasses import fields
 from msbot.part.client.settings import ClientSettings
 from msbot.part.join.joining import TRANSITIONS, JoinEvent, JoinState
 from msbot.part.part import Part
-from msbot.part.settings import PartCounters
+from msbot.part.program_runner import PartCounters
 from tests import ROOT
 
 PAGE = (ROOT / "docs/reference/part.md").read_text()

@@ -9,7 +9,7 @@ import pytest
 from msbot.part.handler_guard import Guard
 from msbot.part.join.plug import Setting
 from msbot.part.program import Program
-from msbot.part.settings import Settings, Value, read_value
+from msbot.part.settings import DeclaredSettings, Settings, Value, read_value
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import ConfigError
 
@@ -19,7 +19,7 @@ def listed(**texts: str) -> list[Setting]:
 
 
 def taken(**texts: str) -> Settings:
-    settings = Settings(Guard(lambda _: None), {})
+    settings = Settings(Guard(lambda _: None), DeclaredSettings())
     settings.take(listed(**texts))
     return settings
 
@@ -54,16 +54,16 @@ def test_only_four_kinds_can_be_asked_for() -> None:
     with pytest.raises(ConfigError, match="bool, int, float or str"):
         settings.value("x", bytes)  # type: ignore[type-var]  # that is the point
     with pytest.raises(ConfigError, match="bool, int, float or str"):
-        Program().add_follower("x", list, print)  # type: ignore[type-var]  # that is the point
+        Program().settings.follow("x", list, print)  # type: ignore[type-var]  # that is the point
 
 
 def test_functions_hear_what_is_new_or_has_changed_and_nothing_else() -> None:
     async def main() -> None:
         program = Program()
-        settings = Settings(Guard(lambda _: None), program.followers)
+        settings = Settings(Guard(lambda _: None), program.settings)
         heard: list[Value] = []
-        program.add_follower("count", int, heard.append)
-        program.add_follower("loud", bool, heard.append)
+        program.settings.follow("count", int, heard.append)
+        program.settings.follow("loud", bool, heard.append)
         settings.take(listed(count="1", loud="false"))
         settings.tell()
         assert heard == [1, False]
@@ -83,10 +83,10 @@ def test_functions_hear_what_is_new_or_has_changed_and_nothing_else() -> None:
 def test_a_value_that_cannot_be_read_is_reported_once_and_not_told(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> None:
         program = Program()
-        settings = Settings(Guard(lambda _: None), program.followers)
+        settings = Settings(Guard(lambda _: None), program.settings)
         heard: list[Value] = []
-        program.add_follower("count", int, heard.append)
-        program.add_follower("other", int, heard.append)
+        program.settings.follow("count", int, heard.append)
+        program.settings.follow("other", int, heard.append)
         for _ in range(2):
             settings.take(listed(count="many"))
             settings.tell()
@@ -102,7 +102,7 @@ def test_a_value_that_cannot_be_read_is_reported_once_and_not_told(caplog: pytes
 
 
 def test_safe_values_are_no_settings() -> None:
-    settings = Settings(Guard(lambda _: None), {})
+    settings = Settings(Guard(lambda _: None), DeclaredSettings())
     safe = settings.take([Setting(name="speed.safe.value", value="0"), Setting(name="speed", value="1")])
     assert safe == {"speed.safe.value": "0"}
     assert dict(settings.texts) == {"speed": "1"}

@@ -51,7 +51,7 @@ def _lines(number: str, name: str, program: Program) -> Iterator[str]:
         if listener.safe is not None:
             yield f"safe = {_table(_values(port, listener.safe))}"
         classes.append(listener.message_class)
-    for setting in program.followers:
+    for setting in program.settings.followers:
         yield from _parameter(setting, program)
     for message_class in dict.fromkeys(classes):
         yield from _type(message_class)
@@ -63,7 +63,7 @@ def _port(name: str, direction: str, message_class: type[Message]) -> Iterator[s
 
 
 def _parameter(name: str, program: Program) -> Iterator[str]:
-    declared = program.declared.get(name)
+    declared = program.settings.declared.get(name)
     if declared is None:
         raise ConfigError(
             f"setting {name!r} needs a default, because the part describes itself: for example "

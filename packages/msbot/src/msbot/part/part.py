@@ -28,9 +28,9 @@ from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.keys import check_key, parse_key
 from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
-from msbot.part.program import Action, DeclaredSetting, Listener, PortAction, Program, When
-from msbot.part.program_runner import Identity, ProgramRunner
-from msbot.part.settings import PartCounters, V
+from msbot.part.program import Action, Listener, PortAction, Program, When
+from msbot.part.program_runner import Identity, PartCounters, ProgramRunner
+from msbot.part.settings import DeclaredSetting, V
 from msbot_agent.link import Link
 from msbot_xrce.errors import ConfigError
 
@@ -190,7 +190,7 @@ class Part:
             raise ConfigError(f"on_setting({name!r}, ...): a range or unit needs a default, too")
 
         def remember(function: Callable[[V], object]) -> Callable[[V], object]:
-            self._program.add_follower(name, kind, function, declared)
+            self._program.settings.follow(name, kind, function, declared)
             return function
 
         return remember

@@ -11,9 +11,12 @@ from typing import Literal
 
 from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.messages.message import Message
-from msbot.part.settings import Follower, V, Value, check_kind, read_value
+from msbot.part.settings import DeclaredSetting, DeclaredSettings
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
+
+SHORTEST_PERIOD_S = 0.001
+"""Shortest period that a setting can give a function."""
 
 # `@part.every`: a student's function that is called again and again.
 
@@ -40,6 +43,15 @@ class Every:
             self._timer.cancel()
             self._timer = self._guard = None
 
+    def check(self, period_s: float) -> None:
+        """Refuse what is no period.
+
+        Raises:
+            ConfigError: it is too short.
+        """
+        if not period_s >= SHORTEST_PERIOD_S:
+            raise ConfigError(f"{period_s} s is not a period; {self.period_s} s stays")
+
     def change(self, period_s: float) -> None:
         """Change the period; if it is running, it starts over with the new period at once."""
         if period_s == self.period_s:
@@ -64,9 +76,6 @@ PortAction = Callable[[str], object]
 When = Literal["join", "lost", "end", "stop", "go", "safe", "identify"]
 """The events of a part that call functions without arguments."""
 
-SHORTEST_PERIOD_S = 0.001
-"""Shortest period that a setting can give a function."""
-
 
 @dataclass(frozen=True, slots=True)
 class Listener:
@@ -80,22 +89,6 @@ class Listener:
     """The port's safe value, if the part describes itself."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeclaredSetting:
-    """A setting with its default and its range, as the program declares it."""
-
-    kind: type[Value]
-    default: Value
-    least: float | None = None
-    most: float | None = None
-    unit: str = ""
-
-    @property
-    def default_text(self) -> str:
-        """The default as a setting's text."""
-        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
-
-
 class Program:
     """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called."""
 
@@ -103,12 +96,9 @@ class Program:
         self.timed: list[Every] = []
         self.listeners: dict[str, Listener] = {}
         """Port -> its function."""
-        self.followers: dict[str, list[Follower]] = {}
-        """Setting -> who is told of its changes."""
+        self.settings = DeclaredSettings()
         self.publications: dict[str, type[Message]] = {}
         """Port -> what it publishes; only the ports that the program declares."""
-        self.declared: dict[str, DeclaredSetting] = {}
-        """Setting -> its default and range; only the settings that the program declares."""
         self.when: dict[When, list[Action]] = {
             "join": [],
             "lost": [],
@@ -127,10 +117,11 @@ class Program:
             self.timed.append(Every(period, function))
             return
         timed = Every(1.0, function)
+        declared = None
         if default is not None:
-            self.declare(period, DeclaredSetting(float, float(default), least=SHORTEST_PERIOD_S, unit="s"))
+            declared = DeclaredSetting(float, float(default), least=SHORTEST_PERIOD_S, unit="s")
+        self.settings.follow(period, float, timed.change, declared, check=timed.check)
         self.timed.append(timed)
-        self._follow(period, Follower(lambda text: _read_period(period, text, timed), timed.change))
 
     def add_listener(self, port: str, listener: Listener) -> None:
         """Call it with the messages of a port."""
@@ -145,27 +136,6 @@ class Program:
             other = self.publications[port].__name__
             raise ConfigError(f"port {port!r} publishes {other} already: a port has one message class")
 
-    def declare(self, name: str, setting: DeclaredSetting) -> None:
-        """The part has that setting."""
-        check_kind(name, setting.kind)
-        given = type(setting.default)
-        if given is not setting.kind and (given, setting.kind) != (int, float):
-            raise ConfigError(
-                f"setting {name!r} is {setting.kind.__name__}, and its default {setting.default!r} is not"
-            )
-        if self.declared.setdefault(name, setting) != setting:
-            raise ConfigError(f"setting {name!r} is declared twice, in different ways: declare it once")
-
-    def add_follower(
-        self, name: str, kind: type[V], function: Callable[[V], object], setting: DeclaredSetting | None = None
-    ) -> None:
-        """Call it with the value of a setting, which may be declared here."""
-        check_handler(function, "value")
-        check_kind(name, kind)
-        if setting is not None:
-            self.declare(name, setting)
-        self._follow(name, Follower(lambda text: read_value(name, text, kind), function))
-
     def add_action(self, when: When, function: Action) -> None:
         """Call it when this happens."""
         check_handler(function)
@@ -175,13 +145,3 @@ class Program:
         """Call it with each port for which nobody publishes any more."""
         check_handler(function, "port")
         self.partner_lost.append(function)
-
-    def _follow(self, name: str, follower: Follower) -> None:
-        self.followers.setdefault(name, []).append(follower)
-
-
-def _read_period(name: str, text: str, timed: Every) -> float:
-    seconds = read_value(name, text, float)
-    if not seconds >= SHORTEST_PERIOD_S:
-        raise ConfigError(f"{seconds} s is not a period; {timed.period_s} s stays")
-    return seconds

@@ -27,7 +27,7 @@ from msbot.part.messages.message import Message
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
 from msbot.part.safe_state import Safety
-from msbot.part.settings import PartCounters, Settings
+from msbot.part.settings import Settings
 from msbot_agent.link import Link, Peer, Signal
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -82,13 +82,35 @@ class Identity:
         )
 
 
+@dataclass(slots=True)
+class PartCounters:
+    """Counts of what happened to a part since it began to run."""
+
+    messages_in: int = 0
+    """Samples handed to a handler."""
+    messages_out: int = 0
+    """Samples published."""
+    not_sent: int = 0
+    """Samples not sent because the stream or the link had no room."""
+    dropped: int = 0
+    """Samples that arrived and could not be used."""
+    refused: int = 0
+    """Samples without a good seal, in a robot with `authentication = "key+data"`."""
+    held: int = 0
+    """Samples that arrived after STOP and were not used."""
+    beats: int = 0
+    """Beats that the inventory answered."""
+    missed_beats: int = 0
+    handler_errors: int = 0
+
+
 class ProgramRunner:
     """Runs one program each time `run` is awaited; its counters and state are kept between the runs."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.guard = Guard(self._mistaken)
-        self.settings = Settings(self.guard, program.followers, self._default_of)
+        self.settings = Settings(self.guard, program.settings)
         self.safety = Safety(program.listeners, program.when["safe"], self.guard)
         self.joining = Joining(ExpectedRobot())
         """The state of the part; between runs, that of the last run."""
@@ -244,10 +266,6 @@ class ProgramRunner:
         """End `run` cleanly (`Part.end`)."""
         if self._membership is not None:
             self._membership.leave("ended")
-
-    def _default_of(self, setting: str) -> str | None:
-        declared = self.program.declared.get(setting)
-        return None if declared is None else declared.default_text
 
     def _tell(self, when: When) -> None:
         for function in self.program.when[when]:

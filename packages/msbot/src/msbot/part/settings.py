@@ -1,7 +1,8 @@
-"""A part's settings: the parameters of its slot, read with a type, followed while the part runs.
+"""A part's settings: what its program declares of them, and the parameters of its slot, read with a type.
 
 They come as text in the configuration (`Setting`). The registry knows where a value comes from (library, blueprint, by
-hand); the part just gets the value in force.
+hand); the part just gets the value in force. `Membership` receives a configuration, `ProgramRunner` passes its settings
+on to `Settings`, and that calls the program's functions whose setting has changed.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import TypeVar
 
-from msbot.part.handler_guard import Guard
+from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.plug import SAFE_MARK, Setting
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -24,6 +25,22 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 
 @dataclass(frozen=True, slots=True)
+class DeclaredSetting:
+    """A setting with its default and its range, as the program declares it."""
+
+    kind: type[Value]
+    default: Value
+    least: float | None = None
+    most: float | None = None
+    unit: str = ""
+
+    @property
+    def default_text(self) -> str:
+        """The default as a setting's text."""
+        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
+
+
+@dataclass(frozen=True, slots=True)
 class Follower:
     """A function that is told the value of a setting."""
 
@@ -32,24 +49,75 @@ class Follower:
     function: Callable[..., object]
 
 
+class DeclaredSettings:
+    """What a program says of its settings; read even while it grows."""
+
+    def __init__(self) -> None:
+        self.declared: dict[str, DeclaredSetting] = {}
+        """Setting -> its default and range; only those that the program declares."""
+        self.followers: dict[str, list[Follower]] = {}
+        """Setting -> who is told of its changes."""
+
+    def declare(self, name: str, setting: DeclaredSetting) -> None:
+        """The part has that setting.
+
+        Raises:
+            ConfigError: no setting can be so, or it is declared in another way already.
+        """
+        check_kind(name, setting.kind)
+        given = type(setting.default)
+        if given is not setting.kind and (given, setting.kind) != (int, float):
+            raise ConfigError(
+                f"setting {name!r} is {setting.kind.__name__}, and its default {setting.default!r} is not"
+            )
+        if self.declared.setdefault(name, setting) != setting:
+            raise ConfigError(f"setting {name!r} is declared twice, in different ways: declare it once")
+
+    def follow(
+        self,
+        name: str,
+        kind: type[V],
+        function: Callable[[V], object],
+        setting: DeclaredSetting | None = None,
+        *,
+        check: Callable[[V], None] = lambda _: None,
+    ) -> None:
+        """Call the function with the value of a setting.
+
+        Args:
+            name: the setting.
+            kind: what its text is read as.
+            function: what is called, before `on_join` and at each change.
+            setting: declares it.
+            check: raises ConfigError for a value with which the function is not called.
+
+        Raises:
+            ConfigError: the function cannot be called with it, or the setting cannot be declared so.
+        """
+        check_handler(function, "value")
+        check_kind(name, kind)
+        if setting is not None:
+            self.declare(name, setting)
+
+        def read(text: str) -> V:
+            value = read_value(name, text, kind)
+            check(value)
+            return value
+
+        self.followers.setdefault(name, []).append(Follower(read, function))
+
+
 class Settings:
     """The settings of the present configuration.
 
     Args:
         guard: calls the followers.
-        followers: name of a setting -> who wants to know when it changes; may grow.
-        default: the text of a setting that the robot does not set; None: the program gives none.
+        program: whom to tell of which setting, and the values of those that the robot does not set.
     """
 
-    def __init__(
-        self,
-        guard: Guard,
-        followers: Mapping[str, Iterable[Follower]],
-        default: Callable[[str], str | None] = lambda _: None,
-    ) -> None:
+    def __init__(self, guard: Guard, program: DeclaredSettings) -> None:
         self._guard = guard
-        self._followers = followers
-        self._default = default
+        self._program = program
         self._texts: dict[str, str] = {}
         self._told: dict[str, str] = {}
 
@@ -87,8 +155,9 @@ class Settings:
     def tell(self) -> None:
         """Call the functions whose setting has changed since they were last called."""
         told, self._told = self._told, {}
-        for name, followers in self._followers.items():
-            text = self._texts.get(name, self._default(name))
+        for name, followers in self._program.followers.items():
+            declared = self._program.declared.get(name)
+            text = self._texts.get(name, None if declared is None else declared.default_text)
             if text is not None:
                 self._told[name] = text
             if text is None:
@@ -126,28 +195,3 @@ def read_value(name: str, text: str, kind: type[V]) -> V:
         return kind(_TRUTHS[text] if kind is bool else text)
     except (ValueError, KeyError):
         raise ConfigError(f"setting {name!r} is {text!r}, which is not {_WORDS[kind]}") from None
-
-
-# What is counted of a part while it runs.
-
-
-@dataclass(slots=True)
-class PartCounters:
-    """Counts of what happened to a part since it began to run."""
-
-    messages_in: int = 0
-    """Samples handed to a handler."""
-    messages_out: int = 0
-    """Samples published."""
-    not_sent: int = 0
-    """Samples not sent because the stream or the link had no room."""
-    dropped: int = 0
-    """Samples that arrived and could not be used."""
-    refused: int = 0
-    """Samples without a good seal, in a robot with `authentication = "key+data"`."""
-    held: int = 0
-    """Samples that arrived after STOP and were not used."""
-    beats: int = 0
-    """Beats that the inventory answered."""
-    missed_beats: int = 0
-    handler_errors: int = 0
