@@ -210,13 +210,14 @@ async def answers_are_not_told(played: Played) -> None:
 
 async def who_plugs_in_has_mended(played: Played) -> None:
     played.stage.robot.plug("fan")
+    played.stage.operations.acts.note("Cleo", ["fan"])  # as the page does it for whoever plugs in
     await asyncio.sleep(1.5)
     assert not await played.runs()
     report = played_from_json(await played.report())
     found = report.grade()
     assert found.reason == "everything is found and done"
     assert found.looked_by == "Ada"
-    assert found.faults[0].mended_how == ""
+    assert (found.faults[0].mended_how, found.faults[0].mended_by) == ("", "Cleo")
     assert (found.faults[0].marks, found.of) == (3.0, 10.0), "what was looked up brings nothing, mending does"
     states = [fact.word for fact in report.facts if fact.what is What.STATE and fact.slot == "fan"]
     assert states[:3] == ["active", "late", "lost"]

@@ -31,7 +31,7 @@ def test_a_check_ticks_after_its_time_and_stays() -> None:
     robot.states["fan"] = "active"
     assert done.look(robot, 1.5) == []
     assert done.look(robot, 3.4) == []
-    assert [one.name for one in done.look(robot, 3.5)] == ["1.1"]
+    assert [one.check.name for one in done.look(robot, 3.5)] == ["1.1"]
     robot.states["fan"] = "lost"
     assert done.look(robot, 9.0) == []
     assert done.ticked == {"1.1": 3.5}
@@ -42,10 +42,10 @@ def test_a_step_waits_for_the_one_before_it_and_what_was_before_does_not_count()
     done, robot = run((check("1.1", "knob is active"),), (check("2.1", "knob was lost"),)), Robot({"knob": "lost"})
     done.look(robot, 0.0)
     robot.states["knob"] = "active"
-    assert [one.name for one in done.look(robot, 1.0)] == ["1.1"]
+    assert [one.check.name for one in done.look(robot, 1.0)] == ["1.1"]
     assert done.look(robot, 2.0) == []  # it was lost before the step began
     robot.states["knob"] = "lost"
-    assert [one.name for one in done.look(robot, 3.0)] == ["2.1"]
+    assert [one.check.name for one in done.look(robot, 3.0)] == ["2.1"]
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_each_condition_holds_for_what_is_right_only(text: str, wrong: Robot, ri
         missing = done.missing(wrong)
         assert missing is not None
         assert missing.seen
-    assert [one.name for one in done.look(right, 1.0)] == ["1.1"]
+    assert [one.check.name for one in done.look(right, 1.0)] == ["1.1"]
 
 
 def test_turning_counts_beyond_north_and_to_one_side_only() -> None:
@@ -93,7 +93,7 @@ def test_turning_counts_beyond_north_and_to_one_side_only() -> None:
     assert missing is not None
     assert missing.seen == "compass.heading has turned by 240"
     robot.numbers["compass.heading"] = 50.0
-    assert [one.name for one in done.look(robot, 1.0)] == ["1.1"]
+    assert [one.check.name for one in done.look(robot, 1.0)] == ["1.1"]
 
 
 def test_a_question_is_answered_in_its_turn() -> None:
@@ -153,4 +153,4 @@ def test_progress_counts_the_checks_that_the_lesson_has() -> None:
     ann, bob = progress_of(ticks, [lesson])
     assert (ann.ticked, ann.checks, ann.is_done, ann.begun_ms, ann.last_ms) == (1, 2, False, 1, 5)
     assert (bob.title, bob.checks, bob.is_done) == ("gone", 0, False)
-    assert csv_of([ann]).splitlines()[1] == "'=ann,l,1,2,1,5"
+    assert csv_of([ann]).splitlines()[1] == "'=ann,l,1,2,1,0,0,0,,1,5"

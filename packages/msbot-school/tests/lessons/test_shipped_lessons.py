@@ -296,4 +296,4 @@ async def until_ticked(stage: LessonStage, check: str) -> None:
         if check in await stage.ticked():
             return
         await asyncio.sleep(0.1)
-    raise AssertionError(f"{check} does not tick: {stage.desk.hint_now()}")
+    raise AssertionError(f"{check} does not tick: {stage.desk.hint_now('Ada')}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from functools import cache
 from typing import Final
 
@@ -56,6 +57,26 @@ class Learning:
     def now(self) -> dict[str, object]:
         """What has ticked, who takes part, who asks for help."""
         return {"lesson": None} if self._desk is None else dict(self._desk.as_json())
+
+    def forget(self, person: str) -> None:
+        """A person is removed."""
+        self._ticks = None
+        if self._desk is not None:
+            self._desk.forget(person)
+
+    def of(self, session: Session) -> Mapping[str, object] | None:
+        """How far a person is in the lesson that runs; None: they do not take part, or none runs."""
+        people = self.now().get("progress", [])
+        assert isinstance(people, list)
+        return next((one for one in people if one["person"] == session.name), None)
+
+    def done_by_others(self, session: Session) -> Mapping[str, str]:
+        """Checks that do not tick for a person because somebody else has done them -> who."""
+        run = None if self._desk is None else self._desk.run_of(session.name)
+        if run is None:
+            return {}
+        found = {check.name: run.done_by_others(check.name) for check in run.lesson.checks}
+        return {name: who for name, who in found.items() if who}
 
     def lessons(self, language: str = "en") -> tuple[list[Lesson], list[str]] | None:
         """All lessons, in that language where there is a translation; and what is wrong with files that are none.

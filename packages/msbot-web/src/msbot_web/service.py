@@ -123,6 +123,8 @@ class Service:
         """What the recorder has."""
         self.arena = ArenaView(arena)
         self.learning = learning or Learning(None, None, accounts)
+        accounts.on_gone(operations.acts.forget)
+        accounts.on_gone(self.learning.forget)
         shelf = programs or NoProgramStore()
         self.pupils = ClassController(
             accounts,
@@ -246,8 +248,9 @@ class Service:
     ) -> Done:
         """Do something to a simulated part; what is held by a page is let go when that is gone (`let_go`)."""
         self._need(session, Right.OPERATE)
-        self._check_simulated(session, slot)
+        places = self._check_simulated(session, slot)
         self.views.bench.operate(slot, control, value)
+        self.operations.acts.note(session.name, places)
         by = (session.holder,) if on_page is None else (session.holder, on_page)
         if self._held.operated("" if session.may(Right.ARRANGE) else session.name, by, slot, control, value):
             self.operations.pupils.drives(session.name)
@@ -256,7 +259,7 @@ class Service:
     def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
         """Plug a simulated part in, or pull it out."""
         self._need(session, Right.OPERATE)
-        self._check_simulated(session, slot)
+        places = self._check_simulated(session, slot)
         is_new = plugged and not self.views.bench.is_plugged(slot)
         if is_new and self.views.is_held_by_another(slot) and not session.may(Right.ARRANGE):
             # It would look for another slot, and that may be another group's.
@@ -264,6 +267,7 @@ class Service:
         if not plugged:
             self._held.end_at(slot)
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
+        self.operations.acts.note(session.name, places)
         return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
 
     def let_go(self, page: object) -> None:
@@ -281,16 +285,18 @@ class Service:
         if not session.may(Right.ARRANGE) and not self.accounts.sessions.of(session.name):
             self.operations.pupils.end_holds(session.name)
 
-    def _check_simulated(self, session: Session, slot: str) -> None:
-        """Check that somebody may play with the simulated part of a slot, wherever it is now.
+    def _check_simulated(self, session: Session, slot: str) -> set[str]:
+        """Check that somebody may play with the simulated part of a slot, wherever it is now: those slots.
 
         Raises:
             ConfigError: there is none, or that slot or the one that it holds is another group's.
         """
         self.pupils.check_slot(session, slot)
         self.views.simulated(slot)
-        if held := self.views.slot_held_by_simulated(slot):
+        held = self.views.slot_held_by_simulated(slot)
+        if held:
             self.pupils.check_slot(session, held)
+        return {slot, held} - {None, ""}
 
     def may_undo(self, session: Session, edit: EditLine) -> bool:
         """Whether to offer undo: students undo only their own settings."""

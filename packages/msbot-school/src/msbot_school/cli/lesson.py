@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +15,9 @@ from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
 from msbot_school.cli.teaching import lessons_option
 from msbot_xrce.counting import amount
+
+if TYPE_CHECKING:
+    from msbot_school.lessons.progress import PersonInLesson
 
 
 @click.group("lesson")
@@ -129,20 +133,29 @@ def report(db: str | None, robot: str | None, *, lessons: tuple[Path, ...], as_c
     elif rows:
         for row in rows:
             done = "done" if row.is_done else f"{row.ticked} of {row.checks}"
-            click.echo(f"{row.person:<20}{row.title:<28}{done}")
+            click.echo(f"{row.person:<20}{row.title:<28}{done}{_shared(row)}")
     else:
         click.echo("Nobody has begun a lesson yet.")
 
 
-def _lines(found: Mapping[str, object]) -> Iterable[str]:
+def _shared(row: PersonInLesson) -> str:
+    """What of it others did."""
+    shared = row.group + row.helped
+    return f", {row.own} alone, {shared} with {', '.join(row.partners)}" if shared else ""
+
+
+def _lines(found: Mapping[str, Any]) -> Iterable[str]:
     yield f"{found['title']}: begun by {found['who']}, {found['since_s']:.0f} s ago"
-    checks = found.get("checks")
-    for one in checks if isinstance(checks, list) else []:
-        yield f"  {'[x]' if one['ticked'] else '[ ]'} {one['check']}  {one['says']}"
-    people = found.get("people")
-    yield f"taking part: {', '.join(people) if isinstance(people, list) and people else 'nobody'}"
-    hint = found.get("hint")
-    if isinstance(hint, dict):
-        yield f"stuck at {hint['check']}: {hint['seen']}. {hint['look']}"
+    for one in found["checks"]:
+        ticked = one["ticked"]
+        whose = f" ({', '.join(ticked)})" if ticked else ""
+        yield f"  {'[x]' if ticked else '[ ]'} {one['check']}  {one['says']}{whose}"
+    for one in found["progress"]:
+        state = "done" if one["done"] else f"{len(one['ticked'])} of {len(found['checks'])}"
+        hint = one["hint"]
+        stuck = "" if hint is None else f"; stuck at {hint['check']}: {hint['seen']}. {hint['look']}"
+        yield f"{one['person']}: {state}{stuck}"
+    if not found["people"]:
+        yield "Nobody takes part."
     if found.get("done"):
         yield "All done. `msbot lesson stop` puts the robot back."

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
+from msbot.operations.last_acts import STOP_BUTTON
 from msbot_agent.text.sentence import said
 from msbot_school.faults.kinds import Condition as PlainCondition
 from msbot_school.faults.kinds import NumberCondition, StateCondition, read_condition
@@ -391,6 +392,24 @@ def sources(condition: Condition) -> tuple[str, ...]:
         case Not(other=other):
             return sources(other)
     return ()
+
+
+def places(condition: Condition) -> tuple[set[str], set[str]]:
+    """Where somebody does something for a condition: at these slots, and at those that speak to these slots."""
+    match condition:
+        case Now(plain=StateCondition(slot=slot)) | Was(slot=slot) | SettingIs(slot=slot) | Holder(slot=slot):
+            return {slot}, set()
+        case Now(plain=NumberCondition(source=source)) | MovedBy(source=source) | RotatedBy(source=source):
+            return set(), {source.partition(".")[0]}
+        case Wired(source=source, target=target):
+            return {source.partition(".")[0], target.partition(".")[0]}, set()
+        case Exists(name=name):
+            return {name}, set()
+        case Stopped():
+            return {STOP_BUTTON}, set()
+        case Not(other=other):
+            return places(other)
+    return set(), set()
 
 
 def _number_seen(robot: RobotNow, source: str) -> str:

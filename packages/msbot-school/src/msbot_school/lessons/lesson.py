@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from msbot.operations.fault_request import FaultRequest
+from msbot_school.lessons.answers import is_same
 from msbot_school.lessons.conditions import Condition
 from msbot_xrce.lazy import dataclass
 
@@ -15,23 +16,17 @@ class LessonQuestion:
     """What a person has to answer in words or numbers."""
 
     right: tuple[str, ...]
-    """The right answers; case and blanks do not matter. Numbers are compared as numbers."""
+    """The right answers, in any form in which people write them (`msbot_school.lessons.answers`)."""
     tolerance: float = 0.0
     """How far a number may be off."""
     choices: tuple[str, ...] = ()
     """What can be chosen; empty: the person writes."""
+    unit: str = ""
+    """The unit of a number: an answer may leave it out, one in another unit is wrong. Empty: any word may follow."""
 
     def is_right(self, answer: str) -> bool:
         """Whether that answer is right."""
-        given = _plain(answer)
-        for one in self.right:
-            try:
-                if abs(float(one) - float(given.replace(",", "."))) <= self.tolerance + 1e-12:
-                    return True
-            except ValueError:
-                if _plain(one) == given:
-                    return True
-        return False
+        return any(is_same(one, answer, tolerance=self.tolerance, unit=self.unit) for one in self.right)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +98,3 @@ class Lesson:
     def check(self, name: str) -> LessonCheck | None:
         """The check of that name."""
         return next((check for check in self.checks if check.name == name), None)
-
-
-def _plain(text: str) -> str:
-    return " ".join(text.split()).casefold()

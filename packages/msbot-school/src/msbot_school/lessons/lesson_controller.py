@@ -1,8 +1,9 @@
 """The lesson desk of a running robot: sets the robot up for a lesson, looks whether it is done, puts everything back.
 
 Theory of operation. A lesson has a robot of its own: its slots and wires are put into force as a blueprint, and
-stand-ins take the slots that have no part. Four times a second the checks of the present step are looked at. At the end
-whatever was changed since the beginning, by the desk and by people, is undone, the newest change first.
+stand-ins take the slots that have no part. Whoever takes part has a run of their own (`lessons.run`). Four times a
+second the checks of the runs are looked at, and it is worked out whose hand has done each. At the end whatever was
+changed since the beginning, by the desk and by people, is undone, the newest change first.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from typing import Final
@@ -19,14 +20,15 @@ from msbot.config import SAMPLES, Blueprint, open_blueprint, parse_blueprint
 from msbot.operations.dispatch import RunningOperations
 from msbot.process.worker_pool import WorkerPool
 from msbot.registry import EditKind
-from msbot.registry.lesson_ticks import BEGUN
+from msbot.registry.lesson_ticks import BEGUN, Doing
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import joined, said
 from msbot_school.faults.effects import PartsHere
 from msbot_school.lessons.catalog import LessonCatalog
-from msbot_school.lessons.lesson import Lesson
+from msbot_school.lessons.lesson import Lesson, LessonCheck
+from msbot_school.lessons.lesson_hands import LessonHands
 from msbot_school.lessons.robot_now import RunningRobotNow
-from msbot_school.lessons.run import Hint, LessonRun
+from msbot_school.lessons.run import Hint, LessonRun, Ticked
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
 
@@ -48,13 +50,16 @@ _log = logging.getLogger(__name__)
 class _Begun:
     """The lesson that runs, and what has to be put back."""
 
-    run: LessonRun
+    lesson: Lesson
+    began_at: float
     who: str
     began_ns: int
     newest_edit: int
     faults: set[int]
-    people: dict[str, float] = field(default_factory=dict)
-    """Who takes part, and since when."""
+    hands_of: LessonHands
+    """Whose hand has done what."""
+    runs: dict[str, LessonRun] = field(default_factory=dict)
+    """Who takes part, and how far they are."""
     hands: dict[str, float] = field(default_factory=dict)
     """Who asks for help, and since when."""
     unplugged: list[str] = field(default_factory=list)
@@ -104,7 +109,7 @@ class LessonController:
     @property
     def lesson(self) -> Lesson | None:
         """The lesson that runs."""
-        return None if self._begun is None else self._begun.run.lesson
+        return None if self._begun is None else self._begun.lesson
 
     # What people do.
 
@@ -115,7 +120,7 @@ class LessonController:
             ConfigError: it cannot be begun; nothing has changed.
         """
         if self._begun is not None or self._is_busy:
-            name = "" if self._begun is None else self._begun.run.lesson.title
+            name = "" if self._begun is None else self._begun.lesson.title
             raise ConfigError(said("the lesson {name!r} runs already: end it first", name=name))
         if self._running.master.stop.stopped:
             raise ConfigError(said("STOP holds: a lesson begins after GO"))
@@ -151,7 +156,7 @@ class LessonController:
             left = await self._put_back(begun, who)
         finally:
             self._is_busy = False
-        title = begun.run.lesson.title
+        title = begun.lesson.title
         self._operations.lessons.note(said("the lesson {title!r} is over", title=title), who)
         if left:
             return said("the lesson {title!r} is over; not put back: {left}", title=title, left=joined("; ", left))
@@ -164,13 +169,13 @@ class LessonController:
             ConfigError: no lesson runs, or too many people take part.
         """
         begun = self._need()
-        if who not in begun.people:
-            if len(begun.people) >= MOST_PEOPLE:
+        if who not in begun.runs:
+            if len(begun.runs) >= MOST_PEOPLE:
                 raise ConfigError(said("{most} people take part, which is the most", most=MOST_PEOPLE))
-            begun.people[who] = self._running.now()
-            for check in (BEGUN, *begun.run.ticked):  # it is the robot that has got so far
-                self._keep(begun, (who,), check)
-        return said("{who} takes part in {title!r}", who=who, title=begun.run.lesson.title)
+            begun.runs[who] = LessonRun(begun.lesson, self._running.now())
+            self._keep(begun, (who,), BEGUN)
+            self._wake.set()
+        return said("{who} takes part in {title!r}", who=who, title=begun.lesson.title)
 
     def answer(self, check: str, answer: str, who: str) -> str:
         """See `LessonControl`.
@@ -180,10 +185,13 @@ class LessonController:
         """
         begun = self._need()
         self.join(who)
-        questions = self.shelf.questions(begun.run.lesson, check)
-        if not begun.run.answer(check, answer, self._running.now(), questions):
+        questions = self.shelf.questions(begun.lesson, check)
+        run = begun.runs[who]
+        if not run.answer(check, answer, self._running.now(), questions):
             raise ConfigError(said("that is not right yet"))
-        self._ticked(begun, check)
+        found = begun.lesson.check(check)
+        assert found is not None
+        self._ticked(begun, {who: [Ticked(found, run.hand(check))]})
         return said("that is right, {who}", who=who)
 
     def hand(self, who: str, *, up: bool) -> str:
@@ -193,11 +201,17 @@ class LessonController:
             ConfigError: no lesson runs.
         """
         begun = self._need()
-        if up and (who in begun.people or len(begun.hands) < MOST_PEOPLE):
+        if up and (who in begun.runs or len(begun.hands) < MOST_PEOPLE):
             begun.hands.setdefault(who, self._running.now())
             return said("{who} asks for help", who=who)
         begun.hands.pop(who, None)
         return said("{who} asks for nothing", who=who)
+
+    def forget(self, who: str) -> None:
+        """A person is removed: whoever has that name later does not take part."""
+        if self._begun is not None:
+            self._begun.runs.pop(who, None)
+            self._begun.hands.pop(who, None)
 
     def look_again(self) -> None:
         """Somebody looks at the lessons: read the files again, unless that was just done."""
@@ -206,39 +220,55 @@ class LessonController:
             self._looked_at = now
             self._running.later(asyncio.to_thread(self.shelf.refresh))
 
-    def hint_now(self) -> Hint | None:
-        """What is missing for the next check; None: nothing, or no lesson runs."""
-        return None if self._begun is None else self._begun.run.missing(self._robot)
+    def hint_now(self, who: str) -> Hint | None:
+        """What is missing for a person's next check; None: nothing, or they do not take part."""
+        run = self.run_of(who)
+        return None if run is None else run.missing(self._robot)
+
+    def run_of(self, who: str) -> LessonRun | None:
+        """How far a person is; None: they do not take part, or no lesson runs."""
+        return None if self._begun is None else self._begun.runs.get(who)
 
     def as_json(self) -> Mapping[str, object]:
         """See `LessonControl`."""
         begun, now = self._begun, self._running.now()
         if begun is None:
             return {"lesson": None, "trouble": self._trouble}
-        run = begun.run
-        lesson, hint = run.lesson, run.hint(self._robot, now)
+        lesson = begun.lesson
+        people = [self._person(name, run, now) for name, run in begun.runs.items()]
         return {
             "lesson": lesson.name,
             "title": lesson.title,
             "who": begun.who,
-            "since_s": now - run.begun_at,
-            "step": run.step,
+            "since_s": now - begun.began_at,
             "steps": len(lesson.steps),
-            "done": run.is_done,
+            "done": bool(begun.runs) and all(run.is_done for run in begun.runs.values()),
             "checks": [
                 {
                     "check": check.name,
                     "says": check.says,
-                    "ticked": check.name in run.ticked,
-                    "after_s": None if check.name not in run.ticked else run.ticked[check.name] - run.begun_at,
+                    "ticked": [name for name, run in begun.runs.items() if check.name in run.ticked],
                 }
                 for check in lesson.checks
             ],
-            "quiet_s": run.since_tick(now),
-            "hint": None if hint is None else {"check": hint.check, "seen": hint.seen, "look": hint.look},
-            "people": list(begun.people),
+            "progress": people,
+            "people": list(begun.runs),
             "hands": {name: now - at for name, at in begun.hands.items()},
             "trouble": self._trouble,
+        }
+
+    def _person(self, name: str, run: LessonRun, now: float) -> Mapping[str, object]:
+        hint = run.hint(self._robot, now)
+        return {
+            "person": name,
+            "step": run.step,
+            "done": run.is_done,
+            "ticked": {
+                check: {"after_s": at - run.begun_at, "doing": _doing(run, check).value, "by": run.hand(check).who}
+                for check, at in run.ticked.items()
+            },
+            "quiet_s": run.since_tick(now),
+            "hint": None if hint is None else {"check": hint.check, "seen": hint.seen, "look": hint.look},
         }
 
     async def run(self) -> None:
@@ -249,8 +279,7 @@ class LessonController:
                 await self._wake.wait()
                 self._wake.clear()
                 while (begun := self._begun) is not None:
-                    for check in begun.run.look(self._robot, self._running.now()):
-                        self._ticked(begun, check.name)
+                    self._look(begun)
                     await asyncio.sleep(LOOK_S)
         finally:
             settling.cancel()
@@ -270,7 +299,9 @@ class LessonController:
         wanted = await self._blueprint(lesson)
         edits = await self._operations.undoing.read(1)
         begun = _Begun(
-            run=LessonRun(lesson, self._running.now()),
+            lesson=lesson,
+            began_at=self._running.now(),
+            hands_of=LessonHands(self._operations, self._running, in_world=bool(self._world)),
             who=who,
             began_ns=self._epoch_ns(),
             newest_edit=edits[0].id if edits else 0,
@@ -291,6 +322,7 @@ class LessonController:
             await self._put_back(begun, who)
             raise
         self._begun = begun
+        begun.hands_of.begin()
         self._trouble = ""
         self.join(who)
         self._wake.set()
@@ -367,18 +399,39 @@ class LessonController:
             if (holder := self._running.holder(slot)) is not None and holder.state.is_registered
         }
 
-    def _ticked(self, begun: _Begun, check: str) -> None:
-        found = begun.run.lesson.check(check)
-        says = check if found is None else found.says
-        self._operations.lessons.note(said("ticked: {says}", says=says), joined(", ", begun.people) or begun.who)
-        self._keep(begun, tuple(begun.people), check)
+    def _look(self, begun: _Begun) -> None:
+        """Look at what everybody who takes part has to do now."""
+        begun.hands_of.look()
+        now = self._running.now()
+        found = {
+            who: ticked
+            for who, run in begun.runs.items()
+            if (ticked := run.look(self._robot, now, partial(begun.hands_of.hand, who)))
+        }
+        self._ticked(begun, found)
 
-    def _keep(self, begun: _Begun, people: tuple[str, ...], check: str) -> None:
+    def _ticked(self, begun: _Begun, found: Mapping[str, Sequence[Ticked]]) -> None:
+        """Note and keep what has ticked for whom."""
+        checks: dict[str, LessonCheck] = {}
+        rows: dict[tuple[str, Doing, str], list[str]] = {}
+        for who, ticked in found.items():
+            for one in ticked:
+                checks[one.check.name] = one.check
+                assert one.by.doing is not None
+                rows.setdefault((one.check.name, one.by.doing, one.by.who), []).append(who)
+        for name, check in checks.items():
+            people = [who for (one, _, _), names in rows.items() if one == name for who in names]
+            self._operations.lessons.note(said("ticked: {says}", says=check.says), joined(", ", people))
+        for (name, doing, by), people in rows.items():
+            self._keep(begun, tuple(people), name, doing, by)
+
+    def _keep(self, begun: _Begun, people: tuple[str, ...], check: str, doing: Doing = Doing.OWN, by: str = "") -> None:
         """Keep a tick in the database, without waiting for it."""
         registry = self._running.registry
         if registry is None or not people:
             return
-        work = partial(registry.lesson_ticks.note, people, begun.run.lesson.name, check, self._epoch_ns())
+        note, at_ns = registry.lesson_ticks.note, self._epoch_ns()
+        work = partial(note, people, begun.lesson.name, check, at_ns, doing=doing, by=by)
 
         async def keep() -> None:
             try:
@@ -388,3 +441,9 @@ class LessonController:
                 _log.warning("%s", self._trouble)
 
         self._running.later(keep())
+
+
+def _doing(run: LessonRun, check: str) -> Doing:
+    doing = run.hand(check).doing
+    assert doing is not None  # else it would not have ticked
+    return doing

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from msbot.registry.lesson_ticks import BEGUN, Tick
+from msbot.registry.lesson_ticks import BEGUN, Doing, Tick
 from msbot_agent.text.sentence import as_cell
 from msbot_school.lessons.lesson import Lesson
 from msbot_xrce.lazy import dataclass
@@ -26,6 +27,19 @@ class PersonInLesson:
     """When the person began it, milliseconds since 1970."""
     last_ms: int
     """When something ticked last; as `begun_ms` when nothing has."""
+    own: int = 0
+    """How many of the ticks are the person's own: questions answered, things done by hand."""
+    group: int = 0
+    """How many somebody of the person's group did."""
+    helped: int = 0
+    """How many a teacher did, because pupils may not."""
+    partners: tuple[str, ...] = ()
+    """Who did the ticks of `group` and `helped`."""
+
+    @property
+    def robot(self) -> int:
+        """How many came by themselves, without anybody's hand."""
+        return self.ticked - self.own - self.group - self.helped
 
     @property
     def is_done(self) -> bool:
@@ -39,6 +53,11 @@ class PersonInLesson:
             "lesson": self.lesson,
             "title": self.title,
             "ticked": self.ticked,
+            "own": self.own,
+            "group": self.group,
+            "helped": self.helped,
+            "robot": self.robot,
+            "partners": list(self.partners),
             "checks": self.checks,
             "done": self.is_done,
             "begun_ms": self.begun_ms,
@@ -63,6 +82,7 @@ def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[Person
         lesson = known.get(name)
         names = set() if lesson is None else {check.name for check in lesson.checks}
         counted = [tick for tick in own if tick.check != BEGUN and tick.check in names]
+        hands = Counter(tick.doing for tick in counted)
         rows.append(
             PersonInLesson(
                 person,
@@ -72,6 +92,10 @@ def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[Person
                 len(names),
                 own[0].at_ns // 1_000_000,
                 max(tick.at_ns for tick in [own[0], *counted]) // 1_000_000,
+                hands[Doing.OWN],
+                hands[Doing.GROUP],
+                hands[Doing.HELPED],
+                tuple(dict.fromkeys(tick.by for tick in counted if tick.by)),
             )
         )
     return sorted(rows, key=lambda row: (row.person, places.get(row.lesson, len(places)), row.lesson))
@@ -81,7 +105,10 @@ def csv_of(rows: Iterable[PersonInLesson]) -> str:
     """The same as a table for a spreadsheet."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["person", "lesson", "ticked", "checks", "begun_ms", "last_tick_ms"])
+    heads = ("person", "lesson", "ticked", "checks", "own", "group", "helped", "robot", "partners", "begun_ms")
+    writer.writerow([*heads, "last_tick_ms"])
     for row in rows:
-        writer.writerow([as_cell(row.person), as_cell(row.lesson), row.ticked, row.checks, row.begun_ms, row.last_ms])
+        counts = (row.ticked, row.checks, row.own, row.group, row.helped, row.robot)
+        partners = as_cell(", ".join(row.partners))
+        writer.writerow([as_cell(row.person), as_cell(row.lesson), *counts, partners, row.begun_ms, row.last_ms])
     return out.getvalue()

@@ -181,7 +181,7 @@ class _Reader:
             if choices and one not in choices:
                 table.problem(said("the right answer {one!r} is none of the choices", one=one), "choices")
         tolerance = table.number("tolerance", default=0.0, least=0.0, most=1e12)
-        return LessonQuestion(tuple(right), tolerance, tuple(choices))
+        return LessonQuestion(tuple(right), tolerance, tuple(choices), table.text("unit", "s"))
 
     def _toml(self, begin: int, end: int) -> Table | None:
         """The lines `begin` up to `end`, counted from 0, `end` excluded; mistakes have the lines of the whole file."""

@@ -61,6 +61,7 @@ class MissionLab:
         self, operations: RunningOperations, faults: FaultLab, *, epoch_ns: Callable[[], int] = time.time_ns
     ) -> None:
         self._missions = operations.missions
+        self._acts = operations.acts
         self._running = operations.missions.running
         self._faults = faults
         self._epoch_ns = epoch_ns
@@ -70,6 +71,8 @@ class MissionLab:
         self._head: Mapping[str, object] = {}
         self._planted: dict[int, int] = {}
         """Number of a fault in the fault lab -> its number in the mission."""
+        self._acts_before: dict[int, int] = {}
+        """Number of a fault in the mission -> the last thing that anybody did before it began."""
         self._conditions: dict[int, Condition] = {}
         """Number of a task -> what must hold."""
         self._timer: asyncio.TimerHandle | None = None
@@ -255,6 +258,7 @@ class MissionLab:
         run.end(reason, now)
         self._run = None
         self._planted = {}
+        self._acts_before = {}
         self._faults.end_mission(said("the mission {mission} is over", mission=run.mission.name))
         played = PlayedMission(self._count, run.mission, self._seed, self._began_ms, tuple(run.facts))
         self._reports.append(played)
@@ -298,9 +302,14 @@ class MissionLab:
             return
         now = self._running.now()
         if change["begins"]:
+            self._acts_before[of_mission] = self._acts.count
             self._run.fault_began(of_mission, now)
         else:
-            self._run.fault_over(of_mission, now, str(change["reason"]), is_mended=bool(change["mended"]))
+            at = next((one.at for one in self._run.faults if one.number == of_mission), "")
+            # Whoever did the last thing there since the fault began.
+            act = self._acts.latest([at], self._acts_before.get(of_mission, 0))
+            by = "" if act is None else act.who
+            self._run.fault_over(of_mission, now, str(change["reason"]), is_mended=bool(change["mended"]), by=by)
 
     def _looked(self, who: str) -> None:
         if self._run is not None:

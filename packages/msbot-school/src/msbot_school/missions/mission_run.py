@@ -59,10 +59,11 @@ class MissionRun:
         self._there.add(number)
         self._note(now, What.FAULT_BEGAN, number=number)
 
-    def fault_over(self, number: int, now: float, reason: str, *, is_mended: bool) -> None:
-        """A fault of the mission is no longer there; `is_mended`: somebody has mended it at the part itself."""
+    def fault_over(self, number: int, now: float, reason: str, *, is_mended: bool, by: str = "") -> None:
+        """A fault of the mission is no longer there; `is_mended`: somebody has mended it at the part itself, the person
+        `by` if that is known."""
         self._there.discard(number)
-        who = said("somebody") if is_mended else ""
+        who = (by or said("somebody")) if is_mended else ""
         self._note(now, What.FAULT_OVER, who, number=number, word="mended" if is_mended else "", text=reason)
 
     def state(self, slot: str, word: str, reason: str, now: float) -> None:

@@ -18,6 +18,7 @@ from msbot.operations.arguments import read_arguments, usable_arguments
 from msbot.operations.blocking import Blocking, BusObjects, StoredBlocking
 from msbot.operations.by_hand import ByHand
 from msbot.operations.described_parts import DescribedParts
+from msbot.operations.last_acts import LastActs, helps, places_of
 from msbot.operations.operation import Kept, Operation, Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.pupils import ClassControl
@@ -75,6 +76,8 @@ class Operations:
             if hasattr(group, name)
         }
         self._checks: list[Callable[[Asker, Operation, Mapping[str, object]], None]] = []
+        self.acts = LastActs()
+        """Who did something last, and where."""
         self._one_at_a_time = asyncio.Lock()
         self._listeners: list[Callable[[PerformedOperation], object]] = []
 
@@ -132,11 +135,18 @@ class Operations:
         given["who"] = asker.name
         if row.takes_place:
             given["place"] = asker.place
-        if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
-            outcome = await _outcome(method(**given))
-        else:
-            async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
+        places = places_of(row.name, deed | about)
+        # Before it is done: what comes of it may be seen before this answers.
+        before = self.acts.note(asker.name, places, helps=helps(row))
+        try:
+            if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
                 outcome = await _outcome(method(**given))
+            else:
+                async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
+                    outcome = await _outcome(method(**given))
+        except BaseException:
+            self.acts.take_back(before)
+            raise
         if operation not in TOLD_AS_SAID:
             self._tell(PerformedOperation(asker.name, operation, deed, outcome.words))
         return outcome
@@ -152,8 +162,13 @@ class Operations:
         for check in self._checks:
             check(who, OPERATIONS["set"], {"slot": slot})
         self.asked += 1
-        async with self._one_at_a_time:
-            outcome = await self.settings.set_together(slot, values, who.name)
+        before = self.acts.note(who.name, [slot])
+        try:
+            async with self._one_at_a_time:
+                outcome = await self.settings.set_together(slot, values, who.name)
+        except BaseException:
+            self.acts.take_back(before)
+            raise
         for name, value in values.items():
             self._tell(PerformedOperation(who.name, "set", {"slot": slot, "name": name, "value": value}, outcome.words))
         return outcome
@@ -190,7 +205,7 @@ class RunningOperations(Operations):
         self.stand_ins = StandIns(running, self.placement)
         self.stopping = Stopping(
             running,
-            on_said=lambda operation, by, given, words: self._tell(PerformedOperation(by, operation, given, words)),
+            on_said=self._stop_said,
         )
         self.showing = PartQueries(running)
         self.by_hand = ByHand(running)
@@ -221,6 +236,11 @@ class RunningOperations(Operations):
             BusObjects(running),
         )
         self.on_asked(self.pupils.check)
+
+    def _stop_said(self, operation: str, by: str, given: Mapping[str, object], words: str) -> None:
+        if by not in self._running.slot_names():  # a STOP button is nobody's hand
+            self.acts.note(by, places_of(operation, given), helps=helps(OPERATIONS[operation]))
+        self._tell(PerformedOperation(by, operation, given, words))
 
     @property
     def blueprint(self) -> Blueprint:

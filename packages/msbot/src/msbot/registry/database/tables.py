@@ -285,6 +285,8 @@ lesson_ticks = Table(
     Column("lesson", Text, primary_key=True, comment="name of the lesson"),
     Column("check", Text, primary_key=True, comment="which of its checks, STEP.NUMBER; empty: the lesson was begun"),
     Column("at_ns", BigInteger, nullable=False, comment="when it ticked for the first time"),
+    Column("doing", Text, nullable=False, comment="whose hand it was: `own`, `group`, `helped`, `robot`"),
+    Column("done_by", Text, nullable=False, comment="who did it, empty: the person, or nobody"),
 )
 
 class_groups = Table(

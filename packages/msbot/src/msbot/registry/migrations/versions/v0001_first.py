@@ -57,6 +57,8 @@ def _lesson_ticks() -> None:
         sa.Column("lesson", sa.Text(), nullable=False),
         sa.Column("check", sa.Text(), nullable=False),
         sa.Column("at_ns", sa.BigInteger(), nullable=False),
+        sa.Column("doing", sa.Text(), nullable=False),
+        sa.Column("done_by", sa.Text(), nullable=False),
         sa.PrimaryKeyConstraint("person", "lesson", "check", name="pk_lesson_ticks"),
     )
 

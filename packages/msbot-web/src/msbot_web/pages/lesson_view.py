@@ -1,0 +1,207 @@
+"""The lesson that runs, as one person does it: its steps, the checks that tick, the questions, hints."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
+
+from nicegui import ui
+
+from msbot.operations.rights import Right
+from msbot.registry.lesson_ticks import Doing
+from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
+from msbot_school.lessons.run import others_words
+from msbot_web.html import render
+from msbot_web.learning import text_html
+from msbot_web.pages.layout import Page
+from msbot_web.pages.page_elements import ask_first, heading, panel, set_html
+
+
+class LessonView:
+    """The lesson that runs, as one person does it."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._box = ui.column().classes("w-full").style("gap:1rem")
+        self._shown: Lesson | None = None
+        self._marks: dict[str, ui.html] = {}
+        self._says: dict[str, str] = {}
+        self._looks: dict[str, str] = {}
+        self._wrong: set[str] = set()
+        """Questions that this person has answered wrongly."""
+        self._hints: dict[str, ui.label] = {}
+        self._answers: dict[str, ui.element] = {}
+        self._head: ui.html | None = None
+        self._buttons: dict[str, ui.button] = {}
+        self._steps: OneByOne | None = None
+        """Shows one step at a time to who reads easily."""
+        page.every_look(self._show)
+
+    def _show(self) -> None:
+        lesson = self._page.service.learning.lesson(self._page.reads)
+        if lesson is not self._shown:
+            self._shown = lesson
+            self._box.clear()
+            self._marks.clear()
+            self._hints.clear()
+            self._answers.clear()
+            self._buttons.clear()
+            self._head = None
+            self._steps = None
+            if lesson is not None:
+                with self._box:
+                    self._build(lesson)
+        if lesson is not None:
+            self._follow(self._page.service.learning.now())
+
+    def _build(self, lesson: Lesson) -> None:
+        page, say = self._page, self._page.say
+        with panel():
+            with ui.element("div").classes("row spread"):
+                heading(lesson.title)
+                with ui.element("div").classes("row"):
+                    self._button("join", say("Take part"), "how_to_reg", partial(page.act, "join_lesson"))
+                    self._button("hand", say("Ask for help"), "pan_tool", partial(page.act, "hand"))
+                    self._button("down", say("No help needed"), "do_not_touch", partial(page.act, "hand", down=True))
+                    if page.may(Right.DESIGN):
+                        ui.button(say("End the lesson"), icon="logout", on_click=self._end).props("outline")
+            self._head = ui.html("", sanitize=False).classes("w-full")
+        panels: list[tuple[Step, ui.element]] = []
+        for step in lesson.steps:
+            if step.for_teachers and not page.may(Right.ARRANGE):
+                continue
+            with panel() as shown:
+                panels.append((step, shown))
+                heading(step.title)
+                for block in step.blocks:
+                    if isinstance(block, LessonCheck):
+                        self._check(block)
+                    else:
+                        ui.html(text_html(block), sanitize=False).classes("handbook w-full")
+        if page.easy:
+            self._steps = OneByOne(page, panels)
+
+    def _button(self, name: str, words: str, icon: str, deed: object) -> None:
+        if self._page.may(Right.OPERATE):
+            self._buttons[name] = ui.button(words, icon=icon, on_click=deed).props("outline")  # type: ignore[arg-type]
+
+    def _check(self, check: LessonCheck) -> None:
+        say = self._page.say
+        with ui.element("div").classes("ms-check"):
+            self._marks[check.name] = ui.html("", sanitize=False)
+            self._says[check.name], self._looks[check.name] = check.says, check.hint
+            if check.question is not None and self._page.may(Right.OPERATE):
+                with ui.element("div").classes("row") as answer:
+                    if check.question.choices:
+                        field: ui.select | ui.input = ui.select(list(check.question.choices), label=say("Answer"))
+                    else:
+                        field = ui.input(say("Answer"))
+                        field.on("keydown.enter", partial(self._answer, check.name, field))
+                    field.props("dense outlined").style("min-width:min(16rem,100%)")
+                    ui.button(say("Answer"), on_click=partial(self._answer, check.name, field)).props("outline")
+                self._answers[check.name] = answer
+            self._hints[check.name] = ui.label("").classes("ms-banner info")
+
+    async def _answer(self, check: str, field: ui.select | ui.input) -> None:
+        if await self._page.act("answer_lesson", check=check, answer=str(field.value or "-")) is None:
+            self._wrong.add(check)
+            self._page.refresh()
+
+    def _end(self) -> None:
+        words = self._page.say("End the lesson? Whatever was changed since it began is put back.")
+        ask_first(self._page, words, lambda: self._page.act("stop_lesson"))
+
+    def _follow(self, now: Mapping[str, object]) -> None:
+        page, say = self._page, self._page.say
+        learning, me = page.service.learning, page.session.name
+        checks, hands, people = now.get("checks"), now.get("hands"), now.get("people")
+        assert isinstance(checks, list)
+        assert isinstance(hands, dict)
+        assert isinstance(people, list)
+        mine = learning.of(page.session)
+        ticked = {} if mine is None else mine["ticked"]
+        assert isinstance(ticked, dict)
+        if self._head is not None:
+            set_html(
+                self._head,
+                render(
+                    "lesson_head",
+                    say=say,
+                    ticked=len(ticked),
+                    checks=len(checks),
+                    people=people,
+                    takes_part=mine is not None,
+                    hands=list(hands),
+                    done=mine is not None and mine["done"],
+                    trouble=now.get("trouble"),
+                ),
+            )
+        if self._steps is not None:
+            self._steps.follow(set(ticked))
+        hint = None if mine is None else mine["hint"]
+        stuck = hint if isinstance(hint, dict) else {}
+        others = learning.done_by_others(page.session)
+        for name, mark in self._marks.items():
+            one = ticked.get(name)
+            note = self._whose(one) if one is not None else ""
+            set_html(mark, render("check", say=say, says=self._says[name], ticked=one is not None, note=note))
+            if name in self._answers:
+                self._answers[name].set_visibility(one is None)
+            is_stuck = stuck.get("check") == name
+            is_told = (is_stuck or name in self._wrong or name in others) and one is None
+            if is_told:
+                what_is = others_words(others[name]) if name in others else str(stuck["seen"]) if is_stuck else ""
+                seen = say("Seen: {seen}.", seen=say(what_is)) + " " if what_is else ""
+                self._hints[name].set_text(f"{seen}{self._looks[name]}")
+            self._hints[name].set_visibility(is_told and bool(self._looks[name] or is_stuck or name in others))
+        for button, is_shown in (("join", mine is None), ("hand", me not in hands), ("down", me in hands)):
+            if button in self._buttons:
+                self._buttons[button].set_visibility(is_shown)
+
+    def _whose(self, ticked: Mapping[str, object]) -> str:
+        """By whose hand a check has ticked, in words; empty: the person's own, or nobody's."""
+        if ticked["doing"] == Doing.GROUP.value:
+            return self._page.say("with {who} of your group", who=ticked["by"])
+        if ticked["doing"] == Doing.HELPED.value:
+            return self._page.say("{who} helped", who=ticked["by"])
+        return ""
+
+
+class OneByOne:
+    """Shows one step of a lesson at a time; the person goes on, and back, by two buttons."""
+
+    def __init__(self, page: Page, panels: Sequence[tuple[Step, ui.element]]) -> None:
+        self._page = page
+        self._panels = panels
+        self._at: int | None = None
+        with ui.element("nav").classes("row spread w-full").props(f'aria-label="{page.say("Sheets")}"'):
+            self._where = ui.label("").classes("num w-full").props("role=status")
+            self._back = ui.button(page.say("Back"), icon="arrow_back", on_click=partial(self._go, -1)).props("outline")
+            self._on = ui.button(page.say("Next sheet"), icon="arrow_forward", on_click=partial(self._go, 1))
+
+    def follow(self, ticked: Collection[str]) -> None:
+        """Begin where the person is; afterwards say whether the step is done."""
+        open_checks = [[check for check in step.checks if check.name not in ticked] for step, _ in self._panels]
+        if self._at is None:
+            self._at = next((at for at, missing in enumerate(open_checks) if missing), 0) if ticked else 0
+            self._show()
+        if open_checks[self._at]:
+            self._on.props("outline")
+        else:
+            self._on.props(remove="outline")
+
+    def _go(self, steps: int) -> None:
+        assert self._at is not None
+        self._at = min(max(self._at + steps, 0), len(self._panels) - 1)
+        self._show()
+        # Where the eyes go, the keyboard and the reading voice go, too.
+        ui.run_javascript(f"document.getElementById('{self._panels[self._at][1].html_id}').focus()")
+        self._page.refresh()
+
+    def _show(self) -> None:
+        assert self._at is not None
+        for number, (_, shown) in enumerate(self._panels):
+            shown.props("tabindex=-1").set_visibility(number == self._at)
+        self._back.set_enabled(self._at > 0)
+        self._on.set_enabled(self._at < len(self._panels) - 1)
+        self._where.set_text(self._page.say("Sheet {at} of {sheets}", at=self._at + 1, sheets=len(self._panels)))
