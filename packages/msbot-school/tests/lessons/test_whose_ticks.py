@@ -9,8 +9,9 @@ import pytest
 
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.rights import Asker, Role
-from msbot.registry.lesson_ticks import BEGUN, Doing, Tick
+from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.progress import csv_of, progress_of
 from msbot_school.lessons.run import NOBODY, Hand, LessonRun
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
@@ -137,7 +138,7 @@ async def kept(stage: LessonStage, person: str) -> dict[str, str]:
     await asyncio.sleep(0.5)  # this clock stands still until what was begun in threads is done
     assert stage.registry.storage.flush(60.0)
     ticks = [tick for tick in stage.registry.lesson_ticks.all() if tick.person == person]
-    return {tick.check: f"{tick.doing.value} {tick.by}".strip() for tick in ticks}
+    return {tick.check: f"{tick.doing} {tick.by}".strip() for tick in ticks}
 
 
 @pytest.mark.promise(PROMISE)
@@ -192,9 +193,9 @@ def test_what_is_refused_is_no_deed(tmp_path: Path) -> None:
 def test_the_first_own_deed_replaces_what_the_group_did(tmp_path: Path) -> None:
     async def scene(stage: LessonStage) -> None:
         note = stage.registry.lesson_ticks.note
-        note(["Ada"], "ring", "1.1", 5, doing=Doing.GROUP, by="Ben")
-        note(["Ada"], "ring", "1.1", 6, doing=Doing.ROBOT)
-        assert stage.registry.lesson_ticks.all() == [Tick("Ada", "ring", "1.1", 5, Doing.GROUP, "Ben")]
+        note(["Ada"], "ring", "1.1", 5, doing=Doing.GROUP.value, by="Ben")
+        note(["Ada"], "ring", "1.1", 6, doing=Doing.ROBOT.value)
+        assert stage.registry.lesson_ticks.all() == [Tick("Ada", "ring", "1.1", 5, "group", "Ben")]
         note(["Ada"], "ring", "1.1", 7)
         note(["Ada"], "ring", "1.1", 8)
         assert stage.registry.lesson_ticks.all() == [Tick("Ada", "ring", "1.1", 7)]

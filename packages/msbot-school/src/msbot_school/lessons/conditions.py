@@ -12,7 +12,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
-from msbot.operations.last_acts import STOP_BUTTON
 from msbot_agent.text.sentence import said
 from msbot_school.faults.kinds import Condition as PlainCondition
 from msbot_school.faults.kinds import NumberCondition, StateCondition, read_condition
@@ -21,6 +20,8 @@ from msbot_xrce.lazy import dataclass
 
 LONGEST: Final = 200
 """Most characters of a condition."""
+STOP: Final = "\0STOP"
+"""The place where somebody says STOP or GO: no slot has this name."""
 _COMPARE: Final[Mapping[str, Callable[[float, float], bool]]] = {
     ">=": operator.ge,
     "<=": operator.le,
@@ -406,7 +407,7 @@ def places(condition: Condition) -> tuple[set[str], set[str]]:
         case Exists(name=name):
             return {name}, set()
         case Stopped():
-            return {STOP_BUTTON}, set()
+            return {STOP}, set()
         case Not(other=other):
             return places(other)
     return set(), set()

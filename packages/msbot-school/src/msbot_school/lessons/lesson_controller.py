@@ -20,11 +20,12 @@ from msbot.config import SAMPLES, Blueprint, open_blueprint, parse_blueprint
 from msbot.operations.dispatch import RunningOperations
 from msbot.process.worker_pool import WorkerPool
 from msbot.registry import EditKind
-from msbot.registry.lesson_ticks import BEGUN, Doing
+from msbot.registry.lesson_ticks import BEGUN
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import joined, said
 from msbot_school.faults.effects import PartsHere
 from msbot_school.lessons.catalog import LessonCatalog
+from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck
 from msbot_school.lessons.lesson_hands import LessonHands
 from msbot_school.lessons.robot_now import RunningRobotNow
@@ -431,7 +432,7 @@ class LessonController:
         if registry is None or not people:
             return
         note, at_ns = registry.lesson_ticks.note, self._epoch_ns()
-        work = partial(note, people, begun.lesson.name, check, at_ns, doing=doing, by=by)
+        work = partial(note, people, begun.lesson.name, check, at_ns, doing=doing.value, by=by)
 
         async def keep() -> None:
             try:

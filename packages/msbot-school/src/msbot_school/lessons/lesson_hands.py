@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from msbot.operations.dispatch import RunningOperations
+from msbot.operations.last_acts import STOP_BUTTON
 from msbot.operations.running_robot import RunningRobot
-from msbot.registry.lesson_ticks import Doing
-from msbot_school.lessons.conditions import places
+from msbot_school.lessons.conditions import STOP, places
+from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import LessonCheck
 from msbot_school.lessons.run import NOBODY, Hand
 
@@ -59,7 +60,7 @@ class LessonHands:
         found: set[str] = set()
         for condition in check.conditions:
             own, heard = places(condition)
-            found |= own
+            found |= {STOP_BUTTON if place == STOP else place for place in own}
             if heard:
                 found |= self._behind(heard)
         return found

@@ -7,8 +7,9 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from msbot.registry.lesson_ticks import BEGUN, Doing, Tick
+from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_agent.text.sentence import as_cell
+from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson
 from msbot_xrce.lazy import dataclass
 
@@ -92,9 +93,9 @@ def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[Person
                 len(names),
                 own[0].at_ns // 1_000_000,
                 max(tick.at_ns for tick in [own[0], *counted]) // 1_000_000,
-                hands[Doing.OWN],
-                hands[Doing.GROUP],
-                hands[Doing.HELPED],
+                hands[Doing.OWN.value],
+                hands[Doing.GROUP.value],
+                hands[Doing.HELPED.value],
                 tuple(dict.fromkeys(tick.by for tick in counted if tick.by)),
             )
         )

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import NamedTuple
 
-from msbot.registry.lesson_ticks import Doing
 from msbot_agent.text.sentence import joined, said
 from msbot_school.lessons.conditions import ConditionMemory, RobotNow
+from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass

@@ -8,7 +8,7 @@ from functools import partial
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot.registry.lesson_ticks import Doing
+from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
 from msbot_school.lessons.run import others_words
 from msbot_web.html import render

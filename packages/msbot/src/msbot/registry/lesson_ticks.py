@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from enum import Enum
 from functools import partial
 
 from sqlalchemy import Connection, delete, func, insert, select, update
@@ -16,21 +15,10 @@ from msbot_xrce.lazy import dataclass
 
 BEGUN = ""
 """In place of a check: the person has begun the lesson."""
+OWN = "own"
+"""The person did it."""
 MOST_TICKS = 200_000
 """Most rows that are kept: a class of 30 with 8 lessons of 20 checks has 5,000."""
-
-
-class Doing(Enum):
-    """Whose hand made a check tick."""
-
-    OWN = "own"
-    """The person's."""
-    GROUP = "group"
-    """That of somebody of the person's group."""
-    HELPED = "helped"
-    """That of somebody with more rights, who did what a pupil may not do."""
-    ROBOT = "robot"
-    """Nobody's: the robot did it by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +31,8 @@ class Tick:
     """Its name; empty: the lesson was begun."""
     at_ns: int
     """Nanoseconds since 1970."""
-    doing: Doing = Doing.OWN
+    doing: str = OWN
+    """Whose hand it was: `own`, `group`, `helped` or `robot`."""
     by: str = ""
     """Who did it, if it was not the person."""
 
@@ -63,7 +52,7 @@ class LessonTicks:
         return self._storage.read(_all)
 
     def note(
-        self, people: Iterable[str], lesson: str, check: str, at_ns: int, *, doing: Doing = Doing.OWN, by: str = ""
+        self, people: Iterable[str], lesson: str, check: str, at_ns: int, *, doing: str = OWN, by: str = ""
     ) -> None:
         """Keep that a check ticked for these people; whoever has the tick already keeps the first one, unless this is
         the first that the person has done alone.
@@ -84,23 +73,15 @@ def remove_ticks_of(connection: Connection, person: str) -> None:
 def _all(connection: Connection) -> list[Tick]:
     query = select(lesson_ticks).order_by(lesson_ticks.c.at_ns, lesson_ticks.c.person)
     return [
-        Tick(row.person, row.lesson, row.check, row.at_ns, _doing(row.doing), row.done_by)
-        for row in connection.execute(query)
+        Tick(row.person, row.lesson, row.check, row.at_ns, row.doing, row.done_by) for row in connection.execute(query)
     ]
-
-
-def _doing(word: str) -> Doing:
-    try:
-        return Doing(word)
-    except ValueError:  # of a program that is newer, or not ours
-        return Doing.GROUP
 
 
 def _note(connection: Connection, people: tuple[str, ...], tick: Tick) -> None:
     columns = lesson_ticks.c
     query = select(columns.person, columns.doing).where(columns.lesson == tick.lesson, columns.check == tick.check)
     have = {row.person: row.doing for row in connection.execute(query)}
-    values: dict[str, object] = {"at_ns": tick.at_ns, "doing": tick.doing.value, "done_by": tick.by}
+    values: dict[str, object] = {"at_ns": tick.at_ns, "doing": tick.doing, "done_by": tick.by}
     if missing := [person for person in people if person not in have]:
         count = connection.execute(select(func.count()).select_from(lesson_ticks)).scalar_one()
         if count + len(missing) > MOST_TICKS:
@@ -109,7 +90,7 @@ def _note(connection: Connection, people: tuple[str, ...], tick: Tick) -> None:
             insert(lesson_ticks),
             [{"person": person, "lesson": tick.lesson, "check": tick.check, **values} for person in missing],
         )
-    if tick.doing is Doing.OWN and tick.check != BEGUN:
-        again = [person for person in people if have.get(person, Doing.OWN.value) != Doing.OWN.value]
+    if tick.doing == OWN and tick.check != BEGUN:
+        again = [person for person in people if have.get(person, OWN) != OWN]
         own = update(lesson_ticks).where(columns.lesson == tick.lesson, columns.check == tick.check)
         connection.execute(own.where(columns.person.in_(again)).values(values))
