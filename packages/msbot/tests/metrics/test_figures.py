@@ -6,6 +6,7 @@ import asyncio
 import json
 import re
 import socket
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
@@ -255,3 +256,11 @@ def test_without_the_package_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(sys.modules, "prometheus_client", None)
     with pytest.raises(ConfigError, match=r"pip install 'msbot\[metrics\]'"):
         exposition(lambda: FIGURES)
+
+
+def test_an_agent_without_database_and_recorder_serves_figures() -> None:
+    """`msbot[metrics]` is enough for `msbot agent --metrics`: the extras of a master are not needed."""
+    absent = "import sys; sys.modules.update(dict.fromkeys(('sqlalchemy', 'alembic', 'mcap', 'mcap_ros2')))"
+    wanted = "from msbot.cli.run.master_services import AGENT_METRICS; print(AGENT_METRICS.options[0].__name__)"
+    done = subprocess.run([sys.executable, "-c", f"{absent}\n{wanted}"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -15,11 +15,8 @@ import click
 from msbot.cli.robot_options import metrics_option
 from msbot.config import Library
 from msbot.master import Master
-from msbot.operations.dispatch import RunningOperations
 from msbot.pnp.part_events import PartEvent
 from msbot.recording.recorder.batch import RecordingRequest, read_wish
-from msbot.recording.recorder.recording_file import RingLimits
-from msbot.registry import Registry, RobotRecord
 from msbot_agent.agent import Agent
 from msbot_agent.cli.agent.agent_service import AgentContext
 from msbot_agent.cli.logs import EVENTS
@@ -31,7 +28,10 @@ from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
+    # `msbot agent --metrics` needs this file, and neither a database nor a recorder.
     from msbot.metrics import PageFigures
+    from msbot.operations.dispatch import RunningOperations
+    from msbot.registry import Registry, RobotRecord
 
 
 def _no_page() -> str:
@@ -223,6 +223,7 @@ class RobotRecording:
             return []
         from msbot.recording.recorder.measuring import keep_measuring
         from msbot.recording.recorder.recorder_process import RecorderProcess, run_recorder
+        from msbot.recording.recorder.recording_file import RingLimits
 
         process = RecorderProcess(self._recorder, self._folder, RingLimits(self._wish.seconds, self._wish.octets))
         self._recorder.watch(master, operations)
