@@ -9,15 +9,14 @@ from typing import Any
 
 import pytest
 
-import msbot.registry
 from msbot.config import Blueprint, Library
 from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
-from msbot.registry.read_only_database import NO_MASTER, SCHEMA, ReadOnlyDatabase, look_into
+from msbot.registry.read_only_database import NO_MASTER, ReadOnlyDatabase, look_into
 from msbot_agent.text.sentence import said
 from tests.registry.events import CLAIM, UID, changed
+from tools import read_only_queries
 
-VERSIONS = Path(msbot.registry.__path__[0]) / "migrations" / "versions"
 WHY = said("no beat for {seconds:.1f} s", seconds=5.04)
 
 
@@ -103,6 +102,5 @@ def test_what_is_no_database_of_this_version_is_left_to_the_registry(
     assert look_into(str(path)) is None
 
 
-def test_it_knows_the_newest_schema() -> None:
-    newest = max(path.name[1:5] for path in VERSIONS.glob("v*.py"))
-    assert newest == SCHEMA, "look at the queries of quick_look, then at SCHEMA"
+def test_its_queries_are_made_from_the_tables() -> None:
+    assert read_only_queries.TARGET.read_text() == read_only_queries.text(), "run tools/read_only_queries.py"

@@ -2,7 +2,7 @@
 
 SQLAlchemy alone takes longer to import than such a command may take. Whatever is less simple than in most classrooms (a
 server, a file of an older or newer MsBOT, one that cannot be read) is left to `open_registry`, which says what is wrong
-and what to do.
+and what to do. `read_only_queries` is made from the tables.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from types import TracebackType
 from typing import Final, Self
 
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.registry.read_only_queries import JOURNAL, PARTS, ROBOTS, SCHEMA, SLOT_NAMES
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
 from msbot_agent.text.sentence import from_json
 
-SCHEMA: Final = "0001"
-"""The schema whose columns the queries below know; a database with any other schema is not read here."""
 NO_MASTER: Final = "its robot has no master at the moment"
 """Why a part of a robot that nobody runs is lost."""
 
@@ -52,11 +51,7 @@ class ReadOnlyDatabase:
 
     def robots(self) -> list[RobotRecord]:
         """All robots, the one with the most recently applied blueprint first."""
-        query = (
-            "SELECT id, name, serial_number, version, released, manufacturer, applied_ns FROM robots"
-            " ORDER BY applied_ns DESC"
-        )
-        return [RobotRecord(*row) for row in self._connection.execute(query)]
+        return [RobotRecord(*row) for row in self._connection.execute(ROBOTS)]
 
     def is_run(self, robot: RobotRecord) -> bool:
         """Whether a master is running this robot now; see `running.run_lock`."""
@@ -72,8 +67,7 @@ class ReadOnlyDatabase:
 
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of a robot's blueprint, in its order."""
-        query = "SELECT name FROM slots WHERE robot_id = ? AND in_blueprint ORDER BY position"
-        return [name for (name,) in self._connection.execute(query, (robot.id,))]
+        return [name for (name,) in self._connection.execute(SLOT_NAMES, {"robot": robot.id})]
 
     def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
         """As `Registry.robots.parts`: all parts that were ever seen, those in slots first."""
@@ -81,18 +75,15 @@ class ReadOnlyDatabase:
         for one in self.robots() if robot is None else [robot]:
             records = [
                 PartRecord(one.name, bytes.fromhex(uid), *rest)
-                for uid, *rest in self._connection.execute(_PARTS, (one.id,))
+                for uid, *rest in self._connection.execute(PARTS, {"robot": one.id})
             ]
             found.extend(records if self.is_run(one) else [without_master(record) for record in records])
         return found
 
     def journal(self, limit: int, part: str, robot: RobotRecord | None = None) -> list[JournalEntry]:
         """The newest lines about a part, of one robot or of all, the oldest first; see `Registry.robots.journal`."""
-        names = ("j.part", "j.slot", "j.local_name", "j.part_number", "j.uid")
-        fits = " OR ".join(f"{name} = :part OR lower({name}) = :small" for name in names)
-        query = f"{_JOURNAL} WHERE ({fits}) AND (:robot IS NULL OR r.id = :robot) ORDER BY j.id DESC LIMIT :limit"
         values = {"part": part, "small": part.lower(), "limit": limit, "robot": None if robot is None else robot.id}
-        rows = self._connection.execute(query, values).fetchall()
+        rows = self._connection.execute(f"{JOURNAL} LIMIT :limit", values).fetchall()
         return [_entry(row) for row in reversed(rows)]
 
 
@@ -125,17 +116,6 @@ def without_master(record: PartRecord) -> PartRecord:
     if _STATES[record.state].is_over:
         return record
     return replace(record, state=PartState.LOST.value, reason=NO_MASTER)
-
-
-_PARTS: Final = (
-    "SELECT p.uid, p.part_number, p.local_name, s.name, p.state, p.reason, p.address, p.first_seen_ns, p.changed_ns"
-    " FROM parts p LEFT JOIN slots s ON p.slot_id = s.id WHERE p.robot_id = ?"
-    " ORDER BY s.position IS NULL, s.position, p.first_seen_ns"
-)
-_JOURNAL: Final = (
-    "SELECT j.id, r.name, j.at_ns, j.part, j.slot, j.from_state, j.to_state, j.reason, j.evidence, j.part_number,"
-    " j.local_name, j.uid, j.address, j.said FROM journal j JOIN robots r ON j.robot_id = r.id"
-)
 
 
 def _entry(row: tuple[object, ...]) -> JournalEntry:
