@@ -1,4 +1,4 @@
-"""Writes the tables of commands in docs/reference/commands.md from the commands themselves.
+"""Writes the lists of commands in docs/reference/commands.md from the commands themselves.
 
     python tools/commands_page.py            says whether the page is up to date (status 1 if not); a test does the same
     python tools/commands_page.py --write    writes them
@@ -42,13 +42,13 @@ TASKS = {
 
 
 def tables(shared: set[str]) -> str:
-    """A table for each group of tasks, in Markdown; options in `shared` are left out."""
+    """A list for each group of tasks, in Markdown; options in `shared` are left out."""
     grouped = [name for names in TASKS.values() for name in names]
     if sorted(grouped) != sorted(COMMANDS):
         raise ValueError(f"TASKS and COMMANDS differ: {sorted(set(grouped) ^ set(COMMANDS))}")
     lines = []
     for title, names in TASKS.items():
-        lines += [f"## {title}", "", "| `msbot` | does |", "|---|---|"]
+        lines += [f"## {title}", ""]
         for name in names:
             lines += _rows(name, shared)
         lines.append("")
@@ -67,7 +67,7 @@ def _rows(name: str, shared: set[str]) -> Iterator[str]:
     of_all = set.intersection(*(set(_options(one)) for one in subs.values())) - shared if len(subs) > 2 else set()
     if of_all:
         options = [option for option in _options(next(iter(subs.values()))) if option in of_all]
-        yield f"| `{name} ...` | {_first_sentence(command)}{_listed(options)} |"
+        yield f"* `{name} ...`: {_first_sentence(command)}{_listed(options)}"
     for sub, one in subs.items():
         yield _row(f"{name} {sub}", one, shared | of_all)
 
@@ -75,9 +75,9 @@ def _rows(name: str, shared: set[str]) -> Iterator[str]:
 def _row(words: str, command: click.Command, left_out: set[str]) -> str:
     context = click.Context(command, info_name=words)
     arguments = [part.make_metavar(context) for part in command.params if isinstance(part, click.Argument)]
-    call = " ".join([words, *arguments]).replace("|", "\\|")
+    call = " ".join([words, *arguments])
     options = [option for option in _options(command) if option not in left_out]
-    return f"| `{call}` | {_first_sentence(command)}{_listed(options)} |"
+    return f"* `{call}`: {_first_sentence(command)}{_listed(options)}"
 
 
 def _options(command: click.Command) -> dict[str, None]:
@@ -91,7 +91,7 @@ def _listed(options: list[str]) -> str:
 
 def _first_sentence(command: click.Command) -> str:
     paragraph = re.sub(r"\s+", " ", (command.help or "").strip().partition("\n\n")[0])
-    return re.split(r"(?<=\.) (?=[A-Z`])", paragraph, maxsplit=1)[0].removesuffix(".").replace("|", "\\|")
+    return re.split(r"(?<=\.) (?=[A-Z`])", paragraph, maxsplit=1)[0].removesuffix(".")
 
 
 def shared_options(page: str) -> set[str]:

@@ -22,14 +22,6 @@ PICTURES = ROOT / "docs/reference/wiring"
 BEGIN = "<!-- made by tools/hardware_table.py -->\n"
 BEGIN_BOARDS = "<!-- the drivers of boards; made by tools/hardware_table.py -->\n"
 END = "<!-- end of what is made -->\n"
-BUSES = {
-    BusKind.PINS: "GPIO pins",
-    BusKind.I2C: "I2C",
-    BusKind.ADC: "converter (iio)",
-    BusKind.KERNEL: "the kernel's driver",
-    BusKind.SPI: "SPI",
-    BusKind.SERIAL: "serial port",
-}
 DIVIDER = " of 1 and 2 kilo-ohms when it has 5 V: a Raspberry Pi takes 3.3 V"
 """What the page of wiring says once."""
 TESTS = ("packages/msbot/tests/hardware", "tests/socketcan")
@@ -47,13 +39,9 @@ def tests_of(part_type: PartType) -> list[str]:
 
 
 def table() -> str:
-    """One row for each kind of connection with its part types, then one for each part type without a driver."""
+    """One row for each part type without a driver."""
+    rows = ["| part type | why |", "|---|---|"]
     part_types = sorted(load_library(), key=lambda one: one.number)
-    rows = ["| driver on Linux | part types |", "|---|---|"]
-    for bus, words in BUSES.items():
-        driven = [one for one in part_types if one.driver.entry_point and one.driver.bus is bus]
-        rows.append(f"| {words} | {', '.join(map(linked, driven))} |")
-    rows += ["", "| part type without one | why |", "|---|---|"]
     rows += [f"| `{one.number}` | {one.driver.none} |" for one in part_types if not one.driver.entry_point]
     return "\n".join(rows) + "\n"
 
@@ -66,16 +54,6 @@ def drivers_of_boards() -> str:
         driven = ", ".join(f"`{one.number}`" for one in part_types if one.driver.board.driver == name)
         rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} | {driven} |")
     return "\n".join(rows) + "\n"
-
-
-def linked(part_type: PartType) -> str:
-    """Its part number, with a link to its wiring."""
-    return f"[`{part_type.number}`](wiring.md#{anchor(part_type)})"
-
-
-def anchor(part_type: PartType) -> str:
-    """The anchor of a part number's heading."""
-    return part_type.number.casefold()
 
 
 def wiring() -> str:
