@@ -26,8 +26,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
-from msbot_web.cli.user import user_command as user
+from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
+from msbot_web.cli.user_commands import user_command as user
 from tests.e2e.processes import Process
 from tests.web.browser.conftest import ARGUMENTS, chromium, free_port, go
 

@@ -24,7 +24,7 @@ USED = {
     "msbot_xrce": "msbot_xrce.sessions.client",
     "msbot_agent": "msbot_agent.agent.server",
     "msbot": "msbot.part.part",
-    "msbot_school": "msbot_school.lessons.reading",
+    "msbot_school": "msbot_school.lessons.lesson_reader",
     "msbot_web": "msbot_web.assembly",
 }
 """What a program of that distribution imports first."""

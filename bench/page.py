@@ -81,7 +81,7 @@ async def serve(parts: int, *, with_page: bool) -> None:
             async with asyncio.TaskGroup() as tasks:
                 if with_page:
                     from msbot_web.assembly import Database, PageSources, RobotPages
-                    from msbot_web.frames import FrameRing
+                    from msbot_web.frame_ring import FrameRing
                     from msbot_web.server import WebSettings
 
                     room = RobotPages(

@@ -17,9 +17,9 @@ from msbot.config import load_blueprint, load_library, write_sample
 from msbot.operations.dispatch import RunningOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot_school.demo import DemoRobot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot
 
-BUSES = ((Wire.CAN, 125_000), (Wire.CAN, 500_000), (Wire.FD, 500_000))
+BUSES = ((DemoLinkKind.CAN, 125_000), (DemoLinkKind.CAN, 500_000), (DemoLinkKind.FD, 500_000))
 PRESETS = ("thesis", "fast")
 REPEATS = 5
 LOOK_S = 0.0005
@@ -39,7 +39,7 @@ class Figures:
     """From there until the spare had its configuration and was active itself."""
 
 
-async def _measure(folder: Path, preset: str, wire: Wire, bitrate: int, seed: int) -> Figures:
+async def _measure(folder: Path, preset: str, wire: DemoLinkKind, bitrate: int, seed: int) -> Figures:
     path = folder / "robot.toml"
     write_sample(path)
     path.write_text(path.read_text().replace('preset = "thesis"', f'preset = "{preset}"'))
@@ -92,7 +92,7 @@ def main() -> None:
             for seed in range(REPEATS):
                 with TemporaryDirectory() as folder:
                     runs.append(run_virtual(_measure(Path(folder), preset, wire, bitrate, seed)))
-            name = f"{'CAN FD' if wire is Wire.FD else 'CAN'}, {bitrate // 1000} kbit/s"
+            name = f"{'CAN FD' if wire is DemoLinkKind.FD else 'CAN'}, {bitrate // 1000} kbit/s"
             lost = [run.lost for run in runs]
             print(
                 f"{name:<22} {preset:<8} {1000 * mean(run.stop for run in runs):>9.1f} "

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from msbot.registry import open_registry
-from msbot_web.records import RegistryUsers
+from msbot_web.stored_data import RegistryUsers
 from tests.loop_guard import LoopHeldUp
 
 

@@ -50,7 +50,9 @@ def test_the_core_rooms_need_only_the_standard_library(room: str, packages: set[
 
 
 def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_need() -> None:
-    loaded = all_modules_after("import msbot_web.cli.demo.demo, msbot_web.assembly, msbot_web.simulated.demo_controls")
+    loaded = all_modules_after(
+        "import msbot_web.cli.demo.demo_command, msbot_web.assembly, msbot_web.simulated.demo_controls"
+    )
     # Names of parts of libraries: socket.io and uvicorn import the libraries themselves, which does no harm.
     foreign = {
         "aiohttp.client",
@@ -76,7 +78,7 @@ def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_ne
     }
     own = {
         "msbot_web.api.routes",
-        "msbot_web.api.admin",
+        "msbot_web.api.admin_routes",
         "msbot.doctor.examination",
         "msbot_agent.space.dds.space",
         "msbot.ros2",
@@ -101,7 +103,7 @@ def test_the_models_of_an_api_description_are_built_when_somebody_asks_for_one()
 def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
     loaded = all_modules_after(
         "import uvicorn, msbot_web.nicegui_internals.application\n"
-        "uvicorn.Config(lambda: None, ws=msbot_web.nicegui_internals.application.LateWebSocket).load()"
+        "uvicorn.Config(lambda: None, ws=msbot_web.nicegui_internals.application.LazyWebSocket).load()"
     )
     assert "uvicorn.protocols.http.httptools_impl" in loaded
     assert not {name for name in loaded if name.startswith("websockets")}

@@ -36,9 +36,9 @@ from msbot_agent.link.net import SocketPeer, WebSocketServerLink
 from msbot_agent.text.given_file import read_json
 from msbot_school.classroom.rollout_run import RollOutLog
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.attempts import SignInRefused
-from msbot_web.access.kept_sessions import SessionFile
-from msbot_web.access.passes import TicketCodes
+from msbot_web.access.session_file import SessionFile
+from msbot_web.access.sign_in_throttle import SignInRefused
+from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import LinkDown
 from tests.registry.hand import Hand

@@ -20,12 +20,12 @@ from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.config import SAMPLE_ROBOT_TOML
 from msbot.operations.rights import Role
-from msbot_web.access.guard import AccessGuard, cookie_names
+from msbot_web.access.access_middleware import AccessMiddleware, cookie_names
 from msbot_web.access.sign_in_pages import make_forms
-from msbot_web.api.admin import make_admin_api, make_metrics
-from msbot_web.api.problems import tell_problems
+from msbot_web.api.admin_routes import make_admin_api, make_metrics
+from msbot_web.api.exception_handlers import add_exception_handlers
 from msbot_web.api.routes import make_api
-from msbot_web.api.stop_call import make_stop_api
+from msbot_web.api.stop_route import make_stop_api
 from msbot_web.service import Service
 from tests.web.rig import Rig, show
 
@@ -101,7 +101,7 @@ class _Site:
         self.calls = calls or make_app(rig.service)
         """Making it takes longer than forty requests."""
         self.sessions = {role: rig.session(role) for role in ROLES}
-        self.app: ASGIApp = AccessGuard(
+        self.app: ASGIApp = AccessMiddleware(
             self.calls,
             rig.accounts,
             ("127.0.0.1", "::1"),
@@ -185,7 +185,7 @@ def make_app(service: Service) -> FastAPI:
     app.include_router(make_api(service))
     app.include_router(make_admin_api(service))
     app.include_router(make_metrics(service))
-    tell_problems(app)
+    add_exception_handlers(app)
     return app
 
 

@@ -48,13 +48,13 @@ from msbot_agent.ros import discovery_info
 from msbot_agent.space.space_address import check_endpoint, parse_space
 from msbot_agent.space.zenoh.keys import endpoint_of, token_key
 from msbot_agent.wide.router_file import read_router_file
-from msbot_school.classroom.mdns import heard
-from msbot_school.faults.kinds import read_condition
+from msbot_school.classroom.mdns import parse_announcement
+from msbot_school.faults.fault_kinds import read_condition
 from msbot_school.lessons.conditions import read_lesson_condition
-from msbot_school.lessons.reading import read_lesson
+from msbot_school.lessons.lesson_reader import read_lesson
 from msbot_school.missions.mission_file import parse_mission
 from msbot_school.missions.recorded_missions import played_in
-from msbot_web.access.class_list import newcomers
+from msbot_web.access.class_list import new_accounts
 from msbot_web.access.guest_tickets import GuestTickets
 from msbot_web.programs.programs import check_program
 from msbot_web.programs.robot_words import view_of, with_view
@@ -468,7 +468,7 @@ def _stop_answer(octets: bytes) -> Iterable[str]:
 def _mdns(octets: bytes) -> Iterable[str]:
     names = (b"robot", b"serial", b"version", b"class", b"tls")
     texts: Mapping[bytes, bytes | None] = dict(zip(names, octets.split(b"|"), strict=False))
-    for found in heard(texts, 8080, ["10.0.0.1", _text(octets)[:20]]):
+    for found in parse_announcement(texts, 8080, ["10.0.0.1", _text(octets)[:20]]):
         if not all(one.isprintable() for one in (found.robot, found.serial_number, found.version, found.class_name)):
             raise Violation(f"{found!r}")
         yield found.address[:8]
@@ -483,7 +483,7 @@ def _token(octets: bytes) -> Iterable[str]:
 
 
 def _people(octets: bytes) -> Iterable[str]:
-    return (f"{min(len(newcomers(octets, 'fuzz.csv', Role.STUDENT)), 4)} people",)
+    return (f"{min(len(new_accounts(octets, 'fuzz.csv', Role.STUDENT)), 4)} people",)
 
 
 def _ticket(octets: bytes) -> Iterable[str]:

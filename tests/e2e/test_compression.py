@@ -12,7 +12,7 @@ from msbot.registry import open_registry
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.protocol.frames import FIRST, LAST
 from msbot_agent.link.can.protocol.ids import CanIds
-from msbot_school.demo import DemoRobot, DemoSnapshot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot, DemoSnapshot
 
 Seen = list[tuple[float, Frame]]
 
@@ -28,7 +28,7 @@ def run(folder: Path, *, seconds: float, compression: bool = True) -> tuple[Seen
             robot = DemoRobot(
                 blueprint,
                 registry.runs.begin(registry.robots.apply_blueprint(blueprint, library)),
-                wire=Wire.CAN,
+                wire=DemoLinkKind.CAN,
                 compression=compression,
                 names=("AA",),
                 random=Random(1),

@@ -14,14 +14,14 @@ from msbot.config import load_blueprint, load_library, write_sample
 from msbot.operations.dispatch import RunningOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot_school.demo import DemoEvent, DemoRobot, DemoSnapshot, Wire
+from msbot_school.demo import DemoEvent, DemoLinkKind, DemoRobot, DemoSnapshot
 from tests.e2e.processes import run, running
 
 Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
 
 
 def play(
-    folder: Path, scene: Scene, *, preset: str = "thesis", wire: Wire = Wire.CAN
+    folder: Path, scene: Scene, *, preset: str = "thesis", wire: DemoLinkKind = DemoLinkKind.CAN
 ) -> tuple[DemoRobot, DemoSnapshot]:
     """Run the sample robot with a spare, DD, for BB."""
 
@@ -114,7 +114,7 @@ def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_t
         await operations.do("swap", slot="BB", to="DD", who="ann")
         await asyncio.sleep(5.0)
 
-    _, snapshot = play(tmp_path, scene, wire=Wire.FD)
+    _, snapshot = play(tmp_path, scene, wire=DemoLinkKind.FD)
     assert [(part.slot, part.state) for part in snapshot.parts[1:]] == [
         ("", "standby"),
         ("CC", "active"),

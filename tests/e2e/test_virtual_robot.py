@@ -17,14 +17,14 @@ from msbot_agent.agent import Agent
 from msbot_agent.link.can import CanMasterLink, CanPartLink
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
 from msbot_agent.space import MemorySpace
-from msbot_school.demo import DemoRobot, DemoSnapshot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot, DemoSnapshot
 
 BUSES = [
-    (Wire.CAN, 125_000),
-    (Wire.CAN, 250_000),
-    (Wire.CAN, 500_000),
-    (Wire.CAN, 1_000_000),
-    (Wire.FD, 500_000),
+    (DemoLinkKind.CAN, 125_000),
+    (DemoLinkKind.CAN, 250_000),
+    (DemoLinkKind.CAN, 500_000),
+    (DemoLinkKind.CAN, 1_000_000),
+    (DemoLinkKind.FD, 500_000),
 ]
 THESIS_KEY = 0xBA5EBA11
 
@@ -44,7 +44,7 @@ def play(
     folder: Path,
     scene: Callable[[DemoRobot], Awaitable[None]],
     *,
-    wire: Wire = Wire.CAN,
+    wire: DemoLinkKind = DemoLinkKind.CAN,
     bitrate: int = 500_000,
     seed: int = 1,
 ) -> tuple[DemoRobot, DemoSnapshot]:
@@ -75,7 +75,7 @@ def play(
 
 
 @pytest.mark.parametrize(("wire", "bitrate"), BUSES)
-def test_three_parts_join_by_themselves_and_the_ring_turns(wire: Wire, bitrate: int, tmp_path: Path) -> None:
+def test_three_parts_join_by_themselves_and_the_ring_turns(wire: DemoLinkKind, bitrate: int, tmp_path: Path) -> None:
     async def scene(robot: DemoRobot) -> None:
         await asyncio.sleep(60)
 

@@ -15,7 +15,7 @@ from msbot.registry.maintenance import upkeep
 from msbot.sim import SimulatedPart, make_simulator
 from msbot_web.access.accounts import MOST_TOKENS
 from msbot_web.access.sessions import Session
-from msbot_web.api.session import words_for
+from msbot_web.api.dependencies import words_for
 from msbot_web.simulated.simulated_part_controls import SimulatedPartControls
 from msbot_xrce.errors import ConfigError, MsbotError, NotThere
 from tests.operations.stage import Stage, play

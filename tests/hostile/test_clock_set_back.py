@@ -8,10 +8,10 @@ import pytest
 
 from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.attempts import SignInRefused
-from msbot_web.access.kept_sessions import SessionFile
-from msbot_web.access.passes import TicketCodes
+from msbot_web.access.session_file import SessionFile
 from msbot_web.access.sessions import GUEST_S, IDLE_S, LONGEST_S
+from msbot_web.access.sign_in_throttle import SignInRefused
+from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import PlainHasher, user
 

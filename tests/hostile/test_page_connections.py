@@ -20,8 +20,8 @@ from uvicorn.server import ServerState
 
 from msbot_agent import pace as accept_connections
 from msbot_agent.pace import ProtocolAcceptor
-from msbot_web import connections
-from msbot_web.connections import MOST_HEAD, Connections, WatchedConnection
+from msbot_web import connection_limits
+from msbot_web.connection_limits import MOST_HEAD, ConnectionLimits, LimitedConnection
 from msbot_xrce.counting import Tally
 from tests.certificate import Certificate
 
@@ -48,7 +48,7 @@ async def answer(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class Site:
-    def __init__(self, port: int, open_ones: Connections, failed: Tally) -> None:
+    def __init__(self, port: int, open_ones: ConnectionLimits, failed: Tally) -> None:
         self.port = port
         self.open = open_ones
         self.failed = failed
@@ -71,14 +71,14 @@ async def site(
     """A server with our connections and nothing else."""
     config = uvicorn.Config(answer, log_level="error", lifespan="off")
     config.load()
-    state, open_ones = ServerState(), Connections(most)
+    state, open_ones = ServerState(), ConnectionLimits(most)
     with make_socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", 0))
         listening.listen()
         failed = Tally()
         acceptor = ProtocolAcceptor(
             listening,
-            lambda: WatchedConnection(open_ones, config, state, {}),
+            lambda: LimitedConnection(open_ones, config, state, {}),
             failed,
             tls=tls,
             make_room=open_ones.make_room,
@@ -101,8 +101,8 @@ async def closed(reader: asyncio.StreamReader) -> bool:
 
 @pytest.mark.promise("Idle connections keep nobody out")
 async def test_who_says_nothing_or_dawdles_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "HEAD_S", 0.05)
-    monkeypatch.setattr(connections, "BODY_S", 0.05)
+    monkeypatch.setattr(connection_limits, "HEAD_S", 0.05)
+    monkeypatch.setattr(connection_limits, "BODY_S", 0.05)
     async with site() as server:
         silent, first = await server.connect()
         half, writer = await server.connect()
@@ -120,8 +120,8 @@ async def test_who_says_nothing_or_dawdles_is_closed(monkeypatch: pytest.MonkeyP
 async def test_a_connection_waits_for_its_next_request_longer_than_clients_wait(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert httpx.Limits().keepalive_expiry == 5.0 < connections.IDLE_S
-    monkeypatch.setattr(connections, "IDLE_S", 0.05)
+    assert httpx.Limits().keepalive_expiry == 5.0 < connection_limits.IDLE_S
+    monkeypatch.setattr(connection_limits, "IDLE_S", 0.05)
     async with site() as server:
         reader, writer = await server.connect()
         writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
@@ -159,14 +159,14 @@ async def until(condition: Callable[[], bool]) -> None:
 async def send_until_closed(writer: asyncio.StreamWriter) -> None:
     """Much more than is read of a refused request."""
     for _ in range(100):
-        writer.write(b"a" * connections.MOST_LINGER)
+        writer.write(b"a" * connection_limits.MOST_LINGER)
         await writer.drain()
 
 
 async def test_whoever_sends_on_after_a_refusal_reads_it_and_is_closed_after_a_while(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(connections, "LINGER_S", 300.0)  # it sends for longer, on a busy computer
+    monkeypatch.setattr(connection_limits, "LINGER_S", 300.0)  # it sends for longer, on a busy computer
     async with site() as server:
         reader, writer = await server.connect()
         writer.write(b"GET /" + b"a" * MOST_HEAD)
@@ -174,15 +174,15 @@ async def test_whoever_sends_on_after_a_refusal_reads_it_and_is_closed_after_a_w
         for _ in range(10):
             writer.write(b"a" * 1000)
             await asyncio.sleep(0.01)  # one by one: the first one after a close would bring the reset
-        assert await reader.read() == connections.TOO_LONG
+        assert await reader.read() == connection_limits.TOO_LONG
         writer.close()
-        monkeypatch.setattr(connections, "LINGER_S", 0.05)
+        monkeypatch.setattr(connection_limits, "LINGER_S", 0.05)
         silent, writer = await server.connect()
         writer.write(b"GET /" + b"a" * MOST_HEAD)
-        assert await silent.read() == connections.TOO_LONG
+        assert await silent.read() == connection_limits.TOO_LONG
         await until(lambda: not len(server.open))
         writer.close()
-        monkeypatch.setattr(connections, "LINGER_S", 300.0)
+        monkeypatch.setattr(connection_limits, "LINGER_S", 300.0)
         _, writer = await server.connect()
         with pytest.raises(ConnectionError):
             await send_until_closed(writer)
@@ -203,7 +203,7 @@ async def test_many_idle_connections_keep_nobody_out() -> None:
 
 @pytest.mark.promise("Idle connections keep nobody out")
 async def test_one_address_makes_room_among_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "MOST_PER_ADDRESS", 5)
+    monkeypatch.setattr(connection_limits, "MOST_PER_ADDRESS", 5)
     async with site(most=50) as server:
         idle = [await server.connect() for _ in range(20)]
         assert b"200 OK" in await server.ask()

@@ -18,7 +18,7 @@ from msbot.pnp.pupils import TakeOverByTeacher
 from msbot_agent.link import InprocHub, Link, LinkInfo
 from msbot_agent.link.relay import PartsRelay
 from msbot_agent.space import Qos, Sample, Topic
-from msbot_web import part_socket
+from msbot_web import part_websocket
 from msbot_xrce.errors import ConfigError, MsbotError
 from tests.web.part_site import PartSite, part_site
 
@@ -112,7 +112,7 @@ async def test_a_pupil_gets_no_slot_of_another_group_whatever_the_own_connection
 async def test_what_a_teacher_carries_is_held_from_the_moment_on_when_the_role_is_lost(
     door: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(part_socket, "CHECK_S", 0.1)
+    monkeypatch.setattr(part_websocket, "CHECK_S", 0.1)
     async with part_site() as site:
         await site.accounts.add_user("tim", Role.TEACHER, "correct horse", who="ada")
         said, now = counted(site, "out0"), asyncio.get_running_loop().time
@@ -164,7 +164,7 @@ async def test_guests_of_a_pupil_are_held_with_the_pupil() -> None:
 async def test_a_ticket_of_a_teacher_brings_parts_that_are_no_pupils_until_it_is_removed(
     door: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(part_socket, "CHECK_S", 0.1)
+    monkeypatch.setattr(part_websocket, "CHECK_S", 0.1)
     async with part_site() as site:
         with pytest.raises(ConfigError, match="bob is none"):
             await site.accounts.new_ticket("bob", "body", who="ada")

@@ -25,7 +25,7 @@ from msbot.master.fed_agent import AgentOfRemoteMaster
 from msbot.sim.arena.remote_connection import RemoteWorldConnection
 from msbot.sim.arena.wire import to_line as world_line
 from msbot_agent.link import InprocHub
-from msbot_school.cli.classroom.joining import join
+from msbot_school.cli.classroom.access_commands import join
 from msbot_xrce.errors import ConfigError
 from tests.web.part_site import store
 

@@ -15,13 +15,13 @@ from msbot.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
 from msbot.sim import message_class
-from msbot_school.demo import DemoRobot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
 from msbot_web.api.models import SlotCard
-from msbot_web.live import Live
+from msbot_web.live_values import LiveValues
+from msbot_web.model_builder import ModelBuilder
 from msbot_web.simulated.demo_controls import seen_of
 from msbot_web.timeline import Timeline
-from msbot_web.views import Views
 from msbot_xrce.errors import MsbotError
 from tests.operations.stage import put_database
 
@@ -39,7 +39,7 @@ class FaultStage:
     operations: RunningOperations
     lab: FaultLab
     registry: Registry
-    page: Views
+    page: ModelBuilder
     changes: list[Mapping[str, object]] = field(default_factory=list)
     turned: int = 0
 
@@ -95,7 +95,12 @@ Scene = Callable[[FaultStage], Awaitable[None]]
 
 
 def fault_scene(
-    folder: Path, scene: Scene, *, names: tuple[str, ...] = PAIR, wire: Wire = Wire.CAN, keyed: bool = False
+    folder: Path,
+    scene: Scene,
+    *,
+    names: tuple[str, ...] = PAIR,
+    wire: DemoLinkKind = DemoLinkKind.CAN,
+    keyed: bool = False,
 ) -> FaultStage:
     """Run two parts of the rover, or others, for a while; `keyed`: the robot asks every part for its key."""
 
@@ -121,8 +126,8 @@ def fault_scene(
             seen = seen_of(robot, clock)
             assert seen.bench is not None
             timeline = Timeline()
-            live = Live(robot.master.space, lambda name: message_class(library.messages[name]), clock)
-            page = Views(
+            live = LiveValues(robot.master.space, lambda name: message_class(library.messages[name]), clock)
+            page = ModelBuilder(
                 robot.master,
                 blueprint=lambda: blueprint,
                 library=library,

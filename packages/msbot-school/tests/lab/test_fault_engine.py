@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_school.faults.engine import FOR_S, MOST, PATIENCE_S, FaultEngine, FaultSpec
-from msbot_school.faults.kinds import KINDS, NumberCondition, StateCondition, contradiction, read_condition
+from msbot_school.faults.fault_engine import FOR_S, MOST, PATIENCE_S, FaultEngine, FaultSpec
+from msbot_school.faults.fault_kinds import KINDS, NumberCondition, StateCondition, contradiction, read_condition
 from msbot_xrce.errors import ConfigError
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import pytest
 
 from msbot.registry import EditKind
-from msbot_school.faults.kinds import KINDS
-from msbot_web.api.bus_lines import BusFigures
+from msbot_school.faults.fault_kinds import KINDS
+from msbot_web.api.bus_models import BusFigures
 from msbot_web.api.models import PartLine, SlotCard
 from tests.lab.fault_stage import FaultStage, fault_scene
 

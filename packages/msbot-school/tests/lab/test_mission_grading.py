@@ -11,9 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot_agent.text.sentence import Sentence, said
-from msbot_school.faults.kinds import KINDS
+from msbot_school.faults.fault_kinds import KINDS
 from msbot_school.missions.grading import Grade, grade
-from msbot_school.missions.mission import REPAIRS, DrawnFault, Fact, Mission, What, contradict, drawn, facts_from_json
+from msbot_school.missions.mission import (
+    REPAIRS,
+    DrawnFault,
+    Mission,
+    MissionEvent,
+    MissionEventKind,
+    contradict,
+    drawn,
+    events_from_json,
+)
 from msbot_school.missions.mission_file import load_mission, parse_mission, ready_mission, ready_missions
 from msbot_school.missions.mission_run import MOST_ANSWERS, MOST_FACTS, MissionRun
 from msbot_school.missions.recorded_missions import PlayedMission, grade_json, played_from_json
@@ -201,13 +210,13 @@ def test_guessing_and_noise_have_an_end() -> None:
     assert len(run.facts) == MOST_FACTS
     assert run.left_out > 50
     run.end("its time is over", 190.0)
-    assert run.facts[-1].what is What.ENDED, "the end is always noted"
+    assert run.facts[-1].what is MissionEventKind.ENDED, "the end is always noted"
 
 
 FACTS = st.builds(
-    Fact,
+    MissionEvent,
     st.floats(0, 300),
-    st.sampled_from(What),
+    st.sampled_from(MissionEventKind),
     st.sampled_from(["", "Bo"]),
     st.sampled_from([1, 2]),
     st.sampled_from(["fan", "knob", ""]),
@@ -216,9 +225,9 @@ FACTS = st.builds(
 
 
 @given(st.lists(FACTS, max_size=30))
-def test_marks_are_within_bounds_and_the_same_for_the_same_notes(facts: list[Fact]) -> None:
+def test_marks_are_within_bounds_and_the_same_for_the_same_notes(facts: list[MissionEvent]) -> None:
     mission = parse_mission(TWO, "two.toml")
-    facts = [fact for fact in facts if fact.what is not What.REPAIRED]
+    facts = [fact for fact in facts if fact.what is not MissionEventKind.REPAIRED]
     found = grade(mission, drawn(mission, 1), facts)
     assert 0 <= found.marks <= found.of <= 24
     assert grade(mission, drawn(mission, 1), facts) == found
@@ -235,7 +244,7 @@ def test_a_played_mission_survives_json_with_its_sentences() -> None:
     assert isinstance(again.facts[-1].text, Sentence)
     for bad in ({}, {"at_s": "x"}, {**run.facts[0].as_json(), "what": "explode"}):
         with pytest.raises(RemoteProtocolError):
-            facts_from_json([bad])
+            events_from_json([bad])
     with pytest.raises(RemoteProtocolError):
         played_from_json({"number": "one"})
 
@@ -279,7 +288,7 @@ def test_every_kind_has_a_ready_mission_of_its_own_and_a_repair() -> None:
 
 def played_with(mission: Mission, answers: Callable[[DrawnFault], list[tuple[str, str]]]) -> PlayedMission:
     """A mission in which each fault is mended, and before that people have said something of it."""
-    notes: list[Fact] = []
+    notes: list[MissionEvent] = []
     run = MissionRun(mission, drawn(mission, 7), "Ada", 0.0, on_fact=notes.append)
     for task, number in zip(mission.tasks, range(1, 99), strict=False):
         if task.until:
@@ -298,7 +307,7 @@ def played_with(mission: Mission, answers: Callable[[DrawnFault], list[tuple[str
         run.fault_over(fault.number, 15.0, "mended", is_mended=False)
     run.end(run.why_over(16.0) or said("its time is over"), 16.0)
     written = json.loads(json.dumps([fact.as_json() for fact in notes]))  # as the recorder has them
-    return PlayedMission(1, mission, 7, 1, tuple(facts_from_json(written)))
+    return PlayedMission(1, mission, 7, 1, tuple(events_from_json(written)))
 
 
 @pytest.mark.parametrize("name", ready_missions())

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from msbot_agent.link import DisturbedLink
-from msbot_school.faults.kinds import KINDS
-from msbot_school.missions.mission import REPAIRS, What, drawn
+from msbot_school.faults.fault_kinds import KINDS
+from msbot_school.missions.mission import REPAIRS, MissionEventKind, drawn
 from msbot_school.missions.mission_file import parse_mission, ready_missions
 from msbot_school.missions.mission_lab import MissionLab
 from msbot_school.missions.recorded_missions import played_from_json
@@ -219,7 +219,7 @@ async def who_plugs_in_has_mended(played: Played) -> None:
     assert found.looked_by == "Ada"
     assert (found.faults[0].mended_how, found.faults[0].mended_by) == ("", "Cleo")
     assert (found.faults[0].marks, found.of) == (3.0, 10.0), "what was looked up brings nothing, mending does"
-    states = [fact.word for fact in report.facts if fact.what is What.STATE and fact.slot == "fan"]
+    states = [fact.word for fact in report.facts if fact.what is MissionEventKind.STATE and fact.slot == "fan"]
     assert states[:3] == ["active", "late", "lost"]
     await played.stage.quiet()
 

@@ -18,7 +18,7 @@ from msbot.recording.recordings.reading import RecordingReader
 from msbot_school.cli.mission import command
 from msbot_school.demo import DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_school.missions.mission import What
+from msbot_school.missions.mission import MissionEventKind
 from msbot_school.missions.mission_lab import MissionLab
 from msbot_school.missions.recorded_missions import TOPIC, PlayedMission, grade_json, played_in
 from msbot_web.language import languages
@@ -76,7 +76,7 @@ def test_it_brings_the_same_marks(recorded: tuple[Path, PlayedMission]) -> None:
     grade = found.grade()
     assert grade.reason == "everything is found and done"
     assert (grade.marks, grade.of) == (12 - 3, 12), "two wrong answers and a hint; the answers were looked up too late"
-    assert [fact.word for fact in found.facts if fact.what is What.STATE and fact.slot == "BB"][:3] == [
+    assert [fact.word for fact in found.facts if fact.what is MissionEventKind.STATE and fact.slot == "BB"][:3] == [
         "active",
         "late",
         "lost",

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_school.faults.kinds import NumberCondition, StateCondition
+from msbot_school.faults.fault_kinds import NumberCondition, StateCondition
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.conditions import (
     Condition,
+    CurrentState,
     Exists,
-    Holder,
+    HeldBy,
     MovedBy,
-    Now,
     RotatedBy,
     SettingIs,
     Stopped,
-    Was,
+    WasInState,
     Wired,
 )
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
-from msbot_school.lessons.run import LessonRun
+from msbot_school.lessons.lesson_run import LessonRun
 from tests.lessons.made_up_robot import Robot
 
 LOOK_S = 0.25
@@ -32,13 +32,13 @@ SHORT_OF = {">": 0.0, ">=": -1.0, "<": 0.0, "<=": 1.0, "=": 1.0}
 def let(robot: Robot, condition: Condition, phase: int, *, is_so: bool) -> None:
     """Make the robot such that a condition holds, or just not."""
     match condition:
-        case Now(plain=StateCondition(slot=slot, wanted=wanted)):
+        case CurrentState(plain=StateCondition(slot=slot, wanted=wanted)):
             robot.states[slot] = wanted if is_so else "late" if wanted != "late" else "active"
-        case Was(slot=slot, wanted=wanted):
+        case WasInState(slot=slot, wanted=wanted):
             if is_so and phase % 2 == (wanted == "late"):  # two states of one slot take turns
                 robot.states[slot] = wanted
             robot.states.setdefault(slot, "active")
-        case Now(plain=NumberCondition(source=source, operator=sign, limit=limit)):
+        case CurrentState(plain=NumberCondition(source=source, operator=sign, limit=limit)):
             step = 0.01 * abs(limit) + 1e-6
             robot.numbers[source] = limit + step * (BEYOND if is_so else SHORT_OF)[sign]
         case MovedBy(source=source, width=width):
@@ -50,7 +50,7 @@ def let(robot: Robot, condition: Condition, phase: int, *, is_so: bool) -> None:
             robot.wires.add((source, target) if is_so else (target, source))
         case SettingIs(slot=slot, name=name, operator=sign, value=value):
             robot.settings[slot, name] = f"{float(value) + 0.01 * (BEYOND if is_so else SHORT_OF)[sign]:.6f}"
-        case Holder(slot=slot, part=""):
+        case HeldBy(slot=slot, part=""):
             robot.parts[slot] = "the first" if phase == 0 or not is_so else "another"
         case Exists(kind="type", name=name):
             (robot.types.add if is_so else robot.types.discard)(name)

@@ -12,7 +12,7 @@ from msbot_agent.toml.problems import FoundProblems
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.conditions import EXAMPLES, read_lesson_condition
 from msbot_school.lessons.lesson import Lesson, LessonCheck
-from msbot_school.lessons.reading import read_lesson
+from msbot_school.lessons.lesson_reader import read_lesson
 from msbot_xrce.errors import ConfigError
 
 HEAD = '+++\ntitle = "T"\nrobot = "rover"\n+++\n'

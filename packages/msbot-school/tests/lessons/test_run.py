@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from msbot.registry.lesson_ticks import Tick
 from msbot_school.lessons.conditions import read_lesson_condition
 from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
+from msbot_school.lessons.lesson_run import LessonRun
 from msbot_school.lessons.progress import csv_of, progress_of
-from msbot_school.lessons.run import LessonRun
 from msbot_xrce.errors import ConfigError
 from tests.lessons.made_up_robot import Robot
 

@@ -12,8 +12,8 @@ from msbot.operations.rights import Asker, Role
 from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.doing import Doing
+from msbot_school.lessons.lesson_run import NOBODY, Hand, LessonRun
 from msbot_school.lessons.progress import csv_of, progress_of
-from msbot_school.lessons.run import NOBODY, Hand, LessonRun
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
 from tests.lessons.made_up_robot import Robot
 from tests.lessons.test_run import check, run

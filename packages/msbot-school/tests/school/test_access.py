@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot_school.classroom import access as kept
-from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile, page_address
+from msbot_school.classroom import remote_access as kept
+from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile, page_address
 from msbot_xrce.errors import ConfigError
 
 ONE = RemoteAccess("http://10.0.0.2:8080", "msbot_secret", "ROVER", "X2")

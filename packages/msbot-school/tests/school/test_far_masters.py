@@ -16,7 +16,7 @@ from socket import SHUT_RDWR, create_server, socket
 
 import pytest
 
-from msbot_school.classroom.access import RemoteAccess
+from msbot_school.classroom.remote_access import RemoteAccess
 from msbot_school.classroom.remote_masters import (
     Answer,
     ParallelRequest,
@@ -28,7 +28,7 @@ from msbot_school.classroom.remote_masters import (
     read_status,
     say_stop,
 )
-from msbot_school.cli.classroom.joining import _agreed_certificate
+from msbot_school.cli.classroom.access_commands import _agreed_certificate
 from msbot_xrce.errors import ConfigError, DatabaseBusy
 from tests.certificate import Certificate
 

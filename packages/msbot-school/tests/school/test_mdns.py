@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot_school.classroom.mdns import LONGEST, check_class_name, heard
+from msbot_school.classroom.mdns import LONGEST, check_class_name, parse_announcement
 from msbot_xrce.errors import ConfigError
 from tests.e2e.prepared import NETWORK
 from tests.e2e.processes import Process, run
@@ -27,9 +27,9 @@ TEXTS = {b"robot": b"ROVER", b"serial": b"7", b"version": b"1", b"class": b"7B",
 
 
 def test_what_is_heard_is_told() -> None:
-    (one,) = heard(TEXTS, 8080, ["fe80::1", "127.0.0.1", "10.0.0.2"])
+    (one,) = parse_announcement(TEXTS, 8080, ["fe80::1", "127.0.0.1", "10.0.0.2"])
     assert (one.robot, one.serial_number, one.class_name, one.address) == ("ROVER", "7", "7B", "http://10.0.0.2:8080")
-    (sealed,) = heard({**TEXTS, b"tls": b"1"}, 443, ["10.0.0.2"])
+    (sealed,) = parse_announcement({**TEXTS, b"tls": b"1"}, 443, ["10.0.0.2"])
     assert sealed.address == "https://10.0.0.2:443"
 
 
@@ -46,12 +46,12 @@ def test_what_is_heard_is_told() -> None:
 def test_what_leads_nowhere_is_left_out(
     texts: dict[bytes, bytes | None], port: int | None, addresses: list[str]
 ) -> None:
-    assert list(heard(texts, port, addresses)) == []
+    assert list(parse_announcement(texts, port, addresses)) == []
 
 
 @given(st.dictionaries(st.sampled_from(sorted(TEXTS)), st.none() | st.binary(max_size=300)))
 def test_anything_may_be_said_and_what_is_shown_is_short_and_printable(texts: dict[bytes, bytes | None]) -> None:
-    for one in heard(texts, 8080, ["10.0.0.2"]):
+    for one in parse_announcement(texts, 8080, ["10.0.0.2"]):
         for shown in (one.robot, one.serial_number, one.version, one.class_name):
             assert shown.isprintable()
             assert len(shown) <= LONGEST

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_school.classroom.rollout_run import MOST_ROLLOUTS, RolledOut, RollOutLog
+from msbot_school.classroom.rollout_run import MOST_ROLLOUTS, RolledOutChange, RollOutLog
 from msbot_xrce.errors import ConfigError
 
 
@@ -17,8 +17,8 @@ def test_roll_outs_are_remembered_as_they_are_made_and_not_for_ever(tmp_path: Pa
     assert book.last() is None
     for number in range(MOST_ROLLOUTS + 5):
         at = book.begin(f"{number}.toml")
-        book.note(at, RolledOut("R", "1", "robot.db", number))
-    one, two = RolledOut("R", "1", "robot.db", number), RolledOut("R", "2", "robot.db", 9)
+        book.note(at, RolledOutChange("R", "1", "robot.db", number))
+    one, two = RolledOutChange("R", "1", "robot.db", number), RolledOutChange("R", "2", "robot.db", 9)
     book.note(at, two)
     entries = json.loads((tmp_path / "rollouts.json").read_text())
     assert len({entry["at"] for entry in entries}) == MOST_ROLLOUTS
@@ -47,6 +47,6 @@ def test_two_roll_outs_at_the_same_time_lose_nothing_of_each_other(tmp_path: Pat
     with ThreadPoolExecutor(4) as threads:
         for edit in range(20):
             for book, at in zip((first, second), ats, strict=True):
-                threads.submit(book.note, at, RolledOut("R", "1", "robot.db", edit))
+                threads.submit(book.note, at, RolledOutChange("R", "1", "robot.db", edit))
     entries = json.loads((tmp_path / "rollouts.json").read_text())
     assert [sorted(one["edit"] for one in entry["done"]) for entry in entries] == [list(range(20))] * 2

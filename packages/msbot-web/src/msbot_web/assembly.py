@@ -23,23 +23,23 @@ from msbot_agent.space import SpaceAddress
 from msbot_school.lessons.lesson_controller import LessonController
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.clocks import since_boot_s
-from msbot_web.access.kept_sessions import session_file
+from msbot_web.access.session_file import session_file
 from msbot_web.access.users import MemoryUsers, UserStore
 from msbot_web.api.models import Robot
-from msbot_web.cards import stop_state
-from msbot_web.examining import Examining
-from msbot_web.frames import FrameRing
-from msbot_web.learning import Learning
-from msbot_web.live import Live
+from msbot_web.doctor_service import DoctorService
+from msbot_web.frame_ring import FrameRing
+from msbot_web.lessons_view import LessonsView
+from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMasters
+from msbot_web.model_builder import BusMeter, ModelBuilder
 from msbot_web.programs.programs import RegistryProgramStore
-from msbot_web.records import RegistryUsers, no_records, registry_records
 from msbot_web.server import WebServer, WebSettings
 from msbot_web.service import Service
 from msbot_web.simulated.controls import SimulatedControls
 from msbot_web.simulated.simulated_part_controls import SimulatedPartControls
+from msbot_web.slot_cards import stop_state
+from msbot_web.stored_data import RegistryUsers, no_stored_data, registry_data
 from msbot_web.timeline import Timeline
-from msbot_web.views import BusMeter, Views
 from msbot_xrce.lazy import dataclass
 
 SESSIONS_S = 1.0
@@ -112,11 +112,11 @@ class RobotPages:
         clock = asyncio.get_running_loop().time
         timeline = Timeline()
         master.inventory.on_event(timeline.note)
-        self._views = Views(
+        self._views = ModelBuilder(
             master,
             blueprint=lambda: master.blueprint if database is None else database.memory.blueprint,
             library=library,
-            live=Live(master.space, self._class_of, clock),
+            live=LiveValues(master.space, self._class_of, clock),
             frames=seen.frames,
             timeline=timeline,
             bench=seen.bench or SimulatedPartControls(operations.stand_ins),
@@ -144,9 +144,9 @@ class RobotPages:
             accounts.entry_token()
         describe = _describer(master, operations)
         records = (
-            no_records(describe)
+            no_stored_data(describe)
             if database is None
-            else registry_records(
+            else registry_data(
                 database.registry, database.robot, operations, lambda: self._views.library, address=database.address
             )
         )
@@ -158,11 +158,11 @@ class RobotPages:
             robot=describe,
             clock=clock,
             programs=None if database is None else RegistryProgramStore(database.registry),
-            doctor=Examining(partial(self._patient, master, database), clock),
+            doctor=DoctorService(partial(self._patient, master, database), clock),
             figures=self._read_figures,
             arena=seen.arena,
             neighbours=LocalMasters.of_group(lambda: master.stop_group),
-            learning=Learning(lessons, None if database is None else database.registry, accounts),
+            learning=LessonsView(lessons, None if database is None else database.registry, accounts),
         )
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)

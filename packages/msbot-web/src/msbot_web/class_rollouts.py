@@ -23,13 +23,20 @@ from msbot.process.persistent_worker import PersistentWorker
 from msbot.process.worker_pool import WorkLimits
 from msbot.registry.records import database_identity
 from msbot_agent.text.sentence import said
-from msbot_school.classroom.access import RemoteAccessFile
-from msbot_school.classroom.class_robots import ClassRobot, Read, class_robots
+from msbot_school.classroom.class_robots import ClassRobot, DatabaseReader, class_robots
+from msbot_school.classroom.remote_access import RemoteAccessFile
 from msbot_school.classroom.rollout import RollOut, RollOutPlan, blueprint_of, plan_for, undo_job
-from msbot_school.classroom.rollout_run import Remembered, RobotJob, RobotStep, RolledOut, RollOutLog, RollOutRun
+from msbot_school.classroom.rollout_run import (
+    RobotJob,
+    RobotStep,
+    RolledOutChange,
+    RollOutEntry,
+    RollOutLog,
+    RollOutRun,
+)
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
-from msbot_web.records import Records
+from msbot_web.stored_data import StoredData
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -51,7 +58,7 @@ RobotKey = tuple[str, str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class ChosenBlueprint:
     """The blueprint that many robots shall have."""
 
     source: str
@@ -81,14 +88,14 @@ class ClassRollOuts:
 
     def __init__(
         self,
-        records: Records,
+        records: StoredData,
         accounts: Accounts,
         library: Callable[[], Library],
         clock: Callable[[], float],
         *,
         accesses: RemoteAccessFile | None = None,
         book: RollOutLog | None = None,
-        read: Read | None = None,
+        read: DatabaseReader | None = None,
     ) -> None:
         self._records = records
         self._accounts = accounts
@@ -102,22 +109,22 @@ class ClassRollOuts:
         self._databases = PersistentWorker(WorkLimits())
         self._comparing = 0
         self._is_beginning = False
-        self._last: tuple[float, Remembered | None] | None = None
+        self._last: tuple[float, RollOutEntry | None] | None = None
         self.run: RollOutRun | None = None
         """The latest one that this master has begun."""
 
     # Seeing
 
-    async def pattern(self, session: Session, name: str, toml: str) -> Pattern:
+    async def pattern(self, session: Session, name: str, toml: str) -> ChosenBlueprint:
         """The blueprint of a file.
 
         Raises:
             ConfigError: it is wrong; the text says where.
         """
         self._accounts.require(session, Right.DESIGN)
-        return Pattern(name, await self._records.parse(toml))
+        return ChosenBlueprint(name, await self._records.parse(toml))
 
-    async def pattern_of(self, session: Session, robot: RobotKey) -> Pattern:
+    async def pattern_of(self, session: Session, robot: RobotKey) -> ChosenBlueprint:
         """The blueprint that is in force in a robot of the class.
 
         Raises:
@@ -128,9 +135,9 @@ class ClassRollOuts:
         (found,) = await self._chosen([robot])
         self._accounts.require(session, self._right(found))
         toml = await self._aside(blueprint_of, found, self._reader())
-        return Pattern(found.words, await self._records.parse(toml), robot)
+        return ChosenBlueprint(found.words, await self._records.parse(toml), robot)
 
-    async def plan(self, session: Session, pattern: Pattern, robots: Collection[RobotKey]) -> list[RollOutPlan]:
+    async def plan(self, session: Session, pattern: ChosenBlueprint, robots: Collection[RobotKey]) -> list[RollOutPlan]:
         """What it would change in each of these robots; nothing is changed.
 
         Raises:
@@ -149,7 +156,7 @@ class ClassRollOuts:
         finally:
             self._comparing -= 1
 
-    async def last(self, session: Session) -> Remembered | None:
+    async def last(self, session: Session) -> RollOutEntry | None:
         """The latest roll-out of which something can be taken back, whoever began it, here or in a terminal."""
         self._accounts.require(session, Right.DESIGN)
         if self._last is None or self._clock() - self._last[0] >= REMEMBERED_S:
@@ -158,7 +165,7 @@ class ClassRollOuts:
 
     # Doing
 
-    async def begin(self, session: Session, pattern: Pattern, plans: Sequence[RollOutPlan]) -> RollOutRun:
+    async def begin(self, session: Session, pattern: ChosenBlueprint, plans: Sequence[RollOutPlan]) -> RollOutRun:
         """Change the robots whose plans change something; returns as soon as that has begun.
 
         Raises:
@@ -183,7 +190,7 @@ class ClassRollOuts:
 
         return await self._begin(prepare)
 
-    async def undo(self, session: Session, remembered: Remembered) -> RollOutRun:
+    async def undo(self, session: Session, remembered: RollOutEntry) -> RollOutRun:
         """Take a roll-out back, robot by robot; what was changed again since stays.
 
         Raises:
@@ -199,7 +206,7 @@ class ClassRollOuts:
         def prepare() -> tuple[RollOutRun, Callable[[], None]]:
             robots = self._robots(read)
 
-            def job(change: RolledOut) -> RobotJob:
+            def job(change: RolledOutChange) -> RobotJob:
                 return undo_job(remembered.at, change, robots, session.name, self._book, read=read)
 
             jobs = [job(change) for change in remembered.done]
@@ -257,7 +264,7 @@ class ClassRollOuts:
         is_ours = robot.far is None and bool(robot.database) and self._is_ours(database_identity(robot.database))
         return Right.DESIGN if is_ours else Right.ADMINISTER
 
-    def _right_by(self, change: RolledOut) -> Right:
+    def _right_by(self, change: RolledOutChange) -> Right:
         return Right.DESIGN if self._is_ours(change.database) else Right.ADMINISTER
 
     def _is_ours(self, identity: str) -> bool:
@@ -272,11 +279,11 @@ class ClassRollOuts:
             raise ConfigError(said("not in the class any more: {robots}", robots=", ".join(gone)))
         return [known[key] for key in keys]
 
-    def _robots(self, read: Read) -> list[ClassRobot]:
+    def _robots(self, read: DatabaseReader) -> list[ClassRobot]:
         address = self._records.address
         return class_robots(address or None, self._accesses.all(), path=address, read=read)
 
-    def _reader(self) -> Read:
+    def _reader(self) -> DatabaseReader:
         """Has another process open databases, for threads of ours."""
         if self._read is not None:
             return self._read

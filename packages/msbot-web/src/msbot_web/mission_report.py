@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 from msbot_agent.text.sentence import said
-from msbot_school.faults.kinds import KINDS
+from msbot_school.faults.fault_kinds import KINDS
 from msbot_school.missions.grading import FaultGrade, Grade, place_words
-from msbot_school.missions.mission import REPAIRS, Fact, What
+from msbot_school.missions.mission import REPAIRS, MissionEvent, MissionEventKind
 from msbot_school.missions.recorded_missions import PlayedMission
 from msbot_web.html import Markup, render
 from msbot_web.language import Language, languages
@@ -21,11 +21,11 @@ _STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
 """Seconds between the lines of the time scale."""
 _LIGHT = {STATE_COLOURS[state] for state in ("late", "new", "empty")}
 _MARKS = {
-    What.NAMED: ("#0b6e99", "?"),
-    What.REPAIRED: ("#5a4bb0", "R"),
-    What.HINT: ("#8a5a00", "!"),
-    What.ACT: ("#5b6b78", "A"),
-    What.LOOKED: ("#b3261e", "L"),
+    MissionEventKind.NAMED: ("#0b6e99", "?"),
+    MissionEventKind.REPAIRED: ("#5a4bb0", "R"),
+    MissionEventKind.HINT: ("#8a5a00", "!"),
+    MissionEventKind.ACT: ("#5b6b78", "A"),
+    MissionEventKind.LOOKED: ("#b3261e", "L"),
 }
 """Colour and letter of what people did; the list below says it in words."""
 
@@ -90,13 +90,13 @@ def _fault(one: FaultGrade, language: Language) -> Mapping[str, object]:
     return {"what": what, "found": found, "mended": mended, "marks": one.marks, "of": one.of}
 
 
-def _people(facts: Sequence[Fact]) -> list[str]:
+def _people(facts: Sequence[MissionEvent]) -> list[str]:
     """Who took part, in the order in which they first did something."""
-    doing = (What.NAMED, What.REPAIRED, What.HINT, What.ACT)
+    doing = (MissionEventKind.NAMED, MissionEventKind.REPAIRED, MissionEventKind.HINT, MissionEventKind.ACT)
     return list(dict.fromkeys(fact.who for fact in facts if fact.what in doing and fact.who))
 
 
-def _steps(facts: Sequence[Fact], language: Language) -> list[tuple[str, str, str]]:
+def _steps(facts: Sequence[MissionEvent], language: Language) -> list[tuple[str, str, str]]:
     """(time, who, what) of what people did and of the faults, in their order."""
     found = []
     for fact in facts:
@@ -106,21 +106,21 @@ def _steps(facts: Sequence[Fact], language: Language) -> list[tuple[str, str, st
     return found
 
 
-def _step(fact: Fact) -> str:
+def _step(fact: MissionEvent) -> str:
     match fact.what:
-        case What.BEGAN:
+        case MissionEventKind.BEGAN:
             return said("the mission begins")
-        case What.FAULT_BEGAN:
+        case MissionEventKind.FAULT_BEGAN:
             return said("fault {number} begins", number=fact.number)
-        case What.FAULT_OVER:
+        case MissionEventKind.FAULT_OVER:
             return said("fault {number} is over ({reason})", number=fact.number, reason=fact.text)
-        case What.NAMED | What.REPAIRED | What.ACT:
+        case MissionEventKind.NAMED | MissionEventKind.REPAIRED | MissionEventKind.ACT:
             return fact.text
-        case What.HINT:
+        case MissionEventKind.HINT:
             return said("hint {number}", number=fact.number)
-        case What.LOOKED:
+        case MissionEventKind.LOOKED:
             return said("has looked the answers up")
-        case What.ENDED:
+        case MissionEventKind.ENDED:
             return said("the mission is over ({reason})", reason=fact.text)
         case _:
             return ""
@@ -156,7 +156,9 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
         }
         for one in found.faults
     ]
-    slots = dict.fromkeys([*played.mission.needs, *(one.slot for one in played.facts if one.what is What.NAMED)])
+    slots = dict.fromkeys(
+        [*played.mission.needs, *(one.slot for one in played.facts if one.what is MissionEventKind.NAMED)]
+    )
     for slot in slots:
         if slot:
             lanes.append({"name": shortened(slot, 18), "marks": [], "bars": _states(played.facts, slot, span_s, bar)})
@@ -187,9 +189,9 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
     )
 
 
-def _states(facts: Sequence[Fact], slot: str, span_s: float, bar: object) -> list[Mapping[str, object]]:
+def _states(facts: Sequence[MissionEvent], slot: str, span_s: float, bar: object) -> list[Mapping[str, object]]:
     assert callable(bar)
-    states = [fact for fact in facts if fact.what is What.STATE and fact.slot == slot]
+    states = [fact for fact in facts if fact.what is MissionEventKind.STATE and fact.slot == slot]
     ends = [*(fact.at_s for fact in states[1:]), span_s]
     return [
         bar(fact.at_s, end, STATE_COLOURS.get(fact.word, "#666"), said(fact.word))

@@ -17,7 +17,7 @@ MOST_PLACES = 64
 """Places in the code that are remembered."""
 
 
-class OncePerPlace(logging.Filter):
+class RepeatedErrorFilter(logging.Filter):
     """Lets the same error from the same place through once in `SAY_S`."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -47,11 +47,11 @@ class OncePerPlace(logging.Filter):
         return True
 
 
-def say_errors_once() -> None:
+def log_errors_once() -> None:
     """Have NiceGUI's log do so."""
     log = logging.getLogger("nicegui")
-    if not any(isinstance(one, OncePerPlace) for one in log.filters):
-        log.addFilter(OncePerPlace())
+    if not any(isinstance(one, RepeatedErrorFilter) for one in log.filters):
+        log.addFilter(RepeatedErrorFilter())
 
 
 def _place_of(error: BaseException) -> tuple[str, str, int]:

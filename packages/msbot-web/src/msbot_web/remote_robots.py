@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from itertools import chain
 
 from msbot.process.daemon_threads import DaemonThreads
-from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.class_robots import ClassRobot, RemoteRobot, far_robots
+from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.remote_masters import (
     LOOK_S,
     STOP_S,

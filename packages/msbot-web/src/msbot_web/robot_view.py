@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from msbot_agent.text.sentence import said
-from msbot_web.api.bus_lines import BusFigures, FrameLine
+from msbot_web.api.bus_models import BusFigures, FrameLine
 from msbot_web.api.models import Robot, SlotCard, TopicLine, WirePort
-from msbot_web.past_robot import Moment
+from msbot_web.recorded_snapshot import RecordedSnapshot
 from msbot_xrce.errors import NotThere
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class LiveRobotView:
 class PastRobotView:
     """The robot at a moment of the past."""
 
-    def __init__(self, moment: Moment) -> None:
+    def __init__(self, moment: RecordedSnapshot) -> None:
         self._moment = moment
 
     def robot(self) -> Robot:

@@ -31,24 +31,24 @@ from msbot_agent.log import write_by_root_alone
 from msbot_agent.pace import ConnectionPace, ProtocolAcceptor
 from msbot_agent.text.given_file import LARGEST_PEM, read_given
 from msbot_agent.text.sentence import said
-from msbot_web.access.guard import ANY_ADDRESS, STOP_PATH, AccessGuard, cookie_names
-from msbot_web.access.proxies import BehindProxies, Proxies
+from msbot_web.access.access_middleware import ANY_ADDRESS, STOP_PATH, AccessMiddleware, cookie_names
+from msbot_web.access.reverse_proxies import ProxyHeadersMiddleware, TrustedProxies
 from msbot_web.access.sign_in_pages import make_forms
+from msbot_web.api.exception_handlers import add_exception_handlers
 from msbot_web.api.lazy_routes import LazyRoutes
-from msbot_web.api.problems import tell_problems
-from msbot_web.api.stop_call import make_stop_api
-from msbot_web.call_pace import CallPace
-from msbot_web.connections import HEAD_S, RESERVED, Connections, WatchedConnection
+from msbot_web.api.stop_route import make_stop_api
+from msbot_web.api_rate_limit import ApiRateLimit
+from msbot_web.connection_limits import HEAD_S, RESERVED, ConnectionLimits, LimitedConnection
 from msbot_web.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.known_addresses import KnownAddresses
-from msbot_web.nicegui_internals.application import LOGGER, LateWebSocket, serve_pages, set_ping, websocket_protocol
+from msbot_web.nicegui_internals.application import LOGGER, LazyWebSocket, serve_pages, set_ping, websocket_protocol
 from msbot_web.nicegui_internals.open_pages import OpenPages
+from msbot_web.nicegui_internals.page_admission import PageAdmission
 from msbot_web.nicegui_internals.page_sockets import PageSockets
-from msbot_web.nicegui_internals.page_turns import PageAdmission
-from msbot_web.page_errors import say_errors_once
+from msbot_web.page_errors import log_errors_once
 from msbot_web.pages import register_pages
 from msbot_web.pages.help import picture_answer
-from msbot_web.part_socket import PartSocket
+from msbot_web.part_websocket import PartWebSocket
 from msbot_web.programs.browser_files import add_browser_files
 from msbot_web.service import Service
 from msbot_xrce.counting import Tally
@@ -109,9 +109,9 @@ class _Server(uvicorn.Server):
         write_by_root_alone()  # uvicorn, socket.io and engine.io bring handlers of their own
         self.ready.set()
 
-    def connection(self, connections: Connections) -> WatchedConnection:
+    def connection(self, connections: ConnectionLimits) -> LimitedConnection:
         """A new connection's protocol."""
-        return WatchedConnection(connections, self.config, self.server_state, self.lifespan.state)
+        return LimitedConnection(connections, self.config, self.server_state, self.lifespan.state)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -132,8 +132,8 @@ class WebServer:
     def __init__(self, service: Service, settings: WebSettings) -> None:
         self._service = service
         self._known = KnownAddresses()
-        self._proxies = Proxies(settings.proxies)
-        self.connections = Connections(is_shared=self._proxies.trusts)
+        self._proxies = TrustedProxies(settings.proxies)
+        self.connections = ConnectionLimits(is_shared=self._proxies.trusts)
         self._tls = None if settings.certificate is None else _tls_context(settings.certificate, settings.key)
         self._socket = _bind(settings)
         self.host = settings.host
@@ -222,10 +222,10 @@ class WebServer:
         cookies = cookie_names(self.mark)
         app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
         app.include_router(make_stop_api(service))
-        app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_late_routes, service), but=STOP_PATH)
+        app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_lazy_routes, service), but=STOP_PATH)
         add_browser_files(app)
-        app.router.routes.append(PartSocket(self.parts, service.accounts).route())
-        tell_problems(app)
+        app.router.routes.append(PartWebSocket(self.parts, service.accounts).route())
+        add_exception_handlers(app)
         app.mount("/web", StaticFiles(directory=STATIC), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)
         register_pages(service)
@@ -238,9 +238,9 @@ class WebServer:
             failed=_failed,
         )
         pages = OpenPages(service.accounts)
-        say_errors_once()
-        guard = AccessGuard(
-            CallPace(PageSockets(PageAdmission(app)), LATE_PATHS, STOP_PATH, time.monotonic),
+        log_errors_once()
+        guard = AccessMiddleware(
+            ApiRateLimit(PageSockets(PageAdmission(app)), LATE_PATHS, STOP_PATH, time.monotonic),
             service.accounts,
             _names_of(settings),
             cookies=cookies,
@@ -251,23 +251,23 @@ class WebServer:
             signed_in=self._known.note,
         )
         return uvicorn.Config(
-            BehindProxies(guard, self._proxies),
+            ProxyHeadersMiddleware(guard, self._proxies),
             log_config=None,  # its own handlers would write past the robot's, which bounds what strangers can cause
             log_level="warning",
             access_log=False,
             server_header=False,
             lifespan="on",
             timeout_graceful_shutdown=1,
-            proxy_headers=False,  # `BehindProxies` reads them
-            ws=LateWebSocket,
+            proxy_headers=False,  # `ProxyHeadersMiddleware` reads them
+            ws=LazyWebSocket,
             ws_max_size=MAX_MESSAGE,
             ws_max_queue=MOST_MESSAGES,
         )
 
 
-def _late_routes(service: Service) -> list[BaseRoute]:
+def _lazy_routes(service: Service) -> list[BaseRoute]:
     websocket_protocol()  # the first page asks for one next
-    from msbot_web.api.admin import make_admin_api, make_metrics
+    from msbot_web.api.admin_routes import make_admin_api, make_metrics
     from msbot_web.api.operation_routes import brought_routers
     from msbot_web.api.routes import make_api
 

@@ -18,13 +18,13 @@ from msbot.registry import EditRecord
 from msbot.sim.arena.running_arena import RunningArena
 from msbot_agent.text.sentence import counted, said
 from msbot_web.access.accounts import Accounts, NotAllowed
-from msbot_web.access.class_list import Newcomer
-from msbot_web.access.passes import TicketCodes
+from msbot_web.access.class_list import NewAccount
 from msbot_web.access.sessions import Session
+from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.access.users import User
 from msbot_web.api.models import (
     BlueprintDiff,
-    Done,
+    ChangeResult,
     EditLine,
     JournalLine,
     Me,
@@ -35,16 +35,16 @@ from msbot_web.api.models import (
     Value,
 )
 from msbot_web.arena_view import ArenaView
-from msbot_web.examining import Examining
-from msbot_web.learning import Learning
+from msbot_web.class_controller import ClassController
+from msbot_web.doctor_service import DoctorService
+from msbot_web.lessons_view import LessonsView
 from msbot_web.local_masters import LocalMasters
-from msbot_web.past import RecordedPast
+from msbot_web.model_builder import ModelBuilder
 from msbot_web.programs.programs import NoProgramStore, ProgramActions, ProgramStore
-from msbot_web.pupils import ClassController
-from msbot_web.records import Backup, Records
+from msbot_web.recorded_past import RecordedPast
 from msbot_web.remote_robots import RemoteRobots
 from msbot_web.simulated.held_controls import HeldControls
-from msbot_web.views import Views
+from msbot_web.stored_data import BackupDownload, StoredData
 from msbot_web.whole_class import WholeClass
 from msbot_xrce.errors import ConfigError, NotThere
 
@@ -81,18 +81,18 @@ class Service:
     def __init__(
         self,
         *,
-        views: Views,
+        views: ModelBuilder,
         operations: RunningOperations,
         accounts: Accounts,
-        records: Records,
+        records: StoredData,
         robot: Callable[[], Robot],
         clock: Callable[[], float],
         neighbours: LocalMasters | None = None,
         programs: ProgramStore | None = None,
-        doctor: Examining | None = None,
+        doctor: DoctorService | None = None,
         figures: Callable[[], MomentFigures] | None = None,
         arena: RunningArena | None = None,
-        learning: Learning | None = None,
+        learning: LessonsView | None = None,
         far: RemoteRobots | None = None,
     ) -> None:
         self.views = views
@@ -122,7 +122,7 @@ class Service:
         )
         """What the recorder has."""
         self.arena = ArenaView(arena)
-        self.learning = learning or Learning(None, None, accounts)
+        self.learning = learning or LessonsView(None, None, accounts)
         accounts.on_gone(operations.acts.forget)
         accounts.on_gone(self.learning.forget)
         shelf = programs or NoProgramStore()
@@ -245,7 +245,7 @@ class Service:
 
     def operate(
         self, session: Session, slot: str, control: str, value: Scalar, *, on_page: object | None = None
-    ) -> Done:
+    ) -> ChangeResult:
         """Do something to a simulated part; what is held by a page is let go when that is gone (`let_go`)."""
         self._need(session, Right.OPERATE)
         places = self._check_simulated(session, slot)
@@ -254,9 +254,9 @@ class Service:
         by = (session.holder,) if on_page is None else (session.holder, on_page)
         if self._held.operated("" if session.may(Right.ARRANGE) else session.name, by, slot, control, value):
             self.operations.pupils.drives(session.name)
-        return Done(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
+        return ChangeResult(words=said("{slot}: {control} is {value}", slot=slot, control=control, value=value))
 
-    def plug(self, session: Session, slot: str, *, plugged: bool) -> Done:
+    def plug(self, session: Session, slot: str, *, plugged: bool) -> ChangeResult:
         """Plug a simulated part in, or pull it out."""
         self._need(session, Right.OPERATE)
         places = self._check_simulated(session, slot)
@@ -268,7 +268,7 @@ class Service:
             self._held.end_at(slot)
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         self.operations.acts.note(session.name, places)
-        return Done(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
+        return ChangeResult(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
 
     def let_go(self, page: object) -> None:
         """Nobody holds anything with that page any more: it is closed, or its connection is lost."""
@@ -306,7 +306,7 @@ class Service:
 
     # Doing: teachers
 
-    async def apply_blueprint(self, session: Session, toml: str) -> Done:
+    async def apply_blueprint(self, session: Session, toml: str) -> ChangeResult:
         """Make the robot what another blueprint says."""
         self._need(session, Right.DESIGN)
         _check_size(toml)
@@ -317,18 +317,18 @@ class Service:
         self._need(session, Right.ARRANGE)
         return await self._the_doctor().examine(anew=anew)
 
-    async def mend(self, session: Session, finding: Finding) -> Done:
+    async def mend(self, session: Session, finding: Finding) -> ChangeResult:
         """Mend what the doctor has found, where that can be taken back or only adds a file."""
         mending = finding.mending
         if mending is None:
             raise ConfigError(said("this cannot be mended from here: {command}", command=finding.mend))
         if mending.name == BACKUP:
             self._need(session, Right.ADMINISTER)
-            return Done(words=await self._the_doctor().back_up())
+            return ChangeResult(words=await self._the_doctor().back_up())
         self._need(session, Right.ARRANGE)
         return done_of(await self.operations.do(mending.name, who=self.asker(session), **mending.arguments))
 
-    def _the_doctor(self) -> Examining:
+    def _the_doctor(self) -> DoctorService:
         if self._doctor is None:
             raise ConfigError(said("nobody examines this robot"))
         return self._doctor
@@ -340,30 +340,30 @@ class Service:
         self._need(session, Right.ADMINISTER)
         return [_user_line(user) for user in self.accounts.users()]
 
-    async def add_user(self, session: Session, name: str, role: str, password: str) -> Done:
+    async def add_user(self, session: Session, name: str, role: str, password: str) -> ChangeResult:
         """Let a person sign in."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.add_user(name, role_named(role), password, who=session.name)
-        return Done(words=said("{name} can sign in as {role}", name=name, role=said(role)))
+        return ChangeResult(words=said("{name} can sign in as {role}", name=name, role=said(role)))
 
-    async def add_people(self, session: Session, people: Sequence[Newcomer]) -> Done:
+    async def add_people(self, session: Session, people: Sequence[NewAccount]) -> ChangeResult:
         """Let a whole class sign in: all of them, or nobody."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.add_people(people, who=session.name)
-        return Done(words=counted(len(people), "{count} person can sign in", "{count} people can sign in"))
+        return ChangeResult(words=counted(len(people), "{count} person can sign in", "{count} people can sign in"))
 
     async def people_edits(self, session: Session, limit: int) -> list[EditLine]:
         """What was changed about people and keys, newest first."""
         self._need(session, Right.ADMINISTER)
         return [_edit_line(edit) for edit in await self._records.people_edits(limit)]
 
-    async def change_role(self, session: Session, name: str, role: str) -> Done:
+    async def change_role(self, session: Session, name: str, role: str) -> ChangeResult:
         """Give a user another role."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.change_role(name, role, who=session.name)
-        return Done(words=said("{name} is {role} now", name=name, role=role_named(role).one))
+        return ChangeResult(words=said("{name} is {role} now", name=name, role=role_named(role).one))
 
-    async def change_password(self, session: Session, name: str, password: str, old: str | None) -> Done:
+    async def change_password(self, session: Session, name: str, password: str, old: str | None) -> ChangeResult:
         """Give a user another password; everybody may change their own, and has to say the old one.
 
         Raises:
@@ -376,13 +376,15 @@ class Service:
         await self.accounts.change_password(
             name, password, who=session.name, old=(old or "") if is_own else None, browser=session.key
         )
-        return Done(words=said("{name} has a new password; sessions and API tokens of {name} have ended", name=name))
+        return ChangeResult(
+            words=said("{name} has a new password; sessions and API tokens of {name} have ended", name=name)
+        )
 
-    async def remove_user(self, session: Session, name: str) -> Done:
+    async def remove_user(self, session: Session, name: str) -> ChangeResult:
         """Remove a person, who can no longer sign in."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.remove_user(name, who=session.name)
-        return Done(words=said("{name} is removed", name=name))
+        return ChangeResult(words=said("{name} is removed", name=name))
 
     async def new_token(self, session: Session, name: str, purpose: str) -> str:
         """Make an API token for oneself; an administrator makes them for others, too."""
@@ -403,22 +405,22 @@ class Service:
         self._need(session, Right.ARRANGE if is_own else Right.ADMINISTER)
         return await self.accounts.new_ticket(name, purpose, who=session.name)
 
-    async def remove_token(self, session: Session, name: str, purpose: str) -> Done:
+    async def remove_token(self, session: Session, name: str, purpose: str) -> ChangeResult:
         """Make an API token worthless."""
         is_own = name == session.name and not session.guest_of
         self._need(session, Right.SEE if is_own else Right.ADMINISTER)
         await self.accounts.remove_token(name, purpose, who=session.name)
-        return Done(words=said("the token for {purpose} is removed", purpose=purpose))
+        return ChangeResult(words=said("the token for {purpose} is removed", purpose=purpose))
 
-    async def backup(self, session: Session) -> Backup:
+    async def backup(self, session: Session) -> BackupDownload:
         """The whole database in one file, which goes out in pieces."""
         self._need(session, Right.ADMINISTER)
         return await self._records.backup()
 
-    async def restore(self, session: Session, backup: AsyncIterator[bytes]) -> Done:
+    async def restore(self, session: Session, backup: AsyncIterator[bytes]) -> ChangeResult:
         """Go back to a backup, which is stored as it comes in."""
         self._need(session, Right.ADMINISTER)
-        return Done(words=await self._records.restore(backup, session.name))
+        return ChangeResult(words=await self._records.restore(backup, session.name))
 
     # Helpers
 
@@ -452,9 +454,9 @@ def _check_size(toml: str) -> None:
         )
 
 
-def done_of(outcome: Outcome) -> Done:
+def done_of(outcome: Outcome) -> ChangeResult:
     """The outcome of an operation, for page and API."""
-    return Done.model_validate(
+    return ChangeResult.model_validate(
         {"words": outcome.words, "edit": outcome.edit_id, "offers": outcome.answer.get("offers", [])}
     )
 

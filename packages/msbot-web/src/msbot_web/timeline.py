@@ -27,7 +27,7 @@ from msbot.recording.curves.curve import (
 from msbot.recording.curves.reading import units_of
 from msbot.recording.recorder.measuring import Acks, Beats, Lateness
 from msbot_agent.agent import Worst
-from msbot_web.live import HISTORY_S, Live
+from msbot_web.live_values import HISTORY_S, LiveValues
 from msbot_xrce.lazy import dataclass
 
 KEPT_SPANS = 500
@@ -133,7 +133,7 @@ class LiveCurves:
         *,
         blueprint: Callable[[], Blueprint],
         library: Callable[[], Library],
-        live: Live,
+        live: LiveValues,
         timeline: Timeline,
         load_percent: Callable[[], float] | None,
         frames: Callable[[], int],

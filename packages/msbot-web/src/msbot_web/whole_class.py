@@ -26,8 +26,8 @@ from msbot_web.api.class_models import RobotStatus, RobotTile
 from msbot_web.api.models import Robot
 from msbot_web.class_rollouts import ClassRollOuts
 from msbot_web.local_masters import LocalMaster, LocalMasters, StopForAll
-from msbot_web.records import Records
 from msbot_web.remote_robots import RemoteRobots, RemoteStop
+from msbot_web.stored_data import StoredData
 from msbot_xrce.errors import ConfigError
 
 CLASS_S = 2.0
@@ -54,7 +54,7 @@ class WholeClass:
     def __init__(
         self,
         operations: RunningOperations,
-        records: Records,
+        records: StoredData,
         robot: Callable[[], Robot],
         accounts: Accounts,
         *,

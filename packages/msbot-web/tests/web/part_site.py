@@ -20,11 +20,11 @@ from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartState, SlotBinding
 from msbot_agent.link.net import WebSocketClientLink, WebSocketServerLink
 from msbot_agent.pace import ProtocolAcceptor
+from msbot_web.access.access_middleware import AccessMiddleware, CookieNames
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.guard import AccessGuard, CookieNames
 from msbot_web.access.users import MemoryUsers
-from msbot_web.connections import Connections, WatchedConnection
-from msbot_web.part_socket import PartSocket
+from msbot_web.connection_limits import ConnectionLimits, LimitedConnection
+from msbot_web.part_websocket import PartWebSocket
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import MsbotError
 from tests.web.access.test_accounts import PlainHasher, user
@@ -51,7 +51,7 @@ class PartSite:
     """The robot, and whom it lets in."""
 
     def __init__(
-        self, master: Master, accounts: Accounts, link: WebSocketServerLink, guard: AccessGuard, port: int
+        self, master: Master, accounts: Accounts, link: WebSocketServerLink, guard: AccessMiddleware, port: int
     ) -> None:
         self.master = master
         self.accounts = accounts
@@ -105,16 +105,18 @@ async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> Asy
     people = [user("ada"), user("bob", Role.STUDENT), user("eve", Role.STUDENT), user("vic", Role.VIEWER)]
     accounts = Accounts(MemoryUsers(*people), clock=loop.time, hasher=PlainHasher())
     link = WebSocketServerLink("ws:test")
-    app = Starlette(routes=[PartSocket(link, accounts).route()])
-    guard = AccessGuard(app, accounts, ["127.0.0.1"], cookies=CookieNames(), owns=lambda *_: False, beat=lambda: b"{}")
+    app = Starlette(routes=[PartWebSocket(link, accounts).route()])
+    guard = AccessMiddleware(
+        app, accounts, ["127.0.0.1"], cookies=CookieNames(), owns=lambda *_: False, beat=lambda: b"{}"
+    )
     config = uvicorn.Config(guard, log_level="error", lifespan="off", ws_max_size=1024 * 1024)
     config.load()
     master = Master(Blueprint(RobotProfile("R", "1", "2", "", ""), ()), stored or store(slots), random=Random(1))
     master.add_link(link)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.setblocking(False)
-        state, connections = ServerState(), Connections()
-        acceptor = ProtocolAcceptor(listening, lambda: WatchedConnection(connections, config, state, {}), Tally())
+        state, connections = ServerState(), ConnectionLimits()
+        acceptor = ProtocolAcceptor(listening, lambda: LimitedConnection(connections, config, state, {}), Tally())
         running = asyncio.create_task(master.run())
         async with asyncio.timeout(PATIENCE_S):
             await master.ready.wait()

@@ -16,15 +16,15 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
 from msbot_web.api.models import ControlLine, Robot, Scalar
-from msbot_web.frames import FrameRing
-from msbot_web.live import Live
+from msbot_web.frame_ring import FrameRing
+from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMaster, LocalMasters
-from msbot_web.records import registry_records
+from msbot_web.model_builder import ModelBuilder
 from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.service import Service
 from msbot_web.simulated.controls import SimulatedControls
+from msbot_web.stored_data import registry_data
 from msbot_web.timeline import Timeline
-from msbot_web.views import Views
 from msbot_xrce.errors import ConfigError, MsbotError
 from tests.operations.stage import Stage, play
 from tests.web.access.test_accounts import PlainHasher, user
@@ -98,11 +98,11 @@ class Rig:
         stage.master.inventory.on_event(timeline.note)
         library = load_library(folder / "library")
         (record,) = stage.registry.robots.all()
-        self.views = Views(
+        self.views = ModelBuilder(
             stage.master,
             blueprint=lambda: stage.registry.robots.blueprint(record),
             library=library,
-            live=Live(stage.master.space, {"HelloWorld": HelloWorld}.get, clock),
+            live=LiveValues(stage.master.space, {"HelloWorld": HelloWorld}.get, clock),
             frames=self.frames,
             timeline=timeline,
             bench=bench,
@@ -117,7 +117,7 @@ class Rig:
             views=self.views,
             operations=stage.operations,
             accounts=self.accounts,
-            records=registry_records(
+            records=registry_data(
                 stage.registry, record, stage.operations, lambda: library, address=str(folder / "robot.db")
             ),
             robot=self._describe,

@@ -12,7 +12,7 @@ from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import ChangeResult
 from msbot_web.language import languages
 from msbot_web.pages import admin
 from msbot_web.pages.layout import Page
@@ -32,13 +32,13 @@ def test_a_backup_that_is_handed_in_is_seen_being_checked(
         with Client(nicegui_page("/")):
             shown = admin._Backup(Page(rig.service, rig.session(Role.ADMINISTRATOR), languages()["de"]))
 
-            async def restore(_service: Service, _session: Session, backup: AsyncIterator[bytes]) -> Done:
+            async def restore(_service: Service, _session: Session, backup: AsyncIterator[bytes]) -> ChangeResult:
                 assert shown._button.props["loading"]  # and takes no second click
                 assert shown._state.text == "monday.db (1,5 MB) wird geprüft ..."
                 assert len(b"".join([octets async for octets in backup])) == 1_500_000
                 if not is_backup:
                     raise ConfigError("this is no backup")
-                return Done(words="It is kept.")
+                return ChangeResult(words="It is kept.")
 
             monkeypatch.setattr(Service, "restore", restore)
             await shown._restore(SmallFileUpload("monday.db", "", b"." * 1_500_000))

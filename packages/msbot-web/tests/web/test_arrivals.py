@@ -9,7 +9,7 @@ from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
 from msbot_web.language import languages
-from msbot_web.pages.arrivals import Tray
+from msbot_web.pages.arrivals import ArrivalsPanel
 from msbot_web.pages.layout import Page
 from tests.web.rig import Rig, show
 
@@ -34,7 +34,7 @@ def test_a_card_and_its_menu_stay_while_parts_come_go_and_change(tmp_path: Path)
             for name in ("FIRST", "SECOND")
         )
         with Client(nicegui_page("/")), ui.element("div") as place:
-            tray = Tray(Page(rig.service, rig.session(Role.TEACHER), languages()["en"]))
+            tray = ArrivalsPanel(Page(rig.service, rig.session(Role.TEACHER), languages()["en"]))
         _more, cards = place.default_slot.children
         tray.show([one])
         begun = buttons_of(cards)["FIRST"]

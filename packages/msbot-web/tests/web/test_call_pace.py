@@ -10,11 +10,11 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
+from msbot_web.access.access_middleware import STOP_PATH
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.guard import STOP_PATH
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers, User
-from msbot_web.call_pace import (
+from msbot_web.api_rate_limit import (
     ADDRESS,
     ADDRESS_BURST,
     ADDRESS_CALLS_PER_S,
@@ -22,7 +22,7 @@ from msbot_web.call_pace import (
     CALLS_PER_S,
     PERSON,
     SAY_S,
-    CallPace,
+    ApiRateLimit,
 )
 from tests.web.access.test_accounts import PlainHasher, user
 
@@ -41,7 +41,7 @@ class Site:
     def __init__(self) -> None:
         self.now = 0.0
         self.answered = 0
-        self.pace = CallPace(self.answer, ("/api", "/metrics"), STOP_PATH, lambda: self.now)
+        self.pace = ApiRateLimit(self.answer, ("/api", "/metrics"), STOP_PATH, lambda: self.now)
 
     async def answer(self, _scope: Scope, _receive: Receive, send: Send) -> None:
         self.answered += 1

@@ -8,8 +8,8 @@ import pytest
 
 from msbot.part.join.plug import Nature
 from msbot.pnp import PartInfo, PartState
-from msbot_web.cards import part_line
 from msbot_web.html import render
+from msbot_web.slot_cards import part_line
 
 
 def info(nature: Nature) -> PartInfo:

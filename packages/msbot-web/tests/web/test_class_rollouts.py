@@ -15,14 +15,14 @@ from msbot.config import SAMPLE_ROBOT_TOML, Blueprint, load_library, parse_bluep
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
 from msbot.registry.records import database_identity
-from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
-from msbot_school.classroom.class_robots import Read, database_mark, directly
+from msbot_school.classroom.class_robots import DatabaseReader, database_mark, directly
+from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.rollout import RollOut
-from msbot_school.classroom.rollout_run import RobotChange, RobotJob, RolledOut, RollOutLog, StepState
+from msbot_school.classroom.rollout_run import RobotChange, RobotJob, RolledOutChange, RollOutLog, StepState
 from msbot_web.access.accounts import Accounts, NotAllowed
 from msbot_web.access.users import MemoryUsers
 from msbot_web.class_rollouts import ClassRollOuts
-from msbot_web.records import no_records
+from msbot_web.stored_data import no_stored_data
 from msbot_xrce.errors import ConfigError
 from tests.operations.stage import put_database
 from tests.web.access.test_accounts import PlainHasher, user
@@ -35,7 +35,7 @@ NAME = "MSBOT_MASTER"
 class Room:
     """A database with the robots X1 and X2, neither of which runs, and an access to X9, which is away."""
 
-    def __init__(self, folder: Path, away: str, read: Read | None = directly) -> None:
+    def __init__(self, folder: Path, away: str, read: DatabaseReader | None = directly) -> None:
         self.folder = folder
         self.away = away
         self.address = str(folder / "robot.db")
@@ -58,7 +58,7 @@ class Room:
             return parse_blueprint(toml, self.library)
 
         records = replace(
-            no_records(lambda: pytest.fail("not asked")), parse=parse, database=identity, address=self.address
+            no_stored_data(lambda: pytest.fail("not asked")), parse=parse, database=identity, address=self.address
         )
         self.doing = ClassRollOuts(
             records,
@@ -185,7 +185,7 @@ def test_rights_hold_whatever_the_page_shows(play: Play) -> None:
                 await deed()
         assert room.extra() == [False, False], "nothing, rather than a part of it"
         at = room.book.begin("more.toml")
-        room.book.note(at, RolledOut(NAME, "X9", room.away, 3))
+        room.book.note(at, RolledOutChange(NAME, "X9", room.away, 3))
         last = await doing.last(room.teacher)
         assert last is not None
         with pytest.raises(NotAllowed):

@@ -11,7 +11,7 @@ from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
 from msbot_web.language import languages
-from msbot_web.pages import drawer
+from msbot_web.pages import slot_drawer
 from msbot_web.pages.layout import Page
 from msbot_web.pages.simulator import simulator_panel
 from tests.web.rig import Rig, ToyBench, show
@@ -29,10 +29,10 @@ def test_a_button_is_the_same_one_as_long_as_it_would_do_the_same(
     async def scene(rig: Rig) -> None:
         await rig.look(2.0)
         spares = [rig.views.parts()[0].model_copy(update={"part": "DD", "uid": "dd", "state": "standby"})]
-        monkeypatch.setattr(drawer, "_spares", lambda _: spares)
+        monkeypatch.setattr(slot_drawer, "_spares", lambda _: spares)
         with Client(nicegui_page("/")), ui.element("div") as place:
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
-            drawer._PartActions(page, "AA")
+            slot_drawer._PartActions(page, "AA")
         (row,) = place.default_slot.children
         begun = words_of(row)
         assert [*begun] == ["Identify", "Release slot", "Block part", "Swap to DD", "Simulate this slot"]

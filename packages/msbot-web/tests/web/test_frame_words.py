@@ -13,8 +13,8 @@ from msbot.operations.blocking import known_object
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_agent.link.can.protocol import parse_log_line
-from msbot_school.demo import DemoRobot, Wire
-from msbot_web.frames import FrameRing
+from msbot_school.demo import DemoLinkKind, DemoRobot
+from msbot_web.frame_ring import FrameRing
 
 
 def heard_late(tmp_path: Path) -> FrameRing:
@@ -27,7 +27,7 @@ def heard_late(tmp_path: Path) -> FrameRing:
         blueprint = load_blueprint(tmp_path / "robot.toml", library)
         with open_registry(tmp_path / "robot.db") as registry:
             store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
-            robot = DemoRobot(blueprint, store, wire=Wire.CAN, random=Random(1), epoch_ns=lambda: 0)
+            robot = DemoRobot(blueprint, store, wire=DemoLinkKind.CAN, random=Random(1), epoch_ns=lambda: 0)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())
                 await robot.master.ready.wait()

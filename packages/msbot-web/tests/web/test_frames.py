@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.protocol.ids import NODES, Beacon, CanIds, beacon_frame, stop_frame
-from msbot_web.frames import KEPT, FrameRing
+from msbot_web.frame_ring import KEPT, FrameRing
 
 IDS = CanIds()
 BEACON = beacon_frame(Beacon(0, 5, 0xC0FFEE), IDS)

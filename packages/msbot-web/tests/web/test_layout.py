@@ -11,7 +11,7 @@ from nicegui import Client, ui
 
 from msbot.operations.rights import Right, Role
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import ChangeResult
 from msbot_web.language import languages
 from msbot_web.pages import layout
 from msbot_web.pages.layout import Page
@@ -87,7 +87,7 @@ def test_a_deed_is_told_refused_in_words_or_leads_to_the_sign_in(tmp_path: Path,
         page.every_look(lambda: looks.append(rig.stage.now()))
         assert await page.act("window", seconds=9.0) is not None
         assert len(looks) == 2  # at once, not at the next look
-        assert await page.do(lambda _: Done(words="quietly"), quiet=True) is not None
+        assert await page.do(lambda _: ChangeResult(words="quietly"), quiet=True) is not None
         assert await page.do(lambda session: rig.service.remove_user(session, "student")) is None
         assert len(screen.notes) == 2
         assert screen.notes[1] == "a teacher may not administer users, keys and backups; an administrator may"
@@ -136,16 +136,16 @@ def test_nothing_is_shown_on_a_page_that_was_closed_while_something_was_read(
             label.set_text("read")
             shown.append("read")
 
-        async def deed(_: Session) -> Done:
+        async def deed(_: Session) -> ChangeResult:
             await answer.wait()
-            return Done(words="done")
+            return ChangeResult(words="done")
 
         page.every_look(show_answer)
         doing = asyncio.create_task(page.do(deed))
         await asyncio.sleep(1.0)
         client.delete()
         answer.set()
-        assert await doing == Done(words="done")
+        assert await doing == ChangeResult(words="done")
         await asyncio.sleep(1.0)
         assert shown == screen.notes == []
         assert not page.tasks

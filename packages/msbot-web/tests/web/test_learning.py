@@ -13,7 +13,7 @@ from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.lesson_controller import SETTLED_S, LessonController
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
-from msbot_web.learning import Learning, text_html
+from msbot_web.lessons_view import LessonsView, text_html
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
 
 
@@ -37,7 +37,9 @@ async def until_read(shelf: LessonCatalog) -> None:
 def test_who_looks_before_they_are_read_has_them_read_at_once(tmp_path: Path) -> None:
     async def scene(stage: LessonStage) -> None:
         shelf = WatchedShelf()
-        learning = Learning(LessonController(stage.operations, shelf), None, Accounts(MemoryUsers(), clock=lambda: 0.0))
+        learning = LessonsView(
+            LessonController(stage.operations, shelf), None, Accounts(MemoryUsers(), clock=lambda: 0.0)
+        )
         assert learning.lessons() is None
         assert learning.lessons() is None
         await until_read(shelf)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from msbot.part import HelloWorld, Message
 from msbot.part.messages.wire_types import float64
 from msbot_agent.space import MemorySpace, Qos, Topic, Writer
-from msbot_web.live import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, Live
-from msbot_web.past_robot import spark_of
+from msbot_web.live_values import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, LiveValues
+from msbot_web.recorded_snapshot import spark_of
 from tests.web.access.test_accounts import Clock
 
 
@@ -53,7 +53,7 @@ class Rig:
     def __init__(self) -> None:
         self.clock = Clock()
         self.space = MemorySpace()
-        self.live = Live(self.space, KNOWN.get, self.clock)
+        self.live = LiveValues(self.space, KNOWN.get, self.clock)
 
     def writer(self, topic: str, type_name: str = "HelloWorld") -> Writer:
         return self.space.writer(Topic(topic, type_name), Qos(reliable=False), GUID)

@@ -14,7 +14,7 @@ from msbot_web.api.models import Value
 from msbot_web.language import languages
 from msbot_web.pages.layout import Page
 from msbot_web.pages.number_field import NumberField
-from msbot_web.pages.values import _Form, _Line
+from msbot_web.pages.parameter_form import _Form, _ParameterRow
 from msbot_xrce.errors import ConfigError
 from tests.web.rig import Rig, show
 
@@ -112,7 +112,7 @@ def test_a_field_takes_both_and_says_what_is_neither(tmp_path: Path) -> None:
     assert heard == [0.1, 0.25, 7, 0.001]
 
 
-async def _set(line: _Line, text: str) -> None:
+async def _set(line: _ParameterRow, text: str) -> None:
     line._field.value = text
     await line._typed()
 
@@ -129,7 +129,7 @@ def test_a_setting_is_set_with_a_comma(tmp_path: Path, monkeypatch: pytest.Monke
         with Client(nicegui_page("/")):
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["de"])
             value = Value(name="gain", kind="float", value=1.5, default=1.0, least=0, most=2, origin="hand")
-            line = _Line(_Form(page, "AA"), page, "AA", value)
+            line = _ParameterRow(_Form(page, "AA"), page, "AA", value)
             assert line._field.value == "1,5"
             await _set(line, "0,25")
             await _set(line, "0.5")

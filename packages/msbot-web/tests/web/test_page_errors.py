@@ -7,7 +7,7 @@ import logging
 from pathlib import Path
 
 import msbot_web
-from msbot_web.page_errors import MOST_PLACES, SAY_S, OncePerPlace
+from msbot_web.page_errors import MOST_PLACES, SAY_S, RepeatedErrorFilter
 
 
 def record(error: object, *, raised: bool = False) -> logging.LogRecord:
@@ -24,7 +24,7 @@ def failing(where: int) -> BaseException:
 
 def test_the_same_error_is_written_once_a_minute_with_how_often_it_came() -> None:
     now = 0.0
-    once = OncePerPlace(lambda: now)
+    once = RepeatedErrorFilter(lambda: now)
     assert once.filter(record(failing(1)))
     assert [once.filter(record(failing(number), raised=True)) for number in range(1, 51)] == [False] * 50
     assert once.filter(record(failing(0))), "another one"
@@ -37,7 +37,7 @@ def test_the_same_error_is_written_once_a_minute_with_how_often_it_came() -> Non
 
 
 def test_what_is_remembered_is_bounded() -> None:
-    once = OncePerPlace(lambda: 0.0)
+    once = RepeatedErrorFilter(lambda: 0.0)
     kinds = [type(f"Error{number}", (Exception,), {}) for number in range(3 * MOST_PLACES)]
     assert all(once.filter(record(kind())) for kind in kinds)
     assert len(once._places) == MOST_PLACES

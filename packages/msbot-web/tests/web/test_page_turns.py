@@ -15,8 +15,8 @@ from starlette.types import Message, Receive, Scope, Send
 from msbot.operations.rights import Role
 from msbot.process.virtual_time import run_virtual
 from msbot_web.access.sessions import Session
-from msbot_web.nicegui_internals import page_turns
-from msbot_web.nicegui_internals.page_turns import (
+from msbot_web.nicegui_internals import page_admission
+from msbot_web.nicegui_internals.page_admission import (
     LONGEST_S,
     LONGEST_STEP_S,
     LONGEST_TURN_S,
@@ -183,7 +183,7 @@ async def test_pages_that_no_browser_has_connected_to_make_room(monkeypatch: pyt
     assert await site.ask(EVE) == 200
     assert connected.id in Client.instances
     assert others[0].id not in Client.instances
-    monkeypatch.setattr(page_turns, "MOST_IN_ALL", len(Client.instances))
+    monkeypatch.setattr(page_admission, "MOST_IN_ALL", len(Client.instances))
     assert await site.ask(ADA) == 200
     assert others[1].id not in Client.instances, "of the one with most"
     for one in list(Client.instances.values()):
@@ -191,5 +191,5 @@ async def test_pages_that_no_browser_has_connected_to_make_room(monkeypatch: pyt
 
 
 def test_pages_are_told_from_other_paths() -> None:
-    assert page_turns._is_page("/slot/AA")
-    assert not page_turns._is_page("/handbook/pictures/x.png")
+    assert page_admission._is_page("/slot/AA")
+    assert not page_admission._is_page("/handbook/pictures/x.png")

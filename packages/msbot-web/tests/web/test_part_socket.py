@@ -16,7 +16,7 @@ from msbot.process.virtual_time import run_virtual
 from msbot_agent.link.net import WebSocketServerLink
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
-from msbot_web.part_socket import AGAIN, CHECK_S, REFUSED, WRONG, PartSocket
+from msbot_web.part_websocket import AGAIN, CHECK_S, REFUSED, WRONG, PartWebSocket
 from msbot_xrce.errors import LinkDown
 from tests.link.ends import End
 from tests.web.access.test_accounts import PlainHasher, user
@@ -143,7 +143,7 @@ class Fake:
         }
         self.inbox.put_nowait({"type": "websocket.connect"})
         socket = WebSocket(scope, self.inbox.get, self._send)
-        self.task = asyncio.get_running_loop().create_task(PartSocket(link, accounts).serve(socket))
+        self.task = asyncio.get_running_loop().create_task(PartWebSocket(link, accounts).serve(socket))
 
     async def _send(self, message: Any) -> None:
         self.sent.append(dict(message))

@@ -14,14 +14,14 @@ from msbot.part import Message
 from msbot.sim import message_class
 from msbot_school.demo import DemoRobot
 from msbot_web.api.models import SlotCard, TopicLine, WirePort
-from msbot_web.cards import stop_state
-from msbot_web.frames import FrameRing
-from msbot_web.live import Live
-from msbot_web.past import read_moment
-from msbot_web.past_robot import Moment, PastRobot
+from msbot_web.frame_ring import FrameRing
+from msbot_web.live_values import LiveValues
+from msbot_web.model_builder import ModelBuilder
+from msbot_web.recorded_past import read_moment
+from msbot_web.recorded_snapshot import RecordedSnapshot, SnapshotBuilder
 from msbot_web.simulated.controls import NoSimulatedControls
+from msbot_web.slot_cards import stop_state
 from msbot_web.timeline import Timeline
-from msbot_web.views import Views
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
 
@@ -46,11 +46,11 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Seen]]:
 
     async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
         loop = asyncio.get_running_loop()
-        views = Views(
+        views = ModelBuilder(
             robot.master,
             blueprint=lambda: operations.blueprint,
             library=LIBRARY,
-            live=Live(robot.master.space, class_of, loop.time),
+            live=LiveValues(robot.master.space, class_of, loop.time),
             frames=FrameRing(),
             timeline=Timeline(),
             bench=NoSimulatedControls(),
@@ -87,8 +87,8 @@ def class_of(type_name: str) -> type[Message] | None:
     return None if message is None else message_class(message)
 
 
-def moment_of(recording: Path, at: float) -> Moment:
-    return PastRobot(BEGAN_NS + round(at * NS), messages(recording), (), LIBRARY).moment()
+def moment_of(recording: Path, at: float) -> RecordedSnapshot:
+    return SnapshotBuilder(BEGAN_NS + round(at * NS), messages(recording), (), LIBRARY).moment()
 
 
 def told(card: SlotCard) -> object:

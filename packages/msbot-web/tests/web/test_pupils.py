@@ -12,8 +12,8 @@ from msbot.operations.rights import Role
 from msbot.registry import ProgramRecord, ProgramSource
 from msbot_web.access.accounts import NotAllowed
 from msbot_web.access.class_list import read_list
+from msbot_web.class_controller import ClassController, GroupStatus
 from msbot_web.programs.programs import NoProgramStore, ProgramActions
-from msbot_web.pupils import ClassController, GroupNow
 from msbot_xrce.errors import ConfigError, MsbotError
 from tests.web.rig import Rig, refusal, show
 
@@ -119,7 +119,7 @@ def test_a_list_makes_accounts_groups_and_tickets(tmp_path: Path) -> None:
         assert not any(one.password for one in desk.tickets(teacher, 1))
         assert "tell no groups" in str(await refusal(lambda: desk.make_groups(teacher, who)))
         found = await desk.groups_now(teacher, {"Anna": ()}, frozenset())
-        assert found[1] == GroupNow("Red", ("Anna", "Cleo"), 0, 0, 1, 0, 0.0)
+        assert found[1] == GroupStatus("Red", ("Anna", "Cleo"), 0, 0, 1, 0, 0.0)
         names = [one.name for one in await desk.now(teacher, "en", {})]
         await rig.service.operations.do("hand", who="student")
         first = (await desk.now(teacher, "en", {}))[0]

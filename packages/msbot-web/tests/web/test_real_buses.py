@@ -11,7 +11,7 @@ from msbot_agent.link import InprocHub, Link, LinkInfo
 from msbot_agent.link.can import CanBusInfo, FrameTap
 from msbot_agent.link.can.protocol import Frame, wire_bits
 from msbot_agent.link.can.sim import SimBus
-from msbot_web.real_buses import LinkMeter, seen_of_links
+from msbot_web.link_meter import LinkMeter, seen_of_links
 from tests.link.can_robot import Robot
 from tests.web.access.test_accounts import Clock
 

@@ -22,7 +22,7 @@ from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import waiting_restore as held
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import User
-from msbot_web.records import RegistryUsers, robot_tiles
+from msbot_web.stored_data import RegistryUsers, robot_tiles
 from tests.operations.stage import AA_IS_A_DIAL
 from tests.web.rig import Rig, chunks, refusal, show
 

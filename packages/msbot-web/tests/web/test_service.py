@@ -15,11 +15,11 @@ from msbot.operations.operation import ArgumentKind
 from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
 from msbot_web.access.accounts import NotAllowed, SignedOut
-from msbot_web.access.class_list import Newcomer
+from msbot_web.access.class_list import NewAccount
 from msbot_web.access.sessions import Session
 from msbot_web.api.models import Robot, SlotCard
-from msbot_web.records import no_records
 from msbot_web.service import SHARED_S, Service
+from msbot_web.stored_data import no_stored_data
 from msbot_web.whole_class import CLASS_S
 from msbot_xrce.errors import MsbotError, NotThere
 from tests.operations.stage import AA_IS_A_DIAL
@@ -46,7 +46,7 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "add user": (Role.ADMINISTRATOR, lambda do, who: do.add_user(who, "x", "viewer", "short")),
     "another's password": (Role.ADMINISTRATOR, lambda do, who: do.change_password(who, "nobody", PASSWORD, None)),
     "own role": (Role.ADMINISTRATOR, lambda do, who: do.change_role(who, who.name, "administrator")),
-    "add people": (Role.ADMINISTRATOR, lambda do, who: do.add_people(who, [Newcomer("", Role.VIEWER, PASSWORD, 1)])),
+    "add people": (Role.ADMINISTRATOR, lambda do, who: do.add_people(who, [NewAccount("", Role.VIEWER, PASSWORD, 1)])),
     "changes of people": (Role.ADMINISTRATOR, lambda do, who: do.people_edits(who, 5)),
     "remove user": (Role.ADMINISTRATOR, lambda do, who: do.remove_user(who, "nobody")),
     "another's token": (Role.ADMINISTRATOR, lambda do, who: do.new_token(who, "nobody", "x")),
@@ -312,7 +312,7 @@ async def test_a_robot_without_a_database_says_so() -> None:
         slots=[],
         arrivals=0,
     )
-    records = no_records(lambda: robot)
+    records = no_stored_data(lambda: robot)
     assert await records.journal(10, None, False) == []
     assert [(tile.name, tile.here) for tile in await records.robots()] == [("R", True)]
     for deed in (

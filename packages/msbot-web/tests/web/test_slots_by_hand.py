@@ -8,7 +8,7 @@ from nicegui.events import GenericEventArguments
 from nicegui.page import page as nicegui_page
 
 from msbot.config import load_library
-from msbot_web.pages.slots_by_hand import TypeChoice, free_name, slot_name
+from msbot_web.pages.slot_dialogs import TypeChoice, free_name, slot_name
 
 
 @pytest.mark.parametrize(

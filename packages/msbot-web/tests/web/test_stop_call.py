@@ -14,7 +14,7 @@ from msbot.master import Master
 from msbot.master.stop_persistence import StopFile
 from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import MemoryStore, StopRecord
-from msbot_web.api.stop_call import _given
+from msbot_web.api.stop_route import _given
 
 
 @pytest.mark.parametrize("fails", [False, True])

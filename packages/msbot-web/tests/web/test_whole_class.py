@@ -10,8 +10,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from msbot_agent.text.given_file import read_told
-from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
 from msbot_school.classroom.class_robots import ClassRobot, RemoteRobot, database_mark
+from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from msbot_web import remote_robots
 from msbot_web.api.class_models import RobotTile
 from msbot_web.local_masters import Ask, LocalMasters, StopForAll

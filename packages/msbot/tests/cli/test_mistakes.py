@@ -18,7 +18,7 @@ from msbot_agent.cli.agent.agent import port_names
 from msbot_agent.cli.agent.serving import LARGEST_FILE, read_references
 from msbot_agent.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
 from msbot_agent.cli.options import FiniteRange, WholeRange
-from msbot_school.lessons.reading import read_lesson
+from msbot_school.lessons.lesson_reader import read_lesson
 from msbot_school.missions.mission_file import load_mission
 from msbot_xrce.errors import ConfigError, RegistryError
 

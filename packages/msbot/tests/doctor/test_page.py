@@ -10,7 +10,7 @@ import pytest
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.doctor import Examination, Examined
 from msbot.registry import open_registry
-from msbot_web.examining import KEPT_S, Examining
+from msbot_web.doctor_service import KEPT_S, DoctorService
 from msbot_xrce.errors import RegistryError
 
 NOTHING = Examination((), (), (), ())
@@ -24,7 +24,7 @@ async def test_one_examination_serves_all_who_look_for_some_seconds() -> None:
         looks.append(patient)
         return NOTHING
 
-    doctor = Examining(lambda: Examined(None), lambda: clock, look)
+    doctor = DoctorService(lambda: Examined(None), lambda: clock, look)
     assert await asyncio.gather(*(doctor.examine() for _ in range(5))) == [NOTHING] * 5
     assert len(looks) == 1
     await doctor.examine(anew=True)
@@ -39,7 +39,7 @@ async def test_the_backup_that_the_page_writes_is_where_the_doctor_looks_for_it(
     with open_registry(path) as registry:
         registry.robots.apply_blueprint(parse_blueprint(SAMPLE_ROBOT_TOML, library=library), library)
     patient = Examined(str(path))
-    words = await Examining(lambda: patient, lambda: 0.0).back_up()
+    words = await DoctorService(lambda: patient, lambda: 0.0).back_up()
     (written,) = (tmp_path / "backups").glob("rover-*.db")
     assert words == f"{written} is written"
     with open_registry(written, read_only=True) as registry:
@@ -48,4 +48,4 @@ async def test_the_backup_that_the_page_writes_is_where_the_doctor_looks_for_it(
 
 async def test_a_robot_without_a_database_file_has_nothing_to_back_up() -> None:
     with pytest.raises(RegistryError, match="nothing to back up"):
-        await Examining(lambda: Examined("postgresql://server/robot"), lambda: 0.0).back_up()
+        await DoctorService(lambda: Examined("postgresql://server/robot"), lambda: 0.0).back_up()

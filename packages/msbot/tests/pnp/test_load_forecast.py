@@ -13,7 +13,7 @@ from msbot.pnp import forecast
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_agent.link.can.protocol import Framing
-from msbot_school.demo import DemoRobot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_xrce import compress
 
 SETTLED_S = 5.0
@@ -33,7 +33,7 @@ def sample(folder: Path, changes: dict[str, str]) -> tuple[Blueprint, Library]:
 
 
 def measured_load(
-    folder: Path, blueprint: Blueprint, library: Library, wire: Wire, bitrate: int, *, compression: bool
+    folder: Path, blueprint: Blueprint, library: Library, wire: DemoLinkKind, bitrate: int, *, compression: bool
 ) -> float:
     """Busy part of a minute of the sample robot on the simulated bus."""
 
@@ -66,20 +66,20 @@ def measured_load(
 @pytest.mark.parametrize(
     ("wire", "bitrate", "compression", "changes"),
     [
-        (Wire.CAN, 500_000, True, {}),
-        (Wire.CAN, 500_000, False, {}),
-        (Wire.CAN, 125_000, True, {}),
-        (Wire.FD, 500_000, True, {}),
-        (Wire.CAN, 500_000, True, {"reliable = true": "reliable = false"}),
-        (Wire.CAN, 500_000, True, {'"thesis"  ': '"fast"  '}),
-        (Wire.CAN, 500_000, False, {'to = ["BB.in"]': 'to = ["BB.in", "CC.in"]', 'to = ["CC.in"]': "to = []"}),
+        (DemoLinkKind.CAN, 500_000, True, {}),
+        (DemoLinkKind.CAN, 500_000, False, {}),
+        (DemoLinkKind.CAN, 125_000, True, {}),
+        (DemoLinkKind.FD, 500_000, True, {}),
+        (DemoLinkKind.CAN, 500_000, True, {"reliable = true": "reliable = false"}),
+        (DemoLinkKind.CAN, 500_000, True, {'"thesis"  ': '"fast"  '}),
+        (DemoLinkKind.CAN, 500_000, False, {'to = ["BB.in"]': 'to = ["BB.in", "CC.in"]', 'to = ["CC.in"]': "to = []"}),
     ],
 )
 def test_the_forecast_agrees_with_the_simulated_bus_within_2_percent(
-    wire: Wire, bitrate: int, compression: bool, changes: dict[str, str], tmp_path: Path
+    wire: DemoLinkKind, bitrate: int, compression: bool, changes: dict[str, str], tmp_path: Path
 ) -> None:
     blueprint, library = sample(tmp_path, changes)
-    fd = wire is Wire.FD
+    fd = wire is DemoLinkKind.FD
     framing = Framing(fd, fd, compress if compression else None)
     foreseen = forecast(blueprint, library, framing).load(bitrate, 2_000_000 if fd else None)
     measured = measured_load(tmp_path, blueprint, library, wire, bitrate, compression=compression)

@@ -12,8 +12,8 @@ from threading import Thread
 from unittest import mock
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library
-from msbot_school.classroom.access import RemoteAccess
 from msbot_school.classroom.class_robots import ClassRobot, class_robots, far_robots
+from msbot_school.classroom.remote_access import RemoteAccess
 from msbot_school.classroom.remote_masters import ParallelRequest, read_status
 from msbot_school.classroom.rollout import RollOut, plan_for, undo_job
 from msbot_school.classroom.rollout_run import RollOutLog, RollOutRun, StepState

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
 from msbot_agent.text.given_file import told_count
-from msbot_school.classroom.access import RemoteAccess
+from msbot_school.classroom.remote_access import RemoteAccess
 from msbot_school.classroom.remote_masters import LOOK_S, ParallelRequest, RemoteMasterError, read_status
 from msbot_xrce.counting import amount
 from msbot_xrce.lazy import dataclass
@@ -127,7 +127,7 @@ class ClassRobot:
         return told_count(found)
 
 
-class Read(Protocol):
+class DatabaseReader(Protocol):
     """Calls a function that opens a database file, where that does no harm.
 
     A process that has a database file open must not open and close it once more: closing it ends the locks by which
@@ -172,7 +172,7 @@ def class_robots(
     words: Sequence[str] = (),
     *,
     path: str = "",
-    read: Read = directly,
+    read: DatabaseReader = directly,
 ) -> list[ClassRobot]:
     """All robots of the class that fit the words: of the masters here, of a database, and of the accesses.
 

@@ -40,7 +40,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Announced:
+class MasterAnnouncement:
     """What a master says of itself; as heard it may be anything, but for its forms."""
 
     robot: str
@@ -95,7 +95,7 @@ def own_addresses() -> list[str]:
     return sorted(one for one in found if not ip_address(one).is_loopback)
 
 
-class Announcer:
+class MasterAnnouncer:
     """Says that a master is there until it is cancelled; follows the addresses of its computer.
 
     Args:
@@ -103,7 +103,7 @@ class Announcer:
         say: takes a sentence for the person at the terminal.
     """
 
-    def __init__(self, announced: Announced, say: Callable[[str], None]) -> None:
+    def __init__(self, announced: MasterAnnouncement, say: Callable[[str], None]) -> None:
         self._announced = announced
         self._say = say
         self._thread = DaemonThreads(1, "msbot announce")
@@ -152,7 +152,7 @@ class Announcer:
             zeroconf.close()
 
 
-def find(seconds: float, class_name: str = "") -> list[Announced]:
+def find(seconds: float, class_name: str = "") -> list[MasterAnnouncement]:
     """The masters that announce themselves in the networks of this computer.
 
     Args:
@@ -187,7 +187,7 @@ def find(seconds: float, class_name: str = "") -> list[Announced]:
         raise ConfigError(
             said("nobody can be found, the network takes no multicast: {error}", error=_why(error))
         ) from None
-    found: set[Announced] = set()
+    found: set[MasterAnnouncement] = set()
     try:
         browser = ServiceBrowser(zeroconf, SERVICE, Hearing())
         known: set[str] = set()
@@ -196,7 +196,7 @@ def find(seconds: float, class_name: str = "") -> list[Announced]:
                 info = ServiceInfo(SERVICE, name)
                 if info.load_from_cache(zeroconf) or info.request(zeroconf, min(left, 1.0) * 1000):
                     known.add(name)
-                    found.update(heard(info.properties, info.port, info.parsed_addresses()))
+                    found.update(parse_announcement(info.properties, info.port, info.parsed_addresses()))
             time.sleep(min(left, 0.05))
         browser.cancel()
     finally:
@@ -205,7 +205,9 @@ def find(seconds: float, class_name: str = "") -> list[Announced]:
     return sorted(fitting, key=lambda one: (one.class_name, one.robot, one.serial_number, one.address))
 
 
-def heard(texts: Mapping[bytes, bytes | None], port: int | None, addresses: list[str]) -> Iterator[Announced]:
+def parse_announcement(
+    texts: Mapping[bytes, bytes | None], port: int | None, addresses: list[str]
+) -> Iterator[MasterAnnouncement]:
     """What an announcement says, if it makes sense: one for the first address that other computers can reach."""
 
     def text(name: str) -> str:
@@ -214,7 +216,7 @@ def heard(texts: Mapping[bytes, bytes | None], port: int | None, addresses: list
 
     hosts = [one for one in addresses if _can_be_reached(one)]
     if port and text("robot") and hosts:
-        yield Announced(
+        yield MasterAnnouncement(
             text("robot"), text("serial"), text("version"), text("class"), port, text("tls") == "1", hosts[0]
         )
 
@@ -231,7 +233,7 @@ def _can_be_reached(host: str) -> bool:
     return found.version == 4 and not (found.is_loopback or found.is_multicast or found.is_unspecified)
 
 
-def _info(announced: Announced, addresses: list[str]) -> ServiceInfo:
+def _info(announced: MasterAnnouncement, addresses: list[str]) -> ServiceInfo:
     from zeroconf import ServiceInfo
 
     own = f"{announced.robot}\n{announced.serial_number}\n{announced.port}\n{socket.gethostname()}"

@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 from msbot_agent.text.given_file import read_told_elsewhere
 from msbot_agent.text.sentence import printable, said
-from msbot_school.classroom.access import RemoteAccess
+from msbot_school.classroom.remote_access import RemoteAccess
 from msbot_xrce.errors import ConfigError, DatabaseBusy
 
 MOST_OCTETS: Final = 1 << 20

@@ -19,7 +19,14 @@ from msbot.registry.records import database_identity
 from msbot_agent.agent import RunningProcess
 from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.text.sentence import said
-from msbot_school.classroom.class_robots import ClassRobot, Read, RemoteRobot, directly, find_record, open_database
+from msbot_school.classroom.class_robots import (
+    ClassRobot,
+    DatabaseReader,
+    RemoteRobot,
+    directly,
+    find_record,
+    open_database,
+)
 from msbot_school.classroom.remote_masters import (
     CHANGE_S,
     LOOK_S,
@@ -29,7 +36,7 @@ from msbot_school.classroom.remote_masters import (
     RemoteMasterRefusal,
     ask_one,
 )
-from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob, RolledOut, RollOutLog
+from msbot_school.classroom.rollout_run import NoAnswer, RobotChange, RobotJob, RolledOutChange, RollOutLog
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
 from msbot_xrce.lazy import dataclass
 
@@ -54,7 +61,7 @@ class RollOutPlan:
     """Why it cannot be changed from here."""
 
 
-def blueprint_of(robot: ClassRobot, read: Read = directly) -> str:
+def blueprint_of(robot: ClassRobot, read: DatabaseReader = directly) -> str:
     """The blueprint in force in a robot, with what people have changed by hand, as the text of `robot.toml`.
 
     Raises:
@@ -84,7 +91,7 @@ def _record(registry: Registry, name: str, serial_number: str) -> RobotRecord:
     return record
 
 
-def plan_for(robot: ClassRobot, blueprint: Blueprint, read: Read = directly) -> RollOutPlan:
+def plan_for(robot: ClassRobot, blueprint: Blueprint, read: DatabaseReader = directly) -> RollOutPlan:
     """Compare a robot with a blueprint of which everything but the profile is meant for it, too."""
     if robot.runs_elsewhere:
         return RollOutPlan(
@@ -177,7 +184,7 @@ class RollOut:
         who: str,
         *,
         book: RollOutLog | None = None,
-        read: Read = directly,
+        read: DatabaseReader = directly,
     ) -> None:
         self._folder = folder
         self._who = who
@@ -216,7 +223,7 @@ class RollOut:
             return done
         try:
             self._book.note(
-                self._at, RolledOut(robot.name, robot.serial_number, database_identity(robot.database), done.edit)
+                self._at, RolledOutChange(robot.name, robot.serial_number, database_identity(robot.database), done.edit)
             )
         except ConfigError as error:  # it is changed all the same
             words = said("{words}; but it is not remembered for undo: {error}", words=done.words, error=str(error))
@@ -248,7 +255,13 @@ def _change_stored(database: str, wanted: Blueprint, library: Library, who: str)
 
 
 def undo_job(
-    at: float, change: RolledOut, robots: Sequence[ClassRobot], who: str, book: RollOutLog, *, read: Read = directly
+    at: float,
+    change: RolledOutChange,
+    robots: Sequence[ClassRobot],
+    who: str,
+    book: RollOutLog,
+    *,
+    read: DatabaseReader = directly,
 ) -> RobotJob:
     """What is to be done to take one change of that roll-out back; then it is remembered no more."""
 
@@ -271,7 +284,9 @@ def undo_job(
     return RobotJob(f"{change.robot} {change.serial_number}", do, change.database)
 
 
-def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Read = directly) -> RobotChange:
+def take_back(
+    done: RolledOutChange, robots: Sequence[ClassRobot], who: str, read: DatabaseReader = directly
+) -> RobotChange:
     """Undo one change of a roll-out.
 
     Raises:
@@ -293,7 +308,7 @@ def take_back(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Rea
     return _done(answer)
 
 
-def was_undone(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Read = directly) -> bool:
+def was_undone(done: RolledOutChange, robots: Sequence[ClassRobot], who: str, read: DatabaseReader = directly) -> bool:
     """Whether somebody has undone a change of a roll-out at the robot itself; False also where nobody knows."""
     request: dict[str, object] = {"do": "edits", "args": {"limit": NEWEST_EDITS}, "who": who}
     robot = _robot_of(done, robots)
@@ -315,7 +330,7 @@ def was_undone(done: RolledOut, robots: Sequence[ClassRobot], who: str, read: Re
     )
 
 
-def _robot_of(done: RolledOut, robots: Sequence[ClassRobot]) -> ClassRobot | None:
+def _robot_of(done: RolledOutChange, robots: Sequence[ClassRobot]) -> ClassRobot | None:
     key = (done.robot, done.serial_number, done.database)
     return next((one for one in robots if (one.name, one.serial_number, database_identity(one.database)) == key), None)
 

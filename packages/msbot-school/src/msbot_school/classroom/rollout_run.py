@@ -173,7 +173,7 @@ _in_this_process = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True)
-class RolledOut:
+class RolledOutChange:
     """A change that a roll-out has made."""
 
     robot: str
@@ -184,14 +184,14 @@ class RolledOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Remembered:
+class RollOutEntry:
     """A roll-out that was begun."""
 
     at: float
     """When, seconds since 1970; no two have the same."""
     blueprint: str
     """Where the blueprint is from."""
-    done: tuple[RolledOut, ...]
+    done: tuple[RolledOutChange, ...]
     """What has not been taken back."""
 
 
@@ -206,7 +206,7 @@ class RollOutLog:
         self._path = (folder or state_folder()) / "rollouts.json"
 
     def begin(self, blueprint: str) -> float:
-        """Begin a roll-out; returns what it is known by, `Remembered.at`."""
+        """Begin a roll-out; returns what it is known by, `RollOutEntry.at`."""
         at = time.time()
 
         def begun(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -217,7 +217,7 @@ class RollOutLog:
         self._change(begun)
         return at
 
-    def note(self, at: float, change: RolledOut) -> None:
+    def note(self, at: float, change: RolledOutChange) -> None:
         """A robot was changed."""
 
         def noted(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -229,18 +229,18 @@ class RollOutLog:
 
         self._change(noted)
 
-    def taken_back(self, at: float, changes: Collection[RolledOut]) -> None:
+    def taken_back(self, at: float, changes: Collection[RolledOutChange]) -> None:
         """These changes of that roll-out are no more."""
 
         def less(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
             for entry in entries:
                 if entry["at"] == at:
-                    entry["done"] = [one for one in entry["done"] if RolledOut(**one) not in changes]
+                    entry["done"] = [one for one in entry["done"] if RolledOutChange(**one) not in changes]
             return entries
 
         self._change(less)
 
-    def last(self) -> Remembered | None:
+    def last(self) -> RollOutEntry | None:
         """The latest roll-out of which something was not taken back."""
         for entry in reversed(self._read()):
             if entry["done"]:
@@ -287,5 +287,7 @@ class RollOutLog:
         return ConfigError(f"cannot write down what was changed, {self._path}: {error.strerror}")
 
 
-def _remembered(entry: dict[str, Any]) -> Remembered:
-    return Remembered(float(entry["at"]), str(entry["blueprint"]), tuple(RolledOut(**one) for one in entry["done"]))
+def _remembered(entry: dict[str, Any]) -> RollOutEntry:
+    return RollOutEntry(
+        float(entry["at"]), str(entry["blueprint"]), tuple(RolledOutChange(**one) for one in entry["done"])
+    )

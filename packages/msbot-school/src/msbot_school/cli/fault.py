@@ -80,7 +80,7 @@ def clear(fault: int | None, db: str | None, robot: str | None) -> None:
 @json_option
 def kinds(*, as_json: bool) -> None:
     """List the kinds of faults, and what --amount means for each."""
-    from msbot_school.faults.kinds import KINDS
+    from msbot_school.faults.fault_kinds import KINDS
 
     if as_json:
         click.echo(

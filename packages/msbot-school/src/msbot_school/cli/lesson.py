@@ -13,11 +13,11 @@ from msbot.cli.change.robot_access import database_to_read, perform, say, until_
 from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
-from msbot_school.cli.teaching import lessons_option
+from msbot_school.cli.teaching_service import lessons_option
 from msbot_xrce.counting import amount
 
 if TYPE_CHECKING:
-    from msbot_school.lessons.progress import PersonInLesson
+    from msbot_school.lessons.progress import LessonProgress
 
 
 @click.group("lesson")
@@ -67,7 +67,7 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
 @json_option
 def check(path: Path, *, as_json: bool) -> None:
     """Check a lesson file; mistakes are reported with line and remedy."""
-    from msbot_school.lessons.reading import read_lesson
+    from msbot_school.lessons.lesson_reader import read_lesson
 
     with mistakes_told(as_json=as_json):
         lesson = read_lesson(path)
@@ -138,7 +138,7 @@ def report(db: str | None, robot: str | None, *, lessons: tuple[Path, ...], as_c
         click.echo("Nobody has begun a lesson yet.")
 
 
-def _shared(row: PersonInLesson) -> str:
+def _shared(row: LessonProgress) -> str:
     """What of it others did."""
     shared = row.group + row.helped
     return f", {row.own} alone, {shared} with {', '.join(row.partners)}" if shared else ""

@@ -1,14 +1,14 @@
 """The thesis' sample robot in one process, on a simulated bus or over UDP: what `msbot demo` shows."""
 
-from msbot_school.demo.robot import DemoRobot
-from msbot_school.demo.wiring import BusSnapshot, DemoEvent, DemoSnapshot, PartSnapshot, TopicSnapshot, Wire
+from msbot_school.demo.demo_links import BusSnapshot, DemoEvent, DemoLinkKind, DemoSnapshot, PartSnapshot, TopicSnapshot
+from msbot_school.demo.demo_robot import DemoRobot
 
 __all__ = [
     "BusSnapshot",
     "DemoEvent",
+    "DemoLinkKind",
     "DemoRobot",
     "DemoSnapshot",
     "PartSnapshot",
     "TopicSnapshot",
-    "Wire",
 ]

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from msbot_school.faults.kinds import Acts, Amount, FaultKind, PacketFault
-    from msbot_school.faults.treatments import PacketTreatment
+    from msbot_school.faults.fault_kinds import Amount, FaultKind, FaultTarget, PacketFault
+    from msbot_school.faults.packet_treatments import PacketTreatment
 
 _NAMES = {
-    "msbot_school.faults.kinds": ("Acts", "Amount", "FaultKind", "PacketFault"),
-    "msbot_school.faults.treatments": ("PacketTreatment",),
+    "msbot_school.faults.fault_kinds": ("FaultTarget", "Amount", "FaultKind", "PacketFault"),
+    "msbot_school.faults.packet_treatments": ("PacketTreatment",),
 }
 
 __getattr__ = lazy_face(__name__, _NAMES)
 
-__all__ = ["Acts", "Amount", "FaultKind", "PacketFault", "PacketTreatment"]
+__all__ = ["Amount", "FaultKind", "FaultTarget", "PacketFault", "PacketTreatment"]

@@ -61,7 +61,7 @@ class Effect(ABC):
         """Take it back."""
 
 
-class PulledOut(Effect):
+class UnpluggedPart(Effect):
     """A simulated part is pulled out; whoever plugs it in again has mended it."""
 
     def __init__(self, parts: PartsHere, slot: str) -> None:
@@ -82,7 +82,7 @@ class PulledOut(Effect):
             self._parts.plug(self._slot)
 
 
-class Together(Effect):
+class CombinedEffect(Effect):
     """Several effects as one."""
 
     def __init__(self, *effects: Effect) -> None:
@@ -154,7 +154,7 @@ class UnexpectedPart(Effect):
             _log.warning("a part that the fault lab has plugged in has ended: %s", error)
 
 
-class Distorted(Effect):
+class DistortedReadings(Effect):
     """A simulated part says something else than its sensor shows.
 
     Args:
@@ -224,7 +224,7 @@ class BrokenSender(Effect):
         self._driver.break_sender(self._node, broken=False)
 
 
-class Babbling(Effect):
+class BabblingNode(Effect):
     """One more node on a simulated bus sends and sends.
 
     Args:
@@ -266,7 +266,7 @@ class Babbling(Effect):
             self._port.send(self._frame)
 
 
-class DatabaseGone(Effect):
+class DatabaseUnavailable(Effect):
     """The database answers nobody."""
 
     def __init__(self, registry: Registry) -> None:

@@ -11,41 +11,41 @@ from msbot_agent.link import Disturbance
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import said
 from msbot_school.faults.effects import (
-    Babbling,
+    BabblingNode,
     BitErrors,
     BrokenSender,
-    DatabaseGone,
-    Distorted,
+    CombinedEffect,
+    DatabaseUnavailable,
+    DistortedReadings,
     Effect,
     ExtraPartLink,
     PartsHere,
-    PulledOut,
-    Together,
     UnexpectedPart,
+    UnpluggedPart,
 )
-from msbot_school.faults.engine import FOR_S, FaultSpec
-from msbot_school.faults.kinds import (
+from msbot_school.faults.fault_engine import FOR_S, FaultSpec
+from msbot_school.faults.fault_kinds import (
     KINDS,
     LOAD,
-    Acts,
     Condition,
     FaultKind,
+    FaultTarget,
     NumberCondition,
     kind_named,
     read_condition,
 )
-from msbot_school.faults.numbers import Numbers
-from msbot_school.faults.treatments import (
-    Drifting,
-    Frozen,
-    Guarded,
-    HeldBack,
+from msbot_school.faults.packet_treatments import (
+    DelayedBurst,
+    DriftingValue,
+    ErrorTolerantTreatment,
+    FrozenLink,
     LinkInterceptors,
     PacketFaultEffect,
     PacketTreatment,
-    SlowlyTaken,
-    Stuck,
+    SlowReceiver,
+    StuckValue,
 )
+from msbot_school.faults.port_values import LatestPortValues
 from msbot_xrce.errors import ConfigError
 
 WRONG_KEY = bytes(range(16, 32))
@@ -63,7 +63,9 @@ class FaultFactory:
         numbers: what conditions look at.
     """
 
-    def __init__(self, running: RunningRobot, parts: PartsHere, bus: SimBusDriver | None, numbers: Numbers) -> None:
+    def __init__(
+        self, running: RunningRobot, parts: PartsHere, bus: SimBusDriver | None, numbers: LatestPortValues
+    ) -> None:
         self._running = running
         self._parts = parts
         self._bus = bus
@@ -167,11 +169,11 @@ class FaultFactory:
             ConfigError: it cannot be planted here; the text says why.
         """
         match spec.kind.acts:
-            case Acts.SENSOR:
+            case FaultTarget.SENSOR:
                 return self._distorted(spec)
-            case Acts.GUEST:
+            case FaultTarget.GUEST:
                 return self._guest(spec)
-            case Acts.BUS:
+            case FaultTarget.BUS:
                 return self._at_bus(spec)
             case _:
                 pass
@@ -179,15 +181,15 @@ class FaultFactory:
             case "unplug":
                 return self._cut(spec.at)
             case "master-frozen":
-                return PacketFaultEffect(self._edge, "", Frozen())
+                return PacketFaultEffect(self._edge, "", FrozenLink())
             case "database-gone":
                 registry, _ = self._running.database()
-                return DatabaseGone(registry)
+                return DatabaseUnavailable(registry)
         return PacketFaultEffect(self._edge, spec.at, _core(spec))
 
     def _cut(self, slot: str) -> Effect:
         if slot in self._parts.names:
-            return PulledOut(self._parts, slot)
+            return UnpluggedPart(self._parts, slot)
         return PacketFaultEffect(self._edge, slot, Disturbance(Random(0), drop=1.0))
 
     def _distorted(self, spec: FaultSpec) -> Effect:
@@ -205,8 +207,8 @@ class FaultFactory:
             known = ", ".join(ports) or said("none")
             raise ConfigError(said("{at} has no sensor at that port; it publishes: {known}", at=spec.at, known=known))
         if spec.kind.name == "stuck":
-            return Distorted(self._parts, spec.at, Stuck(spec.port))
-        return Distorted(self._parts, spec.at, Drifting(spec.port, spec.amount, unit.part_type))
+            return DistortedReadings(self._parts, spec.at, StuckValue(spec.port))
+        return DistortedReadings(self._parts, spec.at, DriftingValue(spec.port, spec.amount, unit.part_type))
 
     def _guest(self, spec: FaultSpec) -> Effect:
         holder = self._running.holder(spec.at)
@@ -226,14 +228,14 @@ class FaultFactory:
             wrong = spec.number or self._wrong_number()
             uid = Random(f"wrong number {spec.seed}").randbytes(8)
             unit = make_simulator(wrong, uid=uid, local_name=f"{name}?", library=library, random=Random(spec.seed))
-            return Together(self._cut(spec.at), UnexpectedPart(self._guests, unit))
+            return CombinedEffect(self._cut(spec.at), UnexpectedPart(self._guests, unit))
         if self._running.master.blueprint.options.authentication == "open":
             raise ConfigError(
                 said('this robot asks no part for a key (authentication = "open"): a wrong one would not be noticed')
             )
         unit = make_simulator(number, uid=holder.uid, local_name=name, library=library, random=Random(spec.seed))
         unit.part.key = WRONG_KEY
-        return Together(self._cut(spec.at), UnexpectedPart(self._guests, unit))
+        return CombinedEffect(self._cut(spec.at), UnexpectedPart(self._guests, unit))
 
     def _wrong_number(self) -> str:
         """A number of the library that no slot takes."""
@@ -251,7 +253,7 @@ class FaultFactory:
             case "bit-errors":
                 return BitErrors(bus, spec.amount / 1e6, Random(spec.seed))
             case "babbling":
-                return Babbling(bus, spec.amount / 100)
+                return BabblingNode(bus, spec.amount / 100)
         if spec.at not in self._parts.names:
             raise ConfigError(
                 said("{at} is not simulated in the master's process: its CAN controller cannot be broken", at=spec.at)
@@ -279,10 +281,10 @@ def _core(spec: FaultSpec) -> PacketTreatment:
     """What an edge fault does to packets."""
     random, share = Random(spec.seed), spec.amount / 100
     if spec.kind.name in (brought := KINDS.brought()):
-        return Guarded(spec.kind.name, brought[spec.kind.name].treat, spec.amount, random)
+        return ErrorTolerantTreatment(spec.kind.name, brought[spec.kind.name].treat, spec.amount, random)
     match spec.kind.name:
         case "late":
-            return HeldBack(spec.amount)
+            return DelayedBurst(spec.amount)
         case "loss":
             return Disturbance(random, drop=share)
         case "delay":
@@ -292,4 +294,4 @@ def _core(spec: FaultSpec) -> PacketTreatment:
         case "reordering":
             return Disturbance(random, reorder=share, overtaken_s=OVERTAKEN_S)
         case _:
-            return SlowlyTaken(spec.amount)
+            return SlowReceiver(spec.amount)

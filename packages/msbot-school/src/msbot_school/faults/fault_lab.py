@@ -17,10 +17,10 @@ from msbot.pnp import PartInfo, StopStatus
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import counted, said
 from msbot_school.faults.effects import Effect, PartsHere
-from msbot_school.faults.engine import Change, Fault, FaultEngine
+from msbot_school.faults.fault_engine import Fault, FaultChange, FaultEngine
 from msbot_school.faults.fault_factory import FaultFactory
-from msbot_school.faults.kinds import LOAD, Condition, NumberCondition
-from msbot_school.faults.numbers import Numbers
+from msbot_school.faults.fault_kinds import LOAD, Condition, NumberCondition
+from msbot_school.faults.port_values import LatestPortValues
 from msbot_xrce.errors import ConfigError
 
 
@@ -49,7 +49,7 @@ class FaultLab:
         self._epoch_ns = epoch_ns
         self._engine = FaultEngine()
         self._effects: dict[int, Effect] = {}
-        self._numbers = Numbers(running)
+        self._numbers = LatestPortValues(running)
         self._planting = FaultFactory(running, self._parts, bus, self._numbers)
         self._timer: asyncio.TimerHandle | None = None
         self._mission = ""
@@ -218,13 +218,13 @@ class FaultLab:
                     self._over(change, change.fault.who)
         self._arm()
 
-    def _over(self, change: Change, who: str) -> None:
+    def _over(self, change: FaultChange, who: str) -> None:
         effect = self._effects.pop(change.fault.number)
         if change.was_active:
             effect.end()
         self._tell(change, who)
 
-    def _tell(self, change: Change, who: str) -> None:
+    def _tell(self, change: FaultChange, who: str) -> None:
         fault = change.fault
         words = fault.spec.words
         if change.begins:
@@ -279,11 +279,11 @@ class FaultLab:
         return times
 
     def is_in_state(self, slot: str, state: str) -> bool:
-        """See `conditions.Circumstances`."""
+        """See `fault_kinds.ConditionInputs`."""
         return self._running.is_in_state(slot, state)
 
     def number(self, source: str) -> float | None:
-        """See `conditions.Circumstances`."""
+        """See `fault_kinds.ConditionInputs`."""
         if source == LOAD:
             return None if self._bus is None else 100 * self._bus.load()
         return self._numbers.newest(source)

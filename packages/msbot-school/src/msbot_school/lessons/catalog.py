@@ -10,7 +10,7 @@ from msbot.carried.carried_files import carried_folder
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
 from msbot_school.lessons.lesson import Lesson, LessonQuestion
-from msbot_school.lessons.reading import read_lesson
+from msbot_school.lessons.lesson_reader import read_lesson
 from msbot_xrce.errors import ConfigError
 
 MOST_LESSONS = 200

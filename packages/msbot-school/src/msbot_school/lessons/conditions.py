@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
 from msbot_agent.text.sentence import said
-from msbot_school.faults.kinds import Condition as PlainCondition
-from msbot_school.faults.kinds import NumberCondition, StateCondition, read_condition
+from msbot_school.faults.fault_kinds import Condition as PlainCondition
+from msbot_school.faults.fault_kinds import NumberCondition, StateCondition, read_condition
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -31,7 +31,7 @@ _COMPARE: Final[Mapping[str, Callable[[float, float], bool]]] = {
 }
 
 
-class RobotNow(Protocol):
+class RobotState(Protocol):
     """What conditions look at: the robot at this moment."""
 
     def state(self, slot: str) -> str:
@@ -82,25 +82,25 @@ class Condition(ABC):
     """One thing that can be so or not."""
 
     @abstractmethod
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """Whether it is so now; called at every look, so that it can remember."""
 
     @abstractmethod
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:
         """What is so instead, in words."""
 
 
 @dataclass(frozen=True, slots=True)
-class Now(Condition):
+class CurrentState(Condition):
     """A condition of the fault lab: a state, or a number beyond a limit."""
 
     plain: PlainCondition
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
         """See `Condition`."""
         return self.plain.holds(robot)
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         if isinstance(self.plain, StateCondition):
             return said("{slot} is {state}", slot=self.plain.slot, state=said(robot.state(self.plain.slot)))
@@ -111,18 +111,18 @@ class Now(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class Was(Condition):
+class WasInState(Condition):
     """A part has been in a state at some time since the step began."""
 
     slot: str
     wanted: str
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
         memory.was = memory.was or robot.is_in_state(self.slot, self.wanted)
         return memory.was
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - what it was is not the question
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - what it was is not the question
         """See `Condition`."""
         return said("{slot} is {state}", slot=self.slot, state=said(robot.state(self.slot)))
 
@@ -137,7 +137,7 @@ class MovedBy(Condition):
     source: str
     width: float
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
         value = robot.number(self.source)
         if value is not None:
@@ -145,7 +145,7 @@ class MovedBy(Condition):
             memory.most = value if memory.most is None else max(memory.most, value)
         return memory.least is not None and memory.most is not None and memory.most - memory.least >= self.width
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:
         """See `Condition`."""
         if memory.least is None or memory.most is None:
             return _number_seen(robot, self.source)
@@ -167,7 +167,7 @@ class RotatedBy(Condition):
     source: str
     width: float
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
         angle = robot.number(self.source)
         if angle is not None:
@@ -177,7 +177,7 @@ class RotatedBy(Condition):
             memory.angle = angle
         return abs(memory.turned) >= self.width
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:
         """See `Condition`."""
         if memory.angle is None:
             return _number_seen(robot, self.source)
@@ -194,11 +194,11 @@ class Wired(Condition):
     source: str
     target: str
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
         """See `Condition`."""
         return robot.is_wired(self.source, self.target)
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         return said("{source} does not speak to {target}", source=self.source, target=self.target)
 
@@ -215,7 +215,7 @@ class SettingIs(Condition):
     operator: str
     value: str
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
         """See `Condition`."""
         value = robot.setting(self.slot, self.name)
         if value is None:
@@ -225,7 +225,7 @@ class SettingIs(Condition):
         except ValueError:
             return self.operator == "=" and value == self.value
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         value = robot.setting(self.slot, self.name)
         if value is None:
@@ -237,14 +237,14 @@ class SettingIs(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class Holder(Condition):
+class HeldBy(Condition):
     """A certain part is in a slot, or another one than when the step began."""
 
     slot: str
     part: str
     """Its name; empty: any but the first one."""
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
         if self.part:
             return robot.part_in(self.slot) == self.part
@@ -253,7 +253,7 @@ class Holder(Condition):
             memory.first = identity
         return bool(identity) and identity != memory.first
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - who it was is not shown
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - who it was is not shown
         """See `Condition`."""
         part = robot.part_in(self.slot)
         if not part:
@@ -271,11 +271,11 @@ class Exists(Condition):
     kind: str
     name: str
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
         """See `Condition`."""
         return robot.has_slot(self.name) if self.kind == "slot" else robot.knows(self.name)
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         if self.kind == "slot":
             return said("there is no slot {name}", name=self.name)
@@ -291,11 +291,11 @@ class Stopped(Condition):
 
     wanted: bool
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:  # noqa: ARG002 - it looks at this moment only
         """See `Condition`."""
         return robot.is_stopped is self.wanted
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         return said("STOP holds") if robot.is_stopped else said("STOP does not hold")
 
@@ -304,16 +304,16 @@ class Stopped(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class Not(Condition):
+class NotCondition(Condition):
     """Another condition does not hold."""
 
     other: Condition
 
-    def holds(self, robot: RobotNow, memory: ConditionMemory) -> bool:
+    def holds(self, robot: RobotState, memory: ConditionMemory) -> bool:
         """See `Condition`."""
         return not self.other.holds(robot, memory)
 
-    def seen(self, robot: RobotNow, memory: ConditionMemory) -> str:  # noqa: ARG002 - it says what should not be
+    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - it says what should not be
         """See `Condition`."""
         return said("{condition} still holds", condition=str(self.other))
 
@@ -333,8 +333,8 @@ _FORMS: Final[tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Condition]]
         re.compile(rf"setting\s+{_SLOT}\s+(?P<name>[^\s<>=]+)\s*(?P<operator>>=|<=|>|<|=)\s*(?P<value>\S.*)"),
         lambda found: SettingIs(found["slot"], found["name"], found["operator"], found["value"].strip()),
     ),
-    (re.compile(rf"{_SLOT}\s+has\s+another\s+part"), lambda found: Holder(found["slot"], "")),
-    (re.compile(rf"{_SLOT}\s+has\s+(?P<part>\S+)"), lambda found: Holder(found["slot"], found["part"])),
+    (re.compile(rf"{_SLOT}\s+has\s+another\s+part"), lambda found: HeldBy(found["slot"], "")),
+    (re.compile(rf"{_SLOT}\s+has\s+(?P<part>\S+)"), lambda found: HeldBy(found["slot"], found["part"])),
     (re.compile(r"(?P<kind>slot|type)\s+(?P<name>\S+)\s+exists"), lambda found: Exists(found["kind"], found["name"])),
     (
         re.compile(r"(?P<source>[^\s<>=]+)\s+spans\s+(?P<width>\d+(?:\.\d+)?)"),
@@ -366,13 +366,13 @@ def read_lesson_condition(text: str) -> Condition:
         if found := pattern.fullmatch(words):
             return make(found)
     if words.startswith("not "):
-        return Not(read_lesson_condition(words.removeprefix("not ")))
+        return NotCondition(read_lesson_condition(words.removeprefix("not ")))
     if found := re.fullmatch(rf"{_SLOT}\s+was\s+(?P<state>\S+)", words):
         plain = read_condition(f"{found['slot']} is {found['state']}")  # which says what states there are
         assert isinstance(plain, StateCondition)
-        return Was(plain.slot, plain.wanted)
+        return WasInState(plain.slot, plain.wanted)
     try:
-        return Now(read_condition(words))
+        return CurrentState(read_condition(words))
     except ConfigError as error:
         if re.fullmatch(rf"{_SLOT}\s+is\s+\S+", words):
             raise
@@ -388,9 +388,9 @@ def read_lesson_condition(text: str) -> Condition:
 def sources(condition: Condition) -> tuple[str, ...]:
     """The ports whose numbers the condition looks at."""
     match condition:
-        case Now(plain=NumberCondition(source=source)) | MovedBy(source=source):
+        case CurrentState(plain=NumberCondition(source=source)) | MovedBy(source=source):
             return (source,)
-        case Not(other=other):
+        case NotCondition(other=other):
             return sources(other)
     return ()
 
@@ -398,9 +398,14 @@ def sources(condition: Condition) -> tuple[str, ...]:
 def places(condition: Condition) -> tuple[set[str], set[str]]:
     """Where somebody does something for a condition: at these slots, and at those that speak to these slots."""
     match condition:
-        case Now(plain=StateCondition(slot=slot)) | Was(slot=slot) | SettingIs(slot=slot) | Holder(slot=slot):
+        case (
+            CurrentState(plain=StateCondition(slot=slot))
+            | WasInState(slot=slot)
+            | SettingIs(slot=slot)
+            | HeldBy(slot=slot)
+        ):
             return {slot}, set()
-        case Now(plain=NumberCondition(source=source)) | MovedBy(source=source) | RotatedBy(source=source):
+        case CurrentState(plain=NumberCondition(source=source)) | MovedBy(source=source) | RotatedBy(source=source):
             return set(), {source.partition(".")[0]}
         case Wired(source=source, target=target):
             return {source.partition(".")[0], target.partition(".")[0]}, set()
@@ -408,12 +413,12 @@ def places(condition: Condition) -> tuple[set[str], set[str]]:
             return {name}, set()
         case Stopped():
             return {STOP}, set()
-        case Not(other=other):
+        case NotCondition(other=other):
             return places(other)
     return set(), set()
 
 
-def _number_seen(robot: RobotNow, source: str) -> str:
+def _number_seen(robot: RobotState, source: str) -> str:
     value = robot.number(source)
     if value is None:
         return said("nothing has come from {source} yet", source=source)

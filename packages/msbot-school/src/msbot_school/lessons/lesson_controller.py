@@ -28,8 +28,8 @@ from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck
 from msbot_school.lessons.lesson_hands import LessonHands
-from msbot_school.lessons.robot_now import RunningRobotNow
-from msbot_school.lessons.run import Hint, LessonRun, Ticked
+from msbot_school.lessons.lesson_run import Hint, LessonRun, Ticked
+from msbot_school.lessons.robot_state import RunningRobotState
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
 
@@ -96,7 +96,7 @@ class LessonController:
         self._running = operations.faults.running
         self.shelf = shelf
         self._parts: PartsHere = operations.stand_ins if parts is None else parts
-        self._robot = RunningRobotNow(self._running, bus)
+        self._robot = RunningRobotState(self._running, bus)
         self._world = world
         self._epoch_ns = epoch_ns
         self._workshop = WorkerPool()

@@ -8,7 +8,7 @@ from msbot.operations.running_robot import RunningRobot
 from msbot_school.lessons.conditions import STOP, places
 from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import LessonCheck
-from msbot_school.lessons.run import NOBODY, Hand
+from msbot_school.lessons.lesson_run import NOBODY, Hand
 
 
 class LessonHands:

@@ -15,7 +15,7 @@ from msbot_xrce.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class PersonInLesson:
+class LessonProgress:
     """One person in one lesson."""
 
     person: str
@@ -66,7 +66,7 @@ class PersonInLesson:
         }
 
 
-def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[PersonInLesson]:
+def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[LessonProgress]:
     """How far everybody is, by person and then in the order of the lessons.
 
     Args:
@@ -85,7 +85,7 @@ def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[Person
         counted = [tick for tick in own if tick.check != BEGUN and tick.check in names]
         hands = Counter(tick.doing for tick in counted)
         rows.append(
-            PersonInLesson(
+            LessonProgress(
                 person,
                 name,
                 name if lesson is None else lesson.title,
@@ -102,7 +102,7 @@ def progress_of(ticks: Iterable[Tick], lessons: Sequence[Lesson]) -> list[Person
     return sorted(rows, key=lambda row: (row.person, places.get(row.lesson, len(places)), row.lesson))
 
 
-def csv_of(rows: Iterable[PersonInLesson]) -> str:
+def csv_of(rows: Iterable[LessonProgress]) -> str:
     """The same as a table for a spreadsheet."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

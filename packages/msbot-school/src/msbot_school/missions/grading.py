@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import field
 
 from msbot_agent.text.sentence import said
-from msbot_school.faults.kinds import KINDS
-from msbot_school.missions.mission import REPAIRS, DrawnFault, Fact, Mission, Task, What
+from msbot_school.faults.fault_kinds import KINDS
+from msbot_school.missions.mission import REPAIRS, DrawnFault, Mission, MissionEvent, MissionEventKind, Task
 from msbot_xrce.lazy import dataclass
 
 
@@ -51,7 +51,7 @@ class TaskGrade:
 
 
 @dataclass(frozen=True, slots=True)
-class WrongAct:
+class Penalty:
     """Something that cost marks."""
 
     at_s: float
@@ -66,7 +66,7 @@ class Grade:
 
     faults: list[FaultGrade] = field(default_factory=list)
     tasks: list[TaskGrade] = field(default_factory=list)
-    wrong: list[WrongAct] = field(default_factory=list)
+    wrong: list[Penalty] = field(default_factory=list)
     """Wrong answers, wrong repairs, acts to be avoided, and hints, in their order."""
     looked_by: str = ""
     """Who looked the answers up first."""
@@ -93,36 +93,36 @@ class Grade:
         ) and all(task.is_done for task in self.tasks)
 
 
-def grade(mission: Mission, faults: Sequence[DrawnFault], facts: Sequence[Fact]) -> Grade:
+def grade(mission: Mission, faults: Sequence[DrawnFault], facts: Sequence[MissionEvent]) -> Grade:
     """The marks for what the notes say; those of a mission that runs are what it has brought so far."""
     found = Grade(faults=[FaultGrade(fault) for fault in faults])
     by_number = {one.fault.number: one for one in found.faults}
     for fact in facts:
         found.seconds = max(found.seconds, fact.at_s)
         match fact.what:
-            case What.FAULT_BEGAN:
+            case MissionEventKind.FAULT_BEGAN:
                 by_number[fact.number].began_s = fact.at_s
-            case What.FAULT_OVER:
+            case MissionEventKind.FAULT_OVER:
                 _over(by_number[fact.number], fact)
-            case What.NAMED:
+            case MissionEventKind.NAMED:
                 _named(mission, found, fact)
-            case What.REPAIRED:
+            case MissionEventKind.REPAIRED:
                 _repaired(mission, found, by_number, fact)
-            case What.ACT if fact.word in mission.avoid:
+            case MissionEventKind.ACT if fact.word in mission.avoid:
                 found.wrong.append(
-                    WrongAct(
+                    Penalty(
                         fact.at_s,
                         fact.who,
                         said("{operation} was to be avoided", operation=fact.word),
                         mission.marks.wrong,
                     )
                 )
-            case What.HINT:
+            case MissionEventKind.HINT:
                 words = said("hint {number}", number=fact.number)
-                found.wrong.append(WrongAct(fact.at_s, fact.who, words, mission.marks.hint))
-            case What.LOOKED:
+                found.wrong.append(Penalty(fact.at_s, fact.who, words, mission.marks.hint))
+            case MissionEventKind.LOOKED:
                 found.looked_by = found.looked_by or fact.who
-            case What.ENDED:
+            case MissionEventKind.ENDED:
                 found.reason = fact.text
             case _:
                 pass
@@ -150,13 +150,13 @@ def judged(faults: Sequence[FaultGrade], kind: str, slot: str) -> tuple[str, Fau
     return ("wrong" if there else "early"), None
 
 
-def _over(one: FaultGrade, fact: Fact) -> None:
+def _over(one: FaultGrade, fact: MissionEvent) -> None:
     one.over_s = fact.at_s
     if fact.word == "mended" and one.mended_s is None:
         one.mended_by, one.mended_s = fact.who, fact.at_s - (one.began_s or 0.0)
 
 
-def _named(mission: Mission, found: Grade, fact: Fact) -> None:
+def _named(mission: Mission, found: Grade, fact: MissionEvent) -> None:
     verdict, about = judged(found.faults, fact.word, fact.slot)
     if about is not None and not about.place_by:
         about.place_by, about.is_place_looked_up = fact.who, bool(found.looked_by)
@@ -168,7 +168,7 @@ def _named(mission: Mission, found: Grade, fact: Fact) -> None:
     if is_wrong(verdict):
         what = place_words(said("{kind}: {words}", kind=fact.word, words=KINDS[fact.word].words), fact.slot)
         found.wrong.append(
-            WrongAct(
+            Penalty(
                 fact.at_s,
                 fact.who,
                 said("wrong answer: {what} ({verdict})", what=what, verdict=VERDICTS[verdict]),
@@ -194,16 +194,16 @@ def place_words(what: str, slot: str) -> str:
     return said("{what} (the whole robot)", what=what)
 
 
-def _repaired(mission: Mission, found: Grade, by_number: dict[int, FaultGrade], fact: Fact) -> None:
+def _repaired(mission: Mission, found: Grade, by_number: dict[int, FaultGrade], fact: MissionEvent) -> None:
     one = by_number.get(fact.number)
     if one is not None and one.began_s is not None:
         one.mended_by, one.mended_s, one.mended_how = fact.who, fact.at_s - one.began_s, fact.word
         return
     what = place_words(REPAIRS[fact.word].words, fact.slot)
-    found.wrong.append(WrongAct(fact.at_s, fact.who, said("repaired in vain: {what}", what=what), mission.marks.wrong))
+    found.wrong.append(Penalty(fact.at_s, fact.who, said("repaired in vain: {what}", what=what), mission.marks.wrong))
 
 
-def _count(mission: Mission, found: Grade, facts: Sequence[Fact]) -> None:
+def _count(mission: Mission, found: Grade, facts: Sequence[MissionEvent]) -> None:
     marks = mission.marks
     for one in found.faults:
         if one.began_s is None:
@@ -224,15 +224,15 @@ def _count(mission: Mission, found: Grade, facts: Sequence[Fact]) -> None:
     found.marks = max(earned - sum(one.cost for one in found.wrong), 0.0)
 
 
-def _task(mission: Mission, number: int, task: Task, found: Grade, facts: Sequence[Fact]) -> TaskGrade:
+def _task(mission: Mission, number: int, task: Task, found: Grade, facts: Sequence[MissionEvent]) -> TaskGrade:
     of = mission.marks.do
     if task.until:
-        last = [fact for fact in facts if fact.what is What.HOLDS and fact.number == number]
+        last = [fact for fact in facts if fact.what is MissionEventKind.HOLDS and fact.number == number]
         holds = bool(last) and last[-1].word == "yes"
         return TaskGrade(task, holds, "", last[-1].at_s if holds else None, of if holds else 0.0, of)
     first_s = min((one.began_s for one in found.faults if one.began_s is not None), default=0.0)
     for fact in facts:
-        if fact.what is not What.ACT or fact.word != task.operation:
+        if fact.what is not MissionEventKind.ACT or fact.word != task.operation:
             continue
         after_s = max(fact.at_s - first_s, 0.0)
         if task.arguments.items() <= fact.arguments.items() and (task.within_s is None or after_s <= task.within_s):

@@ -11,7 +11,7 @@ from typing import Final
 
 from msbot.operations.fault_request import FaultRequest
 from msbot_agent.text.sentence import JsonSentence, from_json, said, to_json
-from msbot_school.faults.kinds import KINDS, contradiction
+from msbot_school.faults.fault_kinds import KINDS, contradiction
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 
@@ -214,7 +214,7 @@ def repair_named(name: str) -> Repair:
 # What happened in a mission, one note after the other: all that marks are counted from. Pure.
 
 
-class What(Enum):
+class MissionEventKind(Enum):
     """The kinds of notes."""
 
     BEGAN = "began"
@@ -241,12 +241,12 @@ class What(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Fact:
+class MissionEvent:
     """One note."""
 
     at_s: float
     """Seconds since the mission began."""
-    what: What
+    what: MissionEventKind
     who: str = ""
     number: int = 0
     """Of a fault, a hint or a task, counted from 1."""
@@ -276,16 +276,16 @@ FACT_LONGEST_S: Final = 1e9
 """No mission lasts longer; JSON may hold whole numbers that are no float."""
 
 
-def facts_from_json(notes: Iterable[object]) -> list[Fact]:
+def events_from_json(notes: Iterable[object]) -> list[MissionEvent]:
     """The notes of a recording.
 
     Raises:
         RemoteProtocolError: one is no note of a mission.
     """
-    return [_fact(note) for note in notes]
+    return [_event(note) for note in notes]
 
 
-def _fact(note: object) -> Fact:
+def _event(note: object) -> MissionEvent:
     match note:
         case {
             "at_s": int() | float() as at_s,
@@ -296,7 +296,7 @@ def _fact(note: object) -> Fact:
             "word": str(word),
             "text": text,
             "arguments": dict(arguments),
-        } if what in {one.value for one in What} and abs(at_s) < FACT_LONGEST_S:
+        } if what in {one.value for one in MissionEventKind} and abs(at_s) < FACT_LONGEST_S:
             named = {str(name): str(value) for name, value in arguments.items()}
-            return Fact(float(at_s), What(what), who, number, slot, word, from_json(text), named)
+            return MissionEvent(float(at_s), MissionEventKind(what), who, number, slot, word, from_json(text), named)
     raise RemoteProtocolError(f"no note of a mission: {note!r:.200}")

@@ -15,7 +15,7 @@ from msbot_agent.text.sentence import said
 from msbot_agent.toml.document import MOST_BYTES, Document, parse_document
 from msbot_agent.toml.problems import Problems
 from msbot_agent.toml.table import Table
-from msbot_school.faults.kinds import KINDS, FaultKind, read_condition
+from msbot_school.faults.fault_kinds import KINDS, FaultKind, read_condition
 from msbot_school.missions.mission import (
     LONGEST_S,
     QUICK_SHARE,

@@ -18,9 +18,9 @@ from typing import Final
 from msbot.operations.dispatch import PerformedOperation, RunningOperations
 from msbot.pnp import PartEvent, PartState, StopStatus
 from msbot_agent.text.sentence import said
+from msbot_school.faults.fault_kinds import Condition, read_condition
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_school.faults.kinds import Condition, read_condition
-from msbot_school.missions.mission import Fact, Mission, What, drawn
+from msbot_school.missions.mission import Mission, MissionEvent, MissionEventKind, drawn
 from msbot_school.missions.mission_file import parse_mission, ready_mission
 from msbot_school.missions.mission_run import MissionRun
 from msbot_school.missions.recorded_missions import PlayedMission
@@ -267,8 +267,8 @@ class MissionLab:
         words = said("mission {mission} is over ({reason})", mission=run.mission.name, reason=reason)
         self._missions.journal(words, who or run.who)
 
-    def _noted(self, fact: Fact) -> None:
-        head = {"head": self._head} if fact.what is What.BEGAN else {}
+    def _noted(self, fact: MissionEvent) -> None:
+        head = {"head": self._head} if fact.what is MissionEventKind.BEGAN else {}
         self._missions.noted({"began_ms": self._began_ms, **head, **fact.as_json()})
 
     def _the_run(self) -> MissionRun:
@@ -279,7 +279,7 @@ class MissionLab:
     @staticmethod
     def _told(run: MissionRun) -> list[dict[str, object]]:
         """The latest answers, repairs and hints, as they were answered."""
-        told = [fact for fact in run.facts if fact.what in (What.NAMED, What.REPAIRED)]
+        told = [fact for fact in run.facts if fact.what in (MissionEventKind.NAMED, MissionEventKind.REPAIRED)]
         return [
             {
                 "at_s": fact.at_s,

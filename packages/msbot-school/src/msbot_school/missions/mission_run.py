@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from msbot_agent.text.sentence import said
-from msbot_school.faults.kinds import kind_named
+from msbot_school.faults.fault_kinds import kind_named
 from msbot_school.missions.grading import VERDICTS, Grade, grade, judged, place_words
-from msbot_school.missions.mission import DrawnFault, Fact, Mission, What, repair_named
+from msbot_school.missions.mission import DrawnFault, Mission, MissionEvent, MissionEventKind, repair_named
 from msbot_xrce.errors import ConfigError
 
 MOST_FACTS: Final = 2000
@@ -35,55 +35,57 @@ class MissionRun:
         who: str,
         now: float,
         *,
-        on_fact: Callable[[Fact], object] = lambda _: None,
+        on_fact: Callable[[MissionEvent], object] = lambda _: None,
     ) -> None:
         self.mission = mission
         self.faults = tuple(faults)
         self.who = who
-        self.facts: list[Fact] = []
+        self.facts: list[MissionEvent] = []
         self.left_out = 0
         """Notes of acts and states that were too many."""
         self._began_at = now
         self._on_fact = on_fact
         self._there: set[int] = set()
-        self._counts = dict.fromkeys(What, 0)
+        self._counts = dict.fromkeys(MissionEventKind, 0)
         self._holds: dict[int, bool] = {}
         self._grade: tuple[int, Grade] | None = None
         self.ended = False
-        self._note(now, What.BEGAN, who, word=mission.name)
+        self._note(now, MissionEventKind.BEGAN, who, word=mission.name)
 
     # What happens.
 
     def fault_began(self, number: int, now: float) -> None:
         """A fault of the mission is there."""
         self._there.add(number)
-        self._note(now, What.FAULT_BEGAN, number=number)
+        self._note(now, MissionEventKind.FAULT_BEGAN, number=number)
 
     def fault_over(self, number: int, now: float, reason: str, *, is_mended: bool, by: str = "") -> None:
         """A fault of the mission is no longer there; `is_mended`: somebody has mended it at the part itself, the person
         `by` if that is known."""
         self._there.discard(number)
         who = (by or said("somebody")) if is_mended else ""
-        self._note(now, What.FAULT_OVER, who, number=number, word="mended" if is_mended else "", text=reason)
+        self._note(
+            now, MissionEventKind.FAULT_OVER, who, number=number, word="mended" if is_mended else "", text=reason
+        )
 
     def state(self, slot: str, word: str, reason: str, now: float) -> None:
         """The part in a slot has another state."""
-        self._note_if_room(now, What.STATE, slot=slot, word=word, text=reason)
+        self._note_if_room(now, MissionEventKind.STATE, slot=slot, word=word, text=reason)
 
     def act(self, operation: str, arguments: Mapping[str, object], who: str, words: str, now: float) -> None:
         """A person has done something to the robot."""
         given = {name: str(value) for name, value in arguments.items() if value is not None}
-        self._note_if_room(now, What.ACT, who, word=operation, text=words, arguments=given)
+        self._note_if_room(now, MissionEventKind.ACT, who, word=operation, text=words, arguments=given)
 
     def looked(self, who: str, now: float) -> None:
         """Somebody has looked the answers up."""
-        self._note_if_room(now, What.LOOKED, who)
+        self._note_if_room(now, MissionEventKind.LOOKED, who)
 
     def holds(self, number: int, now: float, *, holds: bool) -> None:
         """Whether the condition of a task holds now."""
         if self._holds.get(number) != holds:
             self._holds[number] = holds
-            self._note_if_room(now, What.HOLDS, number=number, word="yes" if holds else "no")
+            self._note_if_room(now, MissionEventKind.HOLDS, number=number, word="yes" if holds else "no")
 
     # What people say.
 
@@ -98,10 +100,12 @@ class MissionRun:
             raise ConfigError(said("{kind} is at a part: name its slot", kind=kind))
         if not known.at_part:
             slot = ""
-        self._count(What.NAMED, MOST_ANSWERS, said("{most} answers were given: that is the most", most=MOST_ANSWERS))
+        self._count(
+            MissionEventKind.NAMED, MOST_ANSWERS, said("{most} answers were given: that is the most", most=MOST_ANSWERS)
+        )
         verdict, _ = judged(self.grade().faults, kind, slot)
         words = said("{what}: {verdict}", what=place_words(known.words, slot), verdict=VERDICTS[verdict])
-        self._note(now, What.NAMED, who, slot=slot, word=kind, text=words)
+        self._note(now, MissionEventKind.NAMED, who, slot=slot, word=kind, text=words)
         return words
 
     def repair(self, who: str, name: str, slot: str, now: float) -> tuple[str, int]:
@@ -115,7 +119,11 @@ class MissionRun:
             raise ConfigError(said("{repair} is done at a part: name its slot", repair=name))
         if not repair.at_part:
             slot = ""
-        self._count(What.REPAIRED, MOST_REPAIRS, said("{most} repairs were tried: that is the most", most=MOST_REPAIRS))
+        self._count(
+            MissionEventKind.REPAIRED,
+            MOST_REPAIRS,
+            said("{most} repairs were tried: that is the most", most=MOST_REPAIRS),
+        )
         mended = next(
             (
                 one.number
@@ -130,7 +138,7 @@ class MissionRun:
             if mended
             else said("{what}: done, and nothing has changed", what=what)
         )
-        self._note(now, What.REPAIRED, who, number=mended, slot=slot, word=name, text=words)
+        self._note(now, MissionEventKind.REPAIRED, who, number=mended, slot=slot, word=name, text=words)
         return words, mended
 
     def hint(self, who: str, now: float) -> str:
@@ -142,21 +150,21 @@ class MissionRun:
         given = self.hints_given
         if given >= len(self.mission.hints):
             raise ConfigError(said("there is no hint left"))
-        self._note(now, What.HINT, who, number=given + 1)
+        self._note(now, MissionEventKind.HINT, who, number=given + 1)
         return self.mission.hints[given]
 
     def end(self, reason: str, now: float) -> None:
         """It is over."""
         if not self.ended:
             self.ended = True
-            self._note(now, What.ENDED, text=reason)
+            self._note(now, MissionEventKind.ENDED, text=reason)
 
     # What is asked.
 
     @property
     def hints_given(self) -> int:
         """How many hints were given."""
-        return self._counts[What.HINT]
+        return self._counts[MissionEventKind.HINT]
 
     @property
     def ends_at(self) -> float:
@@ -177,18 +185,18 @@ class MissionRun:
 
     # Notes.
 
-    def _count(self, what: What, most: int, refusal: str) -> None:
+    def _count(self, what: MissionEventKind, most: int, refusal: str) -> None:
         if self._counts[what] >= most:
             raise ConfigError(refusal)
 
-    def _note_if_room(self, now: float, what: What, who: str = "", **more: object) -> None:
+    def _note_if_room(self, now: float, what: MissionEventKind, who: str = "", **more: object) -> None:
         if len(self.facts) >= MOST_FACTS:
             self.left_out += 1
         else:
             self._note(now, what, who, **more)
 
-    def _note(self, now: float, what: What, who: str = "", **more: object) -> None:
+    def _note(self, now: float, what: MissionEventKind, who: str = "", **more: object) -> None:
         self._counts[what] += 1
-        fact = Fact(round(now - self._began_at, 3), what, who, **more)  # type: ignore[arg-type]
+        fact = MissionEvent(round(now - self._began_at, 3), what, who, **more)  # type: ignore[arg-type]
         self.facts.append(fact)
         self._on_fact(fact)

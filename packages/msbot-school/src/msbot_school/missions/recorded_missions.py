@@ -9,7 +9,7 @@ from msbot.recording.recordings.reading import RecordingReader
 from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import said
 from msbot_school.missions.grading import Grade, grade
-from msbot_school.missions.mission import DrawnFault, Fact, Mission, What, drawn, facts_from_json
+from msbot_school.missions.mission import DrawnFault, Mission, MissionEvent, MissionEventKind, drawn, events_from_json
 from msbot_school.missions.mission_file import parse_mission
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -27,12 +27,12 @@ class PlayedMission:
     seed: int
     began_ms: int
     """Milliseconds since 1970."""
-    facts: tuple[Fact, ...]
+    facts: tuple[MissionEvent, ...]
 
     @property
     def who(self) -> str:
         """Who has started it."""
-        return next((fact.who for fact in self.facts if fact.what is What.BEGAN), "")
+        return next((fact.who for fact in self.facts if fact.what is MissionEventKind.BEGAN), "")
 
     @property
     def faults(self) -> tuple[DrawnFault, ...]:
@@ -75,7 +75,7 @@ def played_from_json(content: Mapping[str, object]) -> PlayedMission:
             "facts": list(facts),
         }:
             mission = parse_mission(toml, f"{name}.toml")
-            return PlayedMission(number, mission, seed, began, tuple(facts_from_json(facts)))
+            return PlayedMission(number, mission, seed, began, tuple(events_from_json(facts)))
     raise RemoteProtocolError(f"no mission: {content!r:.200}")
 
 

@@ -18,12 +18,12 @@ from dataclasses import replace
 from msbot.operations.rights import Right, Role, role_named
 from msbot.registry.reserved_names import check_name, check_reserved
 from msbot_agent.text.sentence import said
-from msbot_web.access.attempts import Attempts, SignInRefused
-from msbot_web.access.class_list import Newcomer
+from msbot_web.access.class_list import NewAccount
 from msbot_web.access.clocks import NonDecreasingClock
 from msbot_web.access.guests import DEMO, Guests
 from msbot_web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
-from msbot_web.access.sessions import Ending, Session, Sessions, digest_of, told_octets
+from msbot_web.access.sessions import Session, SessionEndReason, Sessions, digest_of, json_size
+from msbot_web.access.sign_in_throttle import SignInRefused, SignInThrottle
 from msbot_web.access.users import OF_PARTS, User, UserStore
 from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
 
@@ -146,7 +146,7 @@ class Accounts:
         self.sessions = Sessions(clock)
         self.guests = Guests(self, clock)
         self.browsers = KnownBrowsers()
-        self._attempts = Attempts()
+        self._attempts = SignInThrottle()
         self._users: dict[str, User] = {}
         self._token_users: dict[str, str] = {}
         self._decoy = ""
@@ -213,7 +213,9 @@ class Accounts:
                 for listener in self._gone_listeners:
                     listener(name)
             if new is None or is_another or new.password_hash != old.password_hash:
-                self._end_all_of(name, Ending.REMOVED if new is None or is_another else Ending.NEW_PASSWORD)
+                self._end_all_of(
+                    name, SessionEndReason.REMOVED if new is None or is_another else SessionEndReason.NEW_PASSWORD
+                )
             elif new.role is not old.role:
                 self._role_changed(name, new.role)
 
@@ -241,7 +243,7 @@ class Accounts:
             SignInRefused: it is not the link's word, or somebody has used it.
             ConfigError: the name or the password is not acceptable.
         """
-        if not self._setup_token or not hmac.compare_digest(told_octets(token), self._setup_token.encode()):
+        if not self._setup_token or not hmac.compare_digest(json_size(token), self._setup_token.encode()):
             raise SignInRefused(
                 said("this set-up link is not valid (any more): start msbot again for a new one, or sign in")
             )
@@ -268,7 +270,7 @@ class Accounts:
         Raises:
             SignInRefused: it is not the link's word.
         """
-        if not self._entry_token or not hmac.compare_digest(told_octets(token), self._entry_token.encode()):
+        if not self._entry_token or not hmac.compare_digest(json_size(token), self._entry_token.encode()):
             raise SignInRefused(said("this link is of another run: copy the one that msbot has printed last"))
         return self.sessions.begin(DEMO, Role.ADMINISTRATOR, is_lasting=True)
 
@@ -429,7 +431,7 @@ class Accounts:
             self._check_name(name)  # somebody else may have taken it in the meantime
             await self._keep(who, User(name, role, hashed, since_ns=time.time_ns()))
 
-    async def add_people(self, people: Iterable[Newcomer], *, who: str) -> None:
+    async def add_people(self, people: Iterable[NewAccount], *, who: str) -> None:
         """Let a whole class sign in: all of them or none.
 
         Raises:
@@ -491,7 +493,7 @@ class Accounts:
         hashed = await self._hasher.hash(password, asker=who)
         async with self._changing:
             await self._keep(who, replace(self._find(name), password_hash=hashed, tokens=()))
-        self._end_all_of(name, Ending.NEW_PASSWORD)
+        self._end_all_of(name, SessionEndReason.NEW_PASSWORD)
 
     async def remove_user(self, name: str, *, who: str) -> None:
         """Remove a person, who can no longer sign in.
@@ -554,7 +556,7 @@ class Accounts:
 
     # Helpers
 
-    def _end_all_of(self, name: str, why: Ending) -> None:
+    def _end_all_of(self, name: str, why: SessionEndReason) -> None:
         self.guests.end_all_of(name, why)
         self.browsers.end_all_of(name)
 

@@ -18,7 +18,7 @@ _CONSONANTS, _VOWELS, _SYLLABLES = "bdfgklmnprstvwz", "aeiou", 4
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ClassListEntry:
     """One person of a list."""
 
     name: str
@@ -30,7 +30,7 @@ class Listed:
 
 
 @dataclass(frozen=True, slots=True)
-class Newcomer:
+class NewAccount:
     """Somebody of a list who can be let in as it stands."""
 
     name: str
@@ -39,7 +39,7 @@ class Newcomer:
     line: int
 
 
-def read_people(octets: bytes, path: str) -> list[Listed]:
+def read_people(octets: bytes, path: str) -> list[ClassListEntry]:
     """The people of a CSV file: a column with names, and `role` and `password` where it has them.
 
     The first line may name the columns; without that the first column has the names. Comma, semicolon or tab.
@@ -67,7 +67,7 @@ def read_people(octets: bytes, path: str) -> list[Listed]:
         raise ConfigError(
             said("{path}: has more than {most_people} people; divide it", path=path, most_people=MOST_PEOPLE)
         )
-    first: dict[str, Listed] = {}
+    first: dict[str, ClassListEntry] = {}
     for one in people:
         if (other := first.setdefault(one.name, one)) is not one:
             raise ConfigError(
@@ -82,7 +82,7 @@ def read_people(octets: bytes, path: str) -> list[Listed]:
     return people
 
 
-def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
+def new_accounts(octets: bytes, path: str, role: Role) -> list[NewAccount]:
     """The people of a CSV file, complete with role and password; see `read_people`.
 
     Args:
@@ -103,7 +103,7 @@ def newcomers(octets: bytes, path: str, role: Role) -> list[Newcomer]:
             raise ConfigError(
                 said("{path}, line {line}: {error}; nobody was added", path=path, line=one.line, error=str(error))
             ) from None
-        people.append(Newcomer(one.name, wanted, password, one.line))
+        people.append(NewAccount(one.name, wanted, password, one.line))
     return people
 
 
@@ -156,8 +156,8 @@ def _rows(path: str, lines: list[str], delimiter: str) -> list[list[str]]:
         ) from None
 
 
-def _person(path: str, number: int, cells: dict[str, str]) -> Listed:
+def _person(path: str, number: int, cells: dict[str, str]) -> ClassListEntry:
     name = cells.get("name", "")
     if not name:
         raise ConfigError(said("{path}, line {number}: the name is missing", path=path, number=number))
-    return Listed(name, cells.get("role", "").casefold(), cells.get("password", ""), number)
+    return ClassListEntry(name, cells.get("role", "").casefold(), cells.get("password", ""), number)

@@ -12,8 +12,8 @@ import secrets
 from collections.abc import Callable
 
 from msbot_agent.text.sentence import said
-from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.sessions import digest_of
+from msbot_web.access.sign_in_throttle import SignInRefused
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 

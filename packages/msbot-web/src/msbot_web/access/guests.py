@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from msbot.operations.rights import Right, Role
 from msbot_agent.text.sentence import said
-from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.guest_tickets import GuestTickets, Ticket
-from msbot_web.access.sessions import Ending, Session
+from msbot_web.access.sessions import Session, SessionEndReason
+from msbot_web.access.sign_in_throttle import SignInRefused
 
 if TYPE_CHECKING:
     from msbot_web.access.accounts import Accounts
@@ -71,7 +71,7 @@ class Guests:
         role = self._accounts.role_of(session.guest_of) if session.guest_of else None
         return session.name if role is None or role >= Right.ARRANGE.least else session.guest_of
 
-    def end_all_of(self, name: str, why: Ending) -> None:
+    def end_all_of(self, name: str, why: SessionEndReason) -> None:
         """End the sessions of a person, those of their guests, and their tickets."""
         self.tickets.forget_those_of(name)
         self._accounts.sessions.end_all_of(name, why)

@@ -27,7 +27,7 @@ MOST_SESSIONS = 1000
 """If there are more, the person with the most loses their longest unused one: nobody ends another's."""
 
 
-class Ending(Enum):
+class SessionEndReason(Enum):
     """Why a session has ended, as far as the person has to be told."""
 
     SIGNED_OUT = auto()
@@ -39,13 +39,13 @@ class Ending(Enum):
     def words(self, name: str) -> str:
         """What the browser of that person says about it; empty: nothing."""
         match self:
-            case Ending.REMOVED:
+            case SessionEndReason.REMOVED:
                 return said("the account {name} was removed: ask your teacher if that is a mistake", name=name)
-            case Ending.NEW_PASSWORD:
+            case SessionEndReason.NEW_PASSWORD:
                 return said("the password of {name} was changed: sign in with the new one", name=name)
-            case Ending.TIME_OVER:
+            case SessionEndReason.TIME_OVER:
                 return said("{name} was signed out because nothing was done here for long: sign in again", name=name)
-            case Ending.GUEST_OVER:
+            case SessionEndReason.GUEST_OVER:
                 return said("your time as a guest is over: ask for a new code")
         return ""
 
@@ -158,16 +158,16 @@ class Sessions:
         """Note that the person did something."""
         session.used_at = self._clock()
 
-    def end(self, session: Session, why: Ending = Ending.SIGNED_OUT) -> None:
+    def end(self, session: Session, why: SessionEndReason = SessionEndReason.SIGNED_OUT) -> None:
         """End a session."""
         if self._by_key.get(session.key) is session:
-            if why is Ending.SIGNED_OUT and not self.is_fresh(session):
-                why = Ending.TIME_OVER
+            if why is SessionEndReason.SIGNED_OUT and not self.is_fresh(session):
+                why = SessionEndReason.TIME_OVER
             del self._by_key[session.key]
             self._note_end(session, why)
             self._tell(session)
 
-    def end_all_of(self, name: str, why: Ending) -> None:
+    def end_all_of(self, name: str, why: SessionEndReason) -> None:
         """End the sessions of a person, and of the guests whom that person has let in."""
         for session in list(self._by_key.values()):
             if session.is_of(name) or session.guest_of == name:
@@ -177,8 +177,8 @@ class Sessions:
         """Why the session of a cookie has ended, in words for its person; empty: there is nothing to tell."""
         return self._why_ended.get(digest_of(token), "") if token else ""
 
-    def _note_end(self, session: Session | KeptSession, why: Ending) -> None:
-        words = (Ending.GUEST_OVER if session.guest_of else why).words(session.name)
+    def _note_end(self, session: Session | KeptSession, why: SessionEndReason) -> None:
+        words = (SessionEndReason.GUEST_OVER if session.guest_of else why).words(session.name)
         if words:
             self._why_ended[session.key] = words
             if len(self._why_ended) > MOST_SESSIONS:
@@ -237,9 +237,9 @@ class Sessions:
         for one in kept:
             role = role_of(one.guest_of or one.name)
             if role is None:
-                self._note_end(one, Ending.REMOVED)
+                self._note_end(one, SessionEndReason.REMOVED)
             elif one.mark != mark_of(one.guest_of or one.name):
-                self._note_end(one, Ending.NEW_PASSWORD)
+                self._note_end(one, SessionEndReason.NEW_PASSWORD)
                 continue
             if role is None or len(self._by_key) >= MOST_SESSIONS:
                 continue
@@ -255,7 +255,7 @@ class Sessions:
             self._by_key[one.key] = session
             if not self.is_fresh(session):
                 del self._by_key[one.key]
-                self._note_end(session, Ending.TIME_OVER)
+                self._note_end(session, SessionEndReason.TIME_OVER)
 
     def _drop_one(self) -> None:
         ((greedy, _),) = Counter(session.name for session in self._by_key.values()).most_common(1)
@@ -269,9 +269,9 @@ class Sessions:
 
 def digest_of(token: str) -> str:
     """What is stored of a random word: it cannot be guessed, so a slow hash would add nothing."""
-    return hashlib.sha256(told_octets(token)).hexdigest()
+    return hashlib.sha256(json_size(token)).hexdigest()
 
 
-def told_octets(word: str) -> bytes:
+def json_size(word: str) -> bytes:
     """A word that somebody has shown, for comparing it in constant time: whatever characters or halves are in it."""
     return word.encode("utf-8", "surrogatepass")

@@ -10,12 +10,12 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from msbot.operations.rights import Role
 from msbot_agent.text.sentence import said
+from msbot_web.access.access_middleware import CookieNames
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.class_list import new_password
-from msbot_web.access.guard import CookieNames
-from msbot_web.access.passes import TicketCodes
 from msbot_web.access.sessions import GUEST_S, LONGEST_S, Session
+from msbot_web.access.sign_in_throttle import SignInRefused
+from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.html import render
 from msbot_web.language import language_of
 from msbot_web.root_path import root

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from msbot_web.api.models import Model
-from msbot_web.api.said import Said
+from msbot_web.api.sentence_field import SentenceField
 
 
 class RobotStatus(Model):
@@ -34,7 +34,7 @@ class RobotStatus(Model):
     """Parts that have not confirmed it: they may still move."""
     silent: list[str] = Field(default_factory=list)
     """Their names, the first hundred."""
-    trouble: Said = ""
+    trouble: SentenceField = ""
     """Why changes are not being stored; empty: they are."""
 
 
@@ -49,7 +49,7 @@ class RobotTile(Model):
     owner: str
     slots: int
     active: int
-    last_event: Said
+    last_event: SentenceField
     last_event_age_s: float | None
     address: str = ""
     """Where its own page is, when it is known."""
@@ -65,7 +65,7 @@ class RobotTile(Model):
     """The version of MsBOT that runs it; empty: not known."""
     elsewhere: bool = False
     """Whether there is an access to its master on another computer."""
-    trouble: Said = ""
+    trouble: SentenceField = ""
     """Why a master elsewhere does not answer."""
     stop_group: str = ""
     """Its STOP group; empty: none, or it is not known."""
@@ -85,7 +85,7 @@ class MissionTask(Model):
     done: bool
 
 
-class MissionToldLine(Model):
+class MissionAnswerLine(Model):
     """An answer or a repair, and what came of it."""
 
     at_s: float
@@ -93,7 +93,7 @@ class MissionToldLine(Model):
     what: str
     word: str
     slot: str
-    text: Said
+    text: SentenceField
 
 
 class MissionState(Model):
@@ -112,7 +112,7 @@ class MissionState(Model):
     hints: list[str] = Field(default_factory=list)
     hints_left: int = 0
     tasks: list[MissionTask] = Field(default_factory=list)
-    told: list[MissionToldLine] = Field(default_factory=list)
+    told: list[MissionAnswerLine] = Field(default_factory=list)
     reports: list[int] = Field(default_factory=list)
     """Numbers of the missions that are over."""
 
@@ -146,12 +146,12 @@ class TaskMarks(Model):
     of: float
 
 
-class WrongActLine(Model):
+class MissionPenaltyLine(Model):
     """Something that cost marks."""
 
     at_s: float
     who: str
-    words: Said
+    words: SentenceField
     cost: float
 
 
@@ -165,14 +165,14 @@ class MissionMarks(Model):
     who: str
     began_ms: int
     seconds: float
-    reason: Said
+    reason: SentenceField
     marks: float
     of: float
     percent: float
     looked_by: str
     faults: list[FaultMarks]
     tasks: list[TaskMarks]
-    wrong: list[WrongActLine]
+    wrong: list[MissionPenaltyLine]
 
 
 # What the API tells of an examination by the doctor.
@@ -187,11 +187,11 @@ class FindingLine(Model):
     about: str
     must: bool
     """False: worth knowing, may be wanted."""
-    saw: Said
-    why: Said
-    wire: Said
+    saw: SentenceField
+    why: SentenceField
+    wire: SentenceField
     """How it shows in the traffic."""
-    first: Said
+    first: SentenceField
     """What hands must do before; empty: nothing."""
     mend: str
     """The command that mends it."""
@@ -201,7 +201,7 @@ class CheckLine(Model):
     """A check that could not, or need not, be made."""
 
     check: str
-    why: Said
+    why: SentenceField
 
 
 class ExaminationState(Model):

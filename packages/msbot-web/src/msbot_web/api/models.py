@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from msbot_agent.text.sentence import whole
-from msbot_web.api.said import Said
+from msbot_web.api.sentence_field import SentenceField
 
 # What all models of the API have in common.
 
@@ -74,11 +74,11 @@ class PartDeclaration(Model):
     settings: list[SettingDeclaration] = Field(default_factory=list)
     checked: bool
     """Whether it can be adopted."""
-    fault: Said = ""
+    fault: SentenceField = ""
     """Why it is refused."""
 
 
-class Offer(Model):
+class WireOffer(Model):
     """A wire that fits by its type: the arguments of `POST /topics/{topic}/bind`."""
 
     topic: str
@@ -90,7 +90,7 @@ class Offer(Model):
 # How the session of a part has gone, as pages and API show it.
 
 
-class Wear(Model):
+class SessionFaults(Model):
     """What went wrong between the agent and a part since its session was opened."""
 
     repeated: int
@@ -105,25 +105,25 @@ Scalar = bool | int | float | Annotated[str, AfterValidator(whole)]
 """Without halves of characters, which pydantic lets pass in a union, and nobody can answer with."""
 
 
-class Done(Model):
+class ChangeResult(Model):
     """A change was made."""
 
-    words: Said
+    words: SentenceField
     """What happened, for people."""
     edit: int | None = None
     """Its number, for undo; absent when it cannot be undone."""
-    offers: list[Offer] = Field(default_factory=list)
+    offers: list[WireOffer] = Field(default_factory=list)
     """Wires that would fit the new slot of a part that described itself."""
 
 
-class StopDone(Done):
+class StopResult(ChangeResult):
     """STOP was said."""
 
     stop: int
     """Its number, for GO."""
     stored: bool
     """Whether it survives a restart of the master."""
-    trouble: Said = ""
+    trouble: SentenceField = ""
     """Why it would not; empty: it would."""
 
 
@@ -192,7 +192,7 @@ class PartLine(Model):
     """The slot it holds or held, empty when none."""
     state: str
     """`new`, `checking`, `active`, `late`, `lost`, `refused`, `standby` or `left`."""
-    reason: Said
+    reason: SentenceField
     state_age_s: float
     life: int
     beat_age_s: float | None
@@ -222,7 +222,7 @@ class SlotCard(Model):
     description: str
     state: str
     """The part's state, or `empty`."""
-    reason: Said
+    reason: SentenceField
     part: PartLine | None
     ports: list[PortLine]
     next_beat_s: float | None
@@ -233,8 +233,8 @@ class SlotCard(Model):
     """Whether the part runs in this process and can be operated here."""
     plugged: bool | None
     """For a simulated part: whether it is on the wire."""
-    faults: list[Said] = Field(default_factory=list, description="What may be told of planted faults.")
-    wear: Wear | None = None
+    faults: list[SentenceField] = Field(default_factory=list, description="What may be told of planted faults.")
+    wear: SessionFaults | None = None
 
     @property
     def shown_number(self) -> str:
@@ -284,15 +284,15 @@ class StopState(Model):
     by: str = ""
     also_by: list[str] = Field(default_factory=list)
     """Who else has said STOP while it held."""
-    place: Said = ""
+    place: SentenceField = ""
     """From where; empty: not known."""
-    reason: Said = ""
+    reason: SentenceField = ""
     since_s: float | None = None
     """How long it has held."""
     confirmed: list[StopConfirmed] = Field(default_factory=list)
     silent: list[str] = Field(default_factory=list)
     """Parts that have not confirmed it: they may still move."""
-    trouble: Said = ""
+    trouble: SentenceField = ""
     """Why it would not survive a restart of the master; empty: it would."""
 
 
@@ -314,12 +314,12 @@ class Robot(Model):
     """Who said it, and which parts have confirmed it."""
     window_s: float
     """Seconds the adoption window is still open; 0 = closed."""
-    trouble: Said
+    trouble: SentenceField
     """Why changes are not being stored, empty when all is well."""
     slots: list[SlotCard]
     arrivals: int
     """Parts that wait in the arrivals tray."""
-    faults: list[Said] = Field(default_factory=list)
+    faults: list[SentenceField] = Field(default_factory=list)
     """Faults of the robot as a whole."""
 
 
@@ -354,7 +354,7 @@ class SpanLine(Model):
     """0 = it still holds."""
     state: str
     part: str
-    reason: Said
+    reason: SentenceField
 
 
 class TimelineLane(Model):
@@ -374,8 +374,8 @@ class JournalLine(Model):
     slot: str
     from_state: str
     to_state: str
-    reason: Said
-    evidence: list[tuple[Said, Said]]
+    reason: SentenceField
+    evidence: list[tuple[SentenceField, SentenceField]]
 
 
 class EditLine(Model):
@@ -386,7 +386,7 @@ class EditLine(Model):
     who: str
     kind: str
     slot: str
-    words: Said
+    words: SentenceField
     undone: bool
     undoable: bool = False
     """Whether it can be undone: a STOP cannot."""
@@ -446,13 +446,13 @@ class NewToken(Model):
     token: str
 
 
-class Words(Model):
+class TextBody(Model):
     """A text from a person."""
 
     words: str = Field(default="", max_length=1000)
 
 
-class Wish(Model):
+class ControlValue(Model):
     """What a control of a simulated part is put to."""
 
     value: Scalar | None = None
@@ -467,4 +467,4 @@ class BlueprintText(Model):
 class BlueprintDiff(Model):
     """What applying a blueprint would change, a line each; empty: nothing."""
 
-    changes: list[Said]
+    changes: list[SentenceField]

@@ -13,10 +13,10 @@ from pydantic import Field, create_model
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
 from msbot_agent.startup.extensions import extensions
-from msbot_web.api.answers import PROBLEMS
-from msbot_web.api.models import Done, Model, Scalar
-from msbot_web.api.session import SignedIn, done_for, session_of
-from msbot_web.api.stop_call import STOP
+from msbot_web.api.common_models import PROBLEMS
+from msbot_web.api.dependencies import SignedIn, done_for, session_of
+from msbot_web.api.models import ChangeResult, Model, Scalar
+from msbot_web.api.stop_route import STOP
 from msbot_web.service import Service, done_of
 
 _TYPES: dict[ArgumentKind, object] = {
@@ -35,22 +35,22 @@ PREFIX = "/api"
 def add_operations(router: APIRouter, service: Service) -> None:
     """Add every other operation that has a call: names in the path, the other arguments in the body."""
     for operation in OPERATIONS.values():
-        if operation.call and operation is not STOP:  # `stop_call`
+        if operation.call and operation is not STOP:  # `stop_route`
             _add(router, service, operation)
 
 
 def _add(router: APIRouter, service: Service, operation: Operation) -> None:
     method, path = operation.call.split()
     router.add_api_route(
-        path, _call_of(operation, path, service), methods=[method], name=operation.name, response_model=Done
+        path, _call_of(operation, path, service), methods=[method], name=operation.name, response_model=ChangeResult
     )
 
 
-def _call_of(operation: Operation, path: str, service: Service) -> Callable[..., Awaitable[Done]]:
+def _call_of(operation: Operation, path: str, service: Service) -> Callable[..., Awaitable[ChangeResult]]:
     in_path = re.findall(r"{(\w+)}", path)
     in_body = [argument for argument in operation.arguments if argument.name not in in_path]
 
-    async def call(**given: Any) -> Done:  # noqa: ANN401 - its signature is made below
+    async def call(**given: Any) -> ChangeResult:  # noqa: ANN401 - its signature is made below
         body: Model | None = given.pop("body", None)
         session = given.pop("session")
         who = service.asker(session)
@@ -67,7 +67,7 @@ def _call_of(operation: Operation, path: str, service: Service) -> Callable[...,
         is_optional = not any(argument.is_needed for argument in in_body)
         model = _body(operation.name, in_body)
         parameters.append(_parameter("body", model | None, None) if is_optional else _parameter("body", model))
-    call.__signature__ = Signature(parameters, return_annotation=Done)  # type: ignore[attr-defined]
+    call.__signature__ = Signature(parameters, return_annotation=ChangeResult)  # type: ignore[attr-defined]
     call.__doc__ = operation.summary
     return call
 

@@ -10,8 +10,8 @@ from pydantic import Field
 from msbot.registry import ProgramSource
 from msbot_agent.text.sentence import said
 from msbot_web.access.guest_tickets import MOST_GUESTS, TICKET_S
-from msbot_web.api.models import Done, Model
-from msbot_web.api.session import SignedIn
+from msbot_web.api.dependencies import SignedIn
+from msbot_web.api.models import ChangeResult, Model
 from msbot_web.programs.programs import MAX_BLOCKS, MAX_PROGRAM
 from msbot_web.service import Service
 
@@ -98,16 +98,16 @@ def add_programs(router: APIRouter, service: Service) -> None:
         ]
 
     @router.put("/programs/{name}")
-    async def keep(session: SignedIn, name: FileName, program: ProgramText) -> Done:
+    async def keep(session: SignedIn, name: FileName, program: ProgramText) -> ChangeResult:
         """Keep a program, as a new version if it has changed."""
         number = await programs.keep(session, name, ProgramSource(program.text, program.blocks))
-        return Done(words=said("{name} is kept, version {number}.", name=name, number=number))
+        return ChangeResult(words=said("{name} is kept, version {number}.", name=name, number=number))
 
     @router.delete("/programs/{name}")
-    async def remove(session: SignedIn, name: FileName) -> Done:
+    async def remove(session: SignedIn, name: FileName) -> ChangeResult:
         """Remove a program with all its versions."""
         await programs.remove(session, name)
-        return Done(words=said("{name} is removed.", name=name))
+        return ChangeResult(words=said("{name} is removed.", name=name))
 
     @router.post("/programs/{name}/share")
     async def share(session: SignedIn, name: FileName) -> Shared:

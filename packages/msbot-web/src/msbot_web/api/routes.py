@@ -14,13 +14,25 @@ from fastapi.responses import Response
 
 from msbot.operations.rights import Right
 from msbot_school.missions.recorded_missions import grade_json, played_from_json
-from msbot_web.api.answers import PROBLEMS, Health
-from msbot_web.api.bus_lines import BusFigures, FrameLine
+from msbot_web.api.bus_models import BusFigures, FrameLine
 from msbot_web.api.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
+from msbot_web.api.common_models import PROBLEMS, Health
+from msbot_web.api.dependencies import (
+    Name,
+    SignedIn,
+    edits_for,
+    journal_for,
+    lanes_for,
+    octets_for,
+    parts_for,
+    slots_for,
+    words_for,
+)
 from msbot_web.api.models import (
     BlueprintDiff,
     BlueprintText,
-    Done,
+    ChangeResult,
+    ControlValue,
     EditLine,
     JournalLine,
     Me,
@@ -32,21 +44,9 @@ from msbot_web.api.models import (
     TopicLine,
     TypeLine,
     Value,
-    Wish,
 )
 from msbot_web.api.operation_routes import PREFIX, add_operations
 from msbot_web.api.program_routes import add_programs
-from msbot_web.api.session import (
-    Name,
-    SignedIn,
-    edits_for,
-    journal_for,
-    lanes_for,
-    octets_for,
-    parts_for,
-    slots_for,
-    words_for,
-)
 from msbot_web.service import Service
 
 
@@ -197,7 +197,7 @@ def _add_slots(router: APIRouter, service: Service) -> None:
         return service.views.simulated(slot)
 
     @router.put("/sim/{slot}/{control}")
-    async def operate(session: SignedIn, slot: Name, control: Name, wish: Wish) -> Done:
+    async def operate(session: SignedIn, slot: Name, control: Name, wish: ControlValue) -> ChangeResult:
         """Do something to a simulated part (`value`); the control `plugged` takes true or false."""
         if control == "plugged":
             return service.plug(session, slot, plugged=bool(wish.value))
@@ -225,6 +225,6 @@ def _add_robot(router: APIRouter, service: Service) -> None:
         return await service.blueprint_diff(session, text.toml)
 
     @router.put("/blueprint")
-    async def apply(session: SignedIn, text: BlueprintText) -> Done:
+    async def apply(session: SignedIn, text: BlueprintText) -> ChangeResult:
         """Make the robot what another blueprint says."""
         return await service.apply_blueprint(session, text.toml)

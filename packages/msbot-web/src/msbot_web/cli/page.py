@@ -170,11 +170,11 @@ def class_to_announce(name: str, page: PageOptions) -> str:
 
 def announcer(
     master: Master, room: RobotPages, page: PageOptions, class_name: str, say: Callable[[str], None]
-) -> mdns.Announcer:
+) -> mdns.MasterAnnouncer:
     """What announces a master and its page."""
     profile = master.profile
     host = "" if page.host in ALL_NETWORKS else page.host
-    announced = mdns.Announced(
+    announced = mdns.MasterAnnouncement(
         profile.name,
         profile.serial_number,
         profile.version,
@@ -183,7 +183,7 @@ def announcer(
         page.certificate is not None,
         host,
     )
-    return mdns.Announcer(announced, say)
+    return mdns.MasterAnnouncer(announced, say)
 
 
 # The service `page` of `msbot master`: the robot's web page, and with `--announce` its name in the network.
@@ -236,7 +236,7 @@ class PageService(CommandService[_Wanted, "MasterContext"]):
         with made_to_stay():
             from msbot_school.lessons.lesson_controller import LessonController
             from msbot_web.assembly import Database, RobotPages
-            from msbot_web.real_buses import seen_of_links
+            from msbot_web.link_meter import seen_of_links
 
             desk = context.offers.get("teaching")
             room = RobotPages(

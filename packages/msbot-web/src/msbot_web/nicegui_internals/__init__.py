@@ -8,7 +8,7 @@ when a new version has moved something that is used here, or when something outs
 | `application` | `core.app`, `core.sio`, the templates, the redirecting middleware | pages in our own application |
 | `startup` | the garbage collector, the turns of threads, the import system | a start in half the time, undisturbed |
 | `page_sockets` | the handlers and sockets of engine.io | bounds for what a page may send |
-| `page_turns` | `Client.instances` | how many pages are made at a time, and for whom |
+| `page_admission` | `Client.instances` | how many pages are made at a time, and for whom |
 | `open_pages` | the handlers of socket.io, `Client.instances` | what a page may do belongs to whom it was made for |
 | `late_websocket` | uvicorn's choice of a protocol | the protocol of websockets is loaded when needed |
 | `elements` | mixins and constants of elements | names that NiceGUI does not offer |

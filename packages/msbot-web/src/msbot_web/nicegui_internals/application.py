@@ -38,7 +38,7 @@ def serve_pages(app: FastAPI, *, title: str, icon: Path, kept_s: float, not_ther
     ui.run_with(
         app, title=title, dark=None, show_welcome_message=False, tailwind=False, reconnect_timeout=kept_s, favicon=icon
     )
-    # `BehindProxies` leads redirects into the page's folder; NiceGUI would do so once more.
+    # `ProxyHeadersMiddleware` leads redirects into the page's folder; NiceGUI would do so once more.
     leads_twice: object = RedirectWithPrefixMiddleware
     core.app.user_middleware = [one for one in core.app.user_middleware if one.cls is not leads_twice]
     app.router.lifespan_context = undisturbed(app.router.lifespan_context)
@@ -66,7 +66,7 @@ def _mark_page_scripts() -> None:
 # The protocol of websockets, loaded when the first of them comes or the first page has gone, not before that page.
 
 
-class LateWebSocket(asyncio.Protocol):
+class LazyWebSocket(asyncio.Protocol):
     """Becomes uvicorn's own protocol when a connection asks for one."""
 
     def __new__(cls, **given: Any) -> Any:  # noqa: ANN401 - whatever uvicorn gives and wants

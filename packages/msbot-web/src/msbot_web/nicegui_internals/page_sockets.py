@@ -23,7 +23,7 @@ from nicegui import core
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot_agent.pace import SteadyRate
-from msbot_web.access.guard import SOCKET_PATH
+from msbot_web.access.access_middleware import SOCKET_PATH
 from msbot_web.access.sessions import Session
 from msbot_xrce.counting import Tally, amount
 

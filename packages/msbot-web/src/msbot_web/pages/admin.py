@@ -11,10 +11,10 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from msbot.operations.rights import Right, Role
-from msbot_web.access.class_list import MOST_BYTES, Newcomer, newcomers
-from msbot_web.access.guard import MAX_RESTORE
+from msbot_web.access.access_middleware import MAX_RESTORE
+from msbot_web.access.class_list import MOST_BYTES, NewAccount, new_accounts
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done, UserLine
+from msbot_web.api.models import ChangeResult, UserLine
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
@@ -123,7 +123,7 @@ class _People:
 
     async def _import(self, event: UploadEventArguments) -> None:
         try:
-            people = newcomers(await event.file.read(), event.file.name, Role.STUDENT)
+            people = new_accounts(await event.file.read(), event.file.name, Role.STUDENT)
         except MsbotError as error:
             ui.notify(
                 self._page.say(str(error)),
@@ -148,12 +148,12 @@ class _People:
             )
         ask_first(self._page, words, partial(self._let_in, people))
 
-    async def _let_in(self, people: list[Newcomer]) -> None:
+    async def _let_in(self, people: list[NewAccount]) -> None:
         service = self._page.service
         if await self._page.do(lambda session: service.add_people(session, people)) is not None:
             self._tickets(people)
 
-    def _tickets(self, people: list[Newcomer]) -> None:
+    def _tickets(self, people: list[NewAccount]) -> None:
         """A ticket for each person to print and cut out; the passwords are shown this once."""
         say, code = self._page.say, qr_svg(f"{self._base}login", scale=3)
         with ui.dialog() as dialog, ui.card().classes("tickets"):
@@ -216,9 +216,9 @@ def _tokens(page: Page) -> None:
             async def make() -> None:
                 token: list[str] = []
 
-                async def deed(session: Session) -> Done:
+                async def deed(session: Session) -> ChangeResult:
                     token.append(await service.new_token(session, str(name.value), str(wanted.value or "")))
-                    return Done(words=say("The token is made."))
+                    return ChangeResult(words=say("The token is made."))
 
                 if await page.do(deed) is not None:
                     with ui.dialog() as dialog, ui.card():

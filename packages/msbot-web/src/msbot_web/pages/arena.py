@@ -14,7 +14,7 @@ from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import ChangeResult
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import heading, panel, set_html
@@ -218,12 +218,12 @@ class _ArenaPage:
             self._driven_at = self._page.service.now() if any(powers) else None
             await self._page.do(lambda session: self._power(session, powers), quiet=True)
 
-    def _power(self, session: Session, powers: Sequence[float]) -> Done:
+    def _power(self, session: Session, powers: Sequence[float]) -> ChangeResult:
         done = [
             self._page.operate(self._pilot, control, power, session)
             for control, power in zip(POWERS, powers, strict=False)
         ]
-        return done[-1] if done else Done(words="")
+        return done[-1] if done else ChangeResult(words="")
 
     def _stands(self) -> None:
         """Nobody holds a button any more: the page or its connection is gone, or says nothing."""

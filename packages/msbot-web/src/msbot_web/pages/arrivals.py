@@ -10,13 +10,13 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.api.models import Offer, PartLine
-from msbot_web.api.session import parts_for
+from msbot_web.api.dependencies import parts_for
+from msbot_web.api.models import PartLine, WireOffer
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import heading, page_dialog, set_html, show_dialog
 from msbot_web.pages.simulator import simulator_panel
-from msbot_web.pages.slots_by_hand import free_name, slot_name
+from msbot_web.pages.slot_dialogs import free_name, slot_name
 from msbot_web.service import Service
 from msbot_web.svg.drawings import state_chip
 
@@ -32,7 +32,7 @@ def register(service: Service) -> None:
     def arrivals(request: Request) -> None:
         with page_frame(service, request, "/arrivals", "Arrivals") as page:
             _window(page)
-            tray = Tray(page)
+            tray = ArrivalsPanel(page)
             page.every_look(lambda: tray.show(page.service.views.arrivals()))
             if page.may(Right.OPERATE):
                 _spares(page)
@@ -87,7 +87,7 @@ def _window(page: Page) -> None:
     page.every_look(show)
 
 
-class Tray:
+class ArrivalsPanel:
     """A card for each part that waits. A part's card stays the same one, or its open menu would close."""
 
     def __init__(self, page: Page) -> None:
@@ -151,10 +151,10 @@ class _Card:
             self._deeds_of = deeds_of
             self._row.clear()
             with self._row:
-                _deeds(page, part)
+                _actions(page, part)
 
 
-def _deeds(page: Page, part: PartLine) -> None:
+def _actions(page: Page, part: PartLine) -> None:
     name = part.uid or part.client_key
     if page.may(Right.DESIGN) and part.says is not None and part.says.checked:
         ui.button(page.say("Adopt"), icon="add_circle", on_click=partial(adopt, page, name)).props("color=positive")
@@ -183,7 +183,7 @@ async def adopt(page: Page, name: str) -> None:
             offer_wires(page, done.offers)
 
 
-def offer_wires(page: Page, offers: Sequence[Offer]) -> None:
+def offer_wires(page: Page, offers: Sequence[WireOffer]) -> None:
     """Show wires that would fit; each is made with one press."""
     with ui.dialog() as dialog, ui.card().style("max-width:min(40rem,95vw)"):
         heading(page.say("Wires that fit"))
@@ -195,7 +195,7 @@ def offer_wires(page: Page, offers: Sequence[Offer]) -> None:
     show_dialog(dialog)
 
 
-def _offered(page: Page, offer: Offer) -> None:
+def _offered(page: Page, offer: WireOffer) -> None:
     button = ui.button(f"{offer.source} → {', '.join(offer.to)}", icon="add_link").props("outline no-caps")
 
     async def join() -> None:

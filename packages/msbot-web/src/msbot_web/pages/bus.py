@@ -12,7 +12,7 @@ from nicegui.events import GenericEventArguments
 
 from msbot_agent.explain.frame_picture import frame_picture
 from msbot_agent.link.can.protocol import parse_frame, wire_bits
-from msbot_web.api.bus_lines import BusFigures, FrameLine
+from msbot_web.api.bus_models import BusFigures, FrameLine
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html
@@ -94,8 +94,8 @@ class _Table:
                 self._detail = ui.html("", sanitize=False).classes("ms-side").props("aria-live=polite")
         self._levels = ui.html("", sanitize=False).classes("w-full")
         page.every_look(self._show)
-        if page.looking_back is not None:
-            page.looking_back.on_change(self._other_moment)
+        if page.time_slider is not None:
+            page.time_slider.on_change(self._other_moment)
 
     def _other_moment(self, at_s: float | None) -> None:  # noqa: ARG002 - the sight has it
         """What was paused, or taken apart, is of another time."""

@@ -8,9 +8,9 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from msbot_school.classroom.rollout import RollOutPlan
-from msbot_school.classroom.rollout_run import Remembered, RobotStep, RollOutRun, StepState
+from msbot_school.classroom.rollout_run import RobotStep, RollOutEntry, RollOutRun, StepState
 from msbot_web.api.class_models import RobotTile
-from msbot_web.class_rollouts import Pattern, RobotKey
+from msbot_web.class_rollouts import ChosenBlueprint, RobotKey
 from msbot_web.html import render
 from msbot_web.pages.layout import Page
 from msbot_web.pages.page_elements import ask_first, file_button, heading, panel, set_html
@@ -42,12 +42,12 @@ class RollOutPanel:
         self._page = page
         self._shown = shown
         self._doing = page.service.whole_class.rollouts
-        self._pattern: Pattern | None = None
+        self._pattern: ChosenBlueprint | None = None
         self._plans: list[RollOutPlan] = []
         self._ticks: dict[RobotKey, ui.checkbox] = {}
         self._keys: list[RobotKey] = []
         """Of the robots whose blueprint can be chosen."""
-        self._remembered: Remembered | None = None
+        self._remembered: RollOutEntry | None = None
         say = page.say
         self.button = ui.button(say("One blueprint for many"), icon="dynamic_feed", on_click=self._turn).props(
             "outline"
@@ -143,7 +143,7 @@ class RollOutPanel:
         self._of.set_value(None)
         await self._take(lambda: self._doing.pattern(page.session, name, toml))
 
-    async def _take(self, read: Callable[[], Awaitable[Pattern]]) -> None:
+    async def _take(self, read: Callable[[], Awaitable[ChosenBlueprint]]) -> None:
         self._forget_plans()
         self._pattern = None
         try:
@@ -289,7 +289,7 @@ class RollOutPanel:
             ui.notify(page.say(str(error)), type="negative", multi_line=True)
         page.refresh()
 
-    def _words_of(self, remembered: Remembered) -> str:
+    def _words_of(self, remembered: RollOutEntry) -> str:
         when = self._page.when(round(remembered.at * 1000))
         return self._page.language.count(
             len(remembered.done),

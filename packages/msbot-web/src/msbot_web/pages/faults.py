@@ -9,10 +9,10 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_school.faults.engine import FOR_S
-from msbot_school.faults.kinds import KINDS, Amount
+from msbot_school.faults.fault_engine import FOR_S
+from msbot_school.faults.fault_kinds import KINDS, Amount
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import ChangeResult
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.number_field import NumberField
 from msbot_web.pages.page_elements import ask_first, heading, panel, show_dialog
@@ -126,12 +126,12 @@ class _Planted:
         """What a mission hides; the mission notes who has looked."""
         found: list[Mapping[str, object]] = []
 
-        async def deed(session: Session) -> Done:
+        async def deed(session: Session) -> ChangeResult:
             operations, who = self._page.service.operations, self._page.service.asker(session)
             faults = (await operations.do("faults", who=who, answers=True)).answer["faults"]
             assert isinstance(faults, list)
             found.extend(faults)
-            return Done(words="")
+            return ChangeResult(words="")
 
         if await self._page.do(deed, quiet=True) is None:
             return

@@ -20,19 +20,19 @@ from msbot_agent.text.sentence import said
 from msbot_school.lessons.catalog import SIMPLE
 from msbot_web.access.accounts import SignedOut
 from msbot_web.access.sessions import Session
-from msbot_web.api.bus_lines import FrameLine
-from msbot_web.api.models import Done, Scalar
-from msbot_web.api.session import octets_for, words_for
+from msbot_web.api.bus_models import FrameLine
+from msbot_web.api.dependencies import octets_for, words_for
+from msbot_web.api.models import ChangeResult, Scalar
 from msbot_web.api.uid_redactor import UidRedactor
 from msbot_web.html import render
 from msbot_web.language import COOKIE as LANGUAGE_COOKIE
 from msbot_web.language import Language, language_of, languages
 from msbot_web.pages.banner import show_banner
-from msbot_web.pages.class_strip import hand_button, show_class_strip
-from msbot_web.pages.easy import is_easy, read_easily
+from msbot_web.pages.class_banner import raise_hand_button, show_class_banner
+from msbot_web.pages.easy_reading import is_easy, read_easily
 from msbot_web.pages.help import help_button, offer_tour
-from msbot_web.pages.looking_back import PATHS, LookingBack
 from msbot_web.pages.menu import show_menu
+from msbot_web.pages.time_slider import PATHS, TimeSlider
 from msbot_web.robot_view import LiveRobotView, RobotView
 from msbot_web.root_path import root
 from msbot_web.service import Service, done_of
@@ -76,7 +76,7 @@ class Page:
     """What waits."""
     at_s: float | None = None
     """Which moment it shows, seconds since 1970; None: the present."""
-    looking_back: LookingBack | None = None
+    time_slider: TimeSlider | None = None
     """Its time slider; None: it shows the present only."""
     sight: RobotView = field(init=False)
     """What it looks at."""
@@ -118,16 +118,18 @@ class Page:
         """Whether to offer something at all; whether it may be done is checked again when it is done."""
         return self.session.may(right)
 
-    async def act(self, operation: str, *, quiet: bool = False, **arguments: Any) -> Done | None:  # noqa: ANN401 - as the table has them
+    async def act(self, operation: str, *, quiet: bool = False, **arguments: Any) -> ChangeResult | None:  # noqa: ANN401 - as the table has them
         """Have an operation of the table done for the person, and say what came of it; None when it was refused."""
 
-        async def deed(session: Session) -> Done:
+        async def deed(session: Session) -> ChangeResult:
             who = self.service.asker(session)
             return done_of(await self.service.operations.do(operation, who=who, **arguments))
 
         return await self.do(deed, quiet=quiet)
 
-    async def do(self, deed: Callable[[Session], Done | Awaitable[Done]], *, quiet: bool = False) -> Done | None:
+    async def do(
+        self, deed: Callable[[Session], ChangeResult | Awaitable[ChangeResult]], *, quiet: bool = False
+    ) -> ChangeResult | None:
         """Do something for the person and say what came of it; None when it was refused."""
         try:
             self._check_present()
@@ -138,7 +140,7 @@ class Page:
             return None
         return self._done(done, quiet=quiet)
 
-    def do_now(self, deed: Callable[[Session], Done], *, quiet: bool = False) -> Done | None:
+    def do_now(self, deed: Callable[[Session], ChangeResult], *, quiet: bool = False) -> ChangeResult | None:
         """Do something that waits for nothing, before any refresh could show what was so before it."""
         try:
             self._check_present()
@@ -162,7 +164,7 @@ class Page:
                 self.say(str(error)), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000
             )
 
-    def _done(self, done: Done, *, quiet: bool) -> Done:
+    def _done(self, done: ChangeResult, *, quiet: bool) -> ChangeResult:
         if self.is_gone:
             return done
         with self.here():
@@ -223,7 +225,7 @@ class Page:
         """Whether the browser hears at once what it is told."""
         return self.client is None or self.client.has_socket_connection
 
-    def operate(self, slot: str, control: str, value: Scalar, session: Session) -> Done:
+    def operate(self, slot: str, control: str, value: Scalar, session: Session) -> ChangeResult:
         """Do something to a simulated part: what is held is let go when this page is closed or its connection lost."""
         done = self.service.operate(session, slot, control, value, on_page=self.client)
         if not self.is_connected:  # it went while this waited for its turn
@@ -314,19 +316,19 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
             .classes("ms-menu")
         )
         ui.label(service.robot_name).classes("ms-robot")
-        hand_button(page)
+        raise_hand_button(page)
         help_button(page, path)
         _who(page, dark)
     show_menu(page, path, menu)
     with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         show_banner(page, banner)
-        show_class_strip(page, ui.column().classes("w-full ms-banners"))
+        show_class_banner(page, ui.column().classes("w-full ms-banners"))
         if path == "/":
             offer_tour(page, request)
         ui.html(render("title", words=page.say(title)), sanitize=False)
         if path in PATHS:
-            page.looking_back = LookingBack(page, request.query_params.get("at", ""), reads=path != "/plots")
+            page.time_slider = TimeSlider(page, request.query_params.get("at", ""), reads=path != "/plots")
         yield page
     page.every(LOOK_S, page.refresh)
     page.every(CHECK_S, page.check_session)

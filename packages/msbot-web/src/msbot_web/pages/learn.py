@@ -9,9 +9,9 @@ from nicegui import ui
 
 from msbot.operations.rights import Right
 from msbot_school.lessons.lesson import Lesson
-from msbot_school.lessons.progress import PersonInLesson, csv_of
+from msbot_school.lessons.progress import LessonProgress, csv_of
 from msbot_web.html import render
-from msbot_web.pages.easy import read_easily
+from msbot_web.pages.easy_reading import read_easily
 from msbot_web.pages.layout import BUILD_S, Page, page_frame
 from msbot_web.pages.lesson_view import LessonView
 from msbot_web.pages.page_elements import heading, panel
@@ -29,7 +29,7 @@ def register(service: Service) -> None:
                 easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
                 ui.button(easy, icon="menu_book", on_click=partial(read_easily, easy=not page.easy)).props("outline")
             LessonView(page)
-            _Shelf(page)
+            _LessonList(page)
             _Progress(page)
 
     @ui.page("/learn/certificate/{lesson}", response_timeout=BUILD_S)
@@ -54,7 +54,7 @@ def register(service: Service) -> None:
             ui.button(page.say("Print"), icon="print", on_click=lambda: ui.run_javascript("window.print()"))
 
 
-class _Shelf:
+class _LessonList:
     """The lessons that there are."""
 
     def __init__(self, page: Page) -> None:
@@ -111,7 +111,7 @@ class _Progress:
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        self._rows: list[PersonInLesson] | None = None
+        self._rows: list[LessonProgress] | None = None
         with panel():
             with ui.element("div").classes("row spread"):
                 heading(page.say("The class") if page.may(Right.ARRANGE) else page.say("What you have done"))
@@ -136,7 +136,7 @@ class _Progress:
         ui.download.content(csv_of(self._rows or []), "lessons.csv")
 
 
-def _shares(page: Page, row: PersonInLesson) -> list[str]:
+def _shares(page: Page, row: LessonProgress) -> list[str]:
     """By whose hands a person's checks have ticked, in sentences."""
     count = page.language.count
     partners = ", ".join(row.partners)

@@ -10,9 +10,9 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
-from msbot_school.lessons.run import others_words
+from msbot_school.lessons.lesson_run import others_words
 from msbot_web.html import render
-from msbot_web.learning import text_html
+from msbot_web.lessons_view import text_html
 from msbot_web.pages.layout import Page
 from msbot_web.pages.page_elements import ask_first, heading, panel, set_html
 

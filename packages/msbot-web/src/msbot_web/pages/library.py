@@ -13,7 +13,7 @@ from msbot.operations.rights import Right
 from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import ask_first
-from msbot_web.pages.slots_by_hand import ask_for_slot, types_found
+from msbot_web.pages.slot_dialogs import ask_for_slot, types_found
 from msbot_web.root_path import base_of
 from msbot_web.service import Service
 from msbot_web.svg.drawings import picture_of, qr_svg, value_words

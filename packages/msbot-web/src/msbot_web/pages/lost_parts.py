@@ -18,7 +18,7 @@ def lost_slots(robot: Robot) -> list[str]:
     return [card.name for card in robot.slots if card.state == PartState.LOST.value]
 
 
-def tell_lost(page: Page) -> None:
+def notify_lost(page: Page) -> None:
     """Say it on every page when a part is lost while the page is open."""
     known: set[str] | None = None
 

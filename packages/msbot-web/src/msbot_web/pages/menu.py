@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.pages.easy import ENTRIES
+from msbot_web.pages.easy_reading import ENTRIES
 from msbot_web.pages.extension_page import brought_pages
-from msbot_web.pages.lost_parts import lost_slots, tell_lost
+from msbot_web.pages.lost_parts import lost_slots, notify_lost
 from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def show_menu(page: Page, path: str, button: ui.button) -> None:
                 with ui.element("summary"):
                     ui.label(page.say("More"))
                 _entries(page, path, others)
-        tell_lost(page)
+        notify_lost(page)
     button.on("click", js_handler=f"() => getElement({drawer.id}).toggle()")
 
 

@@ -10,7 +10,7 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from msbot.operations.rights import Right
-from msbot_school.faults.kinds import KINDS
+from msbot_school.faults.fault_kinds import KINDS
 from msbot_school.missions.mission import REPAIRS
 from msbot_school.missions.mission_file import MOST_TEXT, ready_missions
 from msbot_school.missions.recorded_missions import PlayedMission, played_from_json

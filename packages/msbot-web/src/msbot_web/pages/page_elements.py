@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
-from msbot_web.access.guard import CSRF_HEADER
+from msbot_web.access.access_middleware import CSRF_HEADER
 from msbot_web.html import Markup, render
 
 if TYPE_CHECKING:

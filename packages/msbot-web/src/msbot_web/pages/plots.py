@@ -20,7 +20,7 @@ from msbot.pnp.explain_samples import value_words
 from msbot.recording.curves.curve import Figures, Point, WantedCurves, figures_of, thinned
 from msbot_agent.text.sentence import as_cell
 from msbot_web.html import render
-from msbot_web.live import HISTORY_S
+from msbot_web.live_values import HISTORY_S
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html
 from msbot_web.root_path import root
@@ -153,8 +153,8 @@ class _Plots:
         page.every(PUSH_S, self._push)
         page.every_look(self._show_figures)
         page.every_look(self._show_known)
-        if page.looking_back is not None:
-            page.looking_back.on_change(self._other_moment)
+        if page.time_slider is not None:
+            page.time_slider.on_change(self._other_moment)
 
     @staticmethod
     def _first(known: Mapping[str, object]) -> list[str]:
@@ -378,8 +378,8 @@ class _Plots:
 
     def _note_moment(self) -> None:
         """Have the time slider follow."""
-        if self._page.looking_back is not None:
-            self._page.looking_back.note(None if self._view.live else self._view.to_s + self._epoch_s)
+        if self._page.time_slider is not None:
+            self._page.time_slider.note(None if self._view.live else self._view.to_s + self._epoch_s)
 
     def _go_live(self) -> None:
         self._live_again()

@@ -16,7 +16,7 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot.registry import ProgramSource
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import ChangeResult
 from msbot_web.html import Markup, render
 from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.arrivals import adopt
@@ -52,11 +52,11 @@ def register(service: Service) -> None:
             if not page.may(Right.JOIN):
                 ui.label(page.say("Students and teachers may run programs."))
                 return
-            desk = _Desk(page, base_of(request))
+            desk = _ProgramPage(page, base_of(request))
             await desk.lay_out(name, shared)
 
 
-class _Desk:
+class _ProgramPage:
     """One person's editor and what stands around it."""
 
     def __init__(self, page: Page, base: str) -> None:
@@ -213,9 +213,9 @@ class _Desk:
     async def _keep(self, name: str, *, quiet: bool = False) -> bool:
         source = self._source
 
-        async def deed(session: Session) -> Done:
+        async def deed(session: Session) -> ChangeResult:
             number = await self._deeds.keep(session, name, source)
-            return Done(words=self._page.say("{name} is kept, version {number}.", name=name, number=number))
+            return ChangeResult(words=self._page.say("{name} is kept, version {number}.", name=name, number=number))
 
         if await self._page.do(deed, quiet=quiet) is None:
             return False
@@ -360,9 +360,9 @@ class _Desk:
             ui.label(page.say("Remove {name} with all its versions?", name=self._name))
 
             async def remove() -> None:
-                async def deed(session: Session) -> Done:
+                async def deed(session: Session) -> ChangeResult:
                     await self._deeds.remove(session, self._name)
-                    return Done(words=page.say("{name} is removed.", name=self._name))
+                    return ChangeResult(words=page.say("{name} is removed.", name=self._name))
 
                 dialog.close()
                 if await page.do(deed) is not None:

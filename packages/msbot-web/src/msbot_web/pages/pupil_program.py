@@ -11,7 +11,7 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot.registry import ProgramSource
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done
+from msbot_web.api.models import ChangeResult
 from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.program_blocks import ProgramBlocks
@@ -28,10 +28,10 @@ def register(service: Service) -> None:
             if not page.may(Right.ARRANGE):
                 ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
-            _Desk(page, name)
+            _PupilProgramView(page, name)
 
 
-class _Desk:
+class _PupilProgramView:
     """One pupil's program."""
 
     def __init__(self, page: Page, pupil: str) -> None:
@@ -135,12 +135,12 @@ class _Desk:
     async def _steer(self, *, run: bool) -> None:
         page = self._page
 
-        def deed(session: Session) -> Done:
+        def deed(session: Session) -> ChangeResult:
             page.service.pupils.steer(session, self._pupil, run=run)
             say, name = page.say, self._pupil
             if run:
-                return Done(words=say("The program runs in the browser of {name}.", name=name))
-            return Done(words=say("The program of {name} has ended.", name=name))
+                return ChangeResult(words=say("The program runs in the browser of {name}.", name=name))
+            return ChangeResult(words=say("The program of {name} has ended.", name=name))
 
         await page.do(deed)
 
@@ -149,7 +149,7 @@ class _Desk:
 
 
 class TakenOverPage:
-    """One open page; a `Screen` for whoever has taken it over.
+    """One open page; a `ProgramScreen` for whoever has taken it over.
 
     Args:
         page: the page.
@@ -176,20 +176,20 @@ class TakenOverPage:
         page.every_look(self._follow)
 
     def program(self) -> tuple[str, ProgramSource]:
-        """See `Screen`."""
+        """See `ProgramScreen`."""
         return self._program()
 
     def show(self, text: str) -> None:
-        """See `Screen`."""
+        """See `ProgramScreen`."""
         with self._page.here():
             self._blocks.put_text(text)
 
     def run(self) -> None:
-        """See `Screen`."""
+        """See `ProgramScreen`."""
         self._do("msbotProgram.run()")
 
     def stop(self) -> None:
-        """See `Screen`."""
+        """See `ProgramScreen`."""
         self._do("msbotProgram.stop()")
 
     def _do(self, script: str) -> None:

@@ -13,11 +13,11 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot_web.access.guest_tickets import MOST_GUESTS
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Done, RelayTicket
+from msbot_web.api.models import ChangeResult, RelayTicket
+from msbot_web.class_controller import PupilStatus, PupilTicket
 from msbot_web.html import render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import END_WITH_MASTER, ask_first, heading, page_dialog, panel, show_dialog
-from msbot_web.pupils import PupilNow, PupilTicket
 from msbot_web.root_path import THIS_COMPUTER, base_of
 from msbot_web.service import Service
 from msbot_web.svg.drawings import qr_svg
@@ -47,9 +47,9 @@ def relay_tickets(page: Page) -> None:
             async def make() -> None:
                 made: list[str] = []
 
-                async def deed(session: Session) -> Done:
+                async def deed(session: Session) -> ChangeResult:
                     made.append(await service.new_ticket(session, session.name, str(wanted.value or "")))
-                    return Done(words=say("The ticket is made."))
+                    return ChangeResult(words=say("The ticket is made."))
 
                 if await page.do(deed) is not None:
                     with ui.dialog() as dialog, ui.card():
@@ -89,7 +89,7 @@ def register(service: Service) -> None:
                 ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _controls(page)
-            _Everybody(page)
+            _PupilTable(page)
             _groups(page)
             _Accounts(page, base_of(request))
             relay_tickets(page)
@@ -123,12 +123,12 @@ def _controls(page: Page) -> None:
     page.every_look(show)
 
 
-class _Everybody:
+class _PupilTable:
     """A line for each pupil."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        self._shown: list[PupilNow] | None = None
+        self._shown: list[PupilStatus] | None = None
         with panel().classes("w-full"):
             heading(page.say("Everybody"))
             self._count = ui.label("").classes("soft num").props("aria-live=polite")
@@ -159,7 +159,7 @@ class _Everybody:
             if not found:
                 ui.label(say("Nobody yet: paste your list below, or show a class ticket.")).classes("soft")
 
-    def _line(self, one: PupilNow) -> None:
+    def _line(self, one: PupilStatus) -> None:
         page, say = self._page, self._page.say
         with ui.element("div").classes("row spread w-full line ms-pupil"):
             with ui.element("div").style("min-width:min(14rem,100%);flex:1"):
@@ -181,7 +181,7 @@ class _Everybody:
                         "outline dense"
                     )
 
-    def _where(self, one: PupilNow) -> str:
+    def _where(self, one: PupilStatus) -> str:
         say = self._page.say
         words = []
         if one.slots:
@@ -199,10 +199,10 @@ class _Everybody:
         return " · ".join(words)
 
 
-def _seen(page: Page, session: Session, name: str) -> Done:
+def _seen(page: Page, session: Session, name: str) -> ChangeResult:
     page.service.accounts.require(session, Right.ARRANGE)
     page.service.operations.pupils.answer_hand(name)
-    return Done(words=page.say("The hand of {name} is down.", name=name))
+    return ChangeResult(words=page.say("The hand of {name} is down.", name=name))
 
 
 def _groups(page: Page) -> None:
@@ -361,10 +361,10 @@ class _Accounts:
         page, text, days = self._page, str(self._list.value or ""), int(self._days.value)
         made: list[PupilTicket] = []
 
-        async def deed(session: Session) -> Done:
+        async def deed(session: Session) -> ChangeResult:
             made.extend(await page.service.pupils.add(session, text, days, page.service.asker(session)))
             words = page.language.count(len(made), "{count} pupil can sign in.", "{count} pupils can sign in.")
-            return Done(words=words)
+            return ChangeResult(words=words)
 
         if await page.do(deed) is not None:
             self._list.value = ""
@@ -384,9 +384,11 @@ class _Accounts:
     async def _tickets(self) -> None:
         page, made = self._page, []  # type: Page, list[PupilTicket]
 
-        def deed(session: Session) -> Done:
+        def deed(session: Session) -> ChangeResult:
             made.extend(page.service.pupils.tickets(session, int(self._days.value)))
-            return Done(words=page.language.count(len(made), "{count} ticket is made.", "{count} tickets are made."))
+            return ChangeResult(
+                words=page.language.count(len(made), "{count} ticket is made.", "{count} tickets are made.")
+            )
 
         if await page.do(deed) is not None:
             self._print(made)

@@ -14,9 +14,9 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot_web.api.models import PartLine, PortLine, Robot, SlotCard
 from msbot_web.html import Markup, render
-from msbot_web.pages.drawer import open_drawer
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html
+from msbot_web.pages.slot_drawer import open_slot_drawer
 from msbot_web.service import Service
 from msbot_web.svg.drawings import (
     HELD_WORDS,
@@ -39,7 +39,7 @@ def register(service: Service) -> None:
             _summary(page)
             _Grid(page)
             if slot:
-                open_drawer(page, slot)
+                open_slot_drawer(page, slot)
 
 
 def _summary(page: Page) -> None:
@@ -118,7 +118,7 @@ class _Grid:
     async def _clicked(self, event: GenericEventArguments) -> None:
         name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
         if not is_plug:
-            open_drawer(self._page, name)
+            open_slot_drawer(self._page, name)
             return
         is_plugged = self._page.service.views.bench.is_plugged(name)
         await self._page.do(lambda session: self._page.service.plug(session, name, plugged=not is_plugged), quiet=True)

@@ -12,7 +12,7 @@ from msbot.operations.rights import Right
 from msbot_web.html import render
 from msbot_web.pages.layout import BUILD_S, Page, page_frame
 from msbot_web.pages.page_elements import file_button, heading
-from msbot_web.pages.values import values_panel
+from msbot_web.pages.parameter_form import parameter_panel
 from msbot_web.service import MAX_BLUEPRINT, Service
 from msbot_xrce.errors import MsbotError
 
@@ -65,7 +65,7 @@ def _slots(page: Page) -> None:
             for card in found[:MOST_FORMS]:
                 with ui.element("div").classes("panel"):
                     ui.html(render("slot_title", say=page.say, card=card), sanitize=False)
-                    values_panel(page, card.name)
+                    parameter_panel(page, card.name)
 
     fill("")
 

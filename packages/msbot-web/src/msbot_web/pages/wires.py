@@ -18,7 +18,7 @@ from msbot_web.api.models import TopicLine
 from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import set_html, show_dialog
-from msbot_web.pages.slots_by_hand import ask_for_slot, ask_to_take_out, join, say_misfit
+from msbot_web.pages.slot_dialogs import ask_for_slot, ask_to_take_out, connect_ports, say_misfit
 from msbot_web.root_path import root
 from msbot_web.service import Service
 from msbot_web.svg.drawings import value_words
@@ -119,7 +119,7 @@ class _Drawing:
         elif deed == "cut":
             await self._page.act("unbind", topic=end, port=start)
         else:
-            await join(self._page, start, end)
+            await connect_ports(self._page, start, end)
 
 
 def _table(page: Page) -> None:

@@ -9,9 +9,9 @@ from msbot_agent.link.can.sim import SimBusDriver
 from msbot_school.demo import DemoRobot
 from msbot_web.api.models import Scalar
 from msbot_web.assembly import PageSources
-from msbot_web.frames import FrameRing
+from msbot_web.frame_ring import FrameRing
+from msbot_web.model_builder import BusMeter
 from msbot_web.simulated.simulated_part_controls import SimulatedPartControls
-from msbot_web.views import BusMeter
 
 
 class DemoControls(SimulatedPartControls):

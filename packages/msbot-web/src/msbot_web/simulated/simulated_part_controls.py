@@ -12,7 +12,7 @@ from msbot_web.api.models import ControlLine, Scalar
 from msbot_xrce.errors import ConfigError
 
 
-class SimulatedParts(Protocol):
+class SimulatedPartTable(Protocol):
     """Simulated parts by the name of their slot: those of the demo, and stand-ins of a real robot."""
 
     @property
@@ -38,7 +38,7 @@ class SimulatedParts(Protocol):
 class SimulatedPartControls:
     """Simulated parts as the page's `SimulatedControls`."""
 
-    def __init__(self, robot: SimulatedParts) -> None:
+    def __init__(self, robot: SimulatedPartTable) -> None:
         self._robot = robot
 
     def slots(self) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from msbot.operations.rights import Right, Role, role_named
 from msbot_web.access.accounts import Accounts, NotAllowed, SignedOut
-from msbot_web.access.attempts import FIRST_PAUSE_S, FREE_TRIES, SignInRefused
 from msbot_web.access.sessions import IDLE_S, LONGEST_S, Session
+from msbot_web.access.sign_in_throttle import FIRST_PAUSE_S, FREE_TRIES, SignInRefused
 from msbot_web.access.users import MemoryUsers, User
 from msbot_xrce.errors import ConfigError, RegistryError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_web.access.attempts import (
+from msbot_web.access.sign_in_throttle import (
     ADDRESS_BURST,
     ADDRESS_STEP_S,
     FIRST_PAUSE_S,
@@ -12,13 +12,13 @@ from msbot_web.access.attempts import (
     FREE_TRIES_OF_ALL,
     LONGEST_PAUSE_S,
     MOST_WATCHED,
-    Attempts,
     SignInRefused,
+    SignInThrottle,
 )
 
 
 def test_too_many_wrong_passwords_pause_that_name_at_that_address_only() -> None:
-    attempts = Attempts()
+    attempts = SignInThrottle()
     for _ in range(FREE_TRIES):
         attempts.admit("ada", "a", "", 0.0)
     with pytest.raises(SignInRefused, match="too many") as refused:
@@ -31,7 +31,7 @@ def test_too_many_wrong_passwords_pause_that_name_at_that_address_only() -> None
 
 
 def test_the_pause_doubles_up_to_a_limit() -> None:
-    attempts, now, pauses = Attempts(), 0.0, []
+    attempts, now, pauses = SignInThrottle(), 0.0, []
     for _ in range(FREE_TRIES + 12):
         try:
             attempts.admit("ada", "a", "known", now)
@@ -43,7 +43,7 @@ def test_the_pause_doubles_up_to_a_limit() -> None:
 
 
 def test_guesses_at_one_name_from_many_addresses_are_paused_together() -> None:
-    attempts = Attempts()
+    attempts = SignInThrottle()
     for number in range(FREE_TRIES_OF_ALL):
         attempts.admit("ada", f"address {number}", "", 0.0)
     with pytest.raises(SignInRefused, match="too many wrong passwords"):
@@ -52,7 +52,7 @@ def test_guesses_at_one_name_from_many_addresses_are_paused_together() -> None:
 
 
 def test_a_class_behind_one_router_signs_in_at_once_and_many_more_wait_their_turn() -> None:
-    attempts = Attempts()
+    attempts = SignInThrottle()
     waits = [attempts.admit(f"pupil {number}", "router", "", 0.0) for number in range(ADDRESS_BURST + 3)]
     assert waits[:ADDRESS_BURST] == [0.0] * ADDRESS_BURST
     assert waits[ADDRESS_BURST:] == pytest.approx([ADDRESS_STEP_S, 2 * ADDRESS_STEP_S, 3 * ADDRESS_STEP_S])
@@ -64,7 +64,7 @@ def test_a_class_behind_one_router_signs_in_at_once_and_many_more_wait_their_tur
 
 
 def test_what_is_remembered_is_bounded() -> None:
-    attempts = Attempts()
+    attempts = SignInThrottle()
     for number in range(MOST_WATCHED + 100):
         attempts.admit(f"one {number}", f"address {number}", "", 1000.0 * number)
         attempts.admit(f"name {number}", "a", f"known {number}", 0.0)
@@ -73,7 +73,7 @@ def test_what_is_remembered_is_bounded() -> None:
 
 
 def test_of_many_tries_at_once_no_more_are_looked_at_than_one_after_the_other() -> None:
-    attempts, refused = Attempts(), 0
+    attempts, refused = SignInThrottle(), 0
     for _ in range(FREE_TRIES + 20):  # none of them has been told anything yet
         try:
             attempts.admit("ada", "a", "", 0.0)
@@ -83,7 +83,7 @@ def test_of_many_tries_at_once_no_more_are_looked_at_than_one_after_the_other() 
 
 
 def test_a_try_that_was_told_nothing_does_not_count() -> None:
-    attempts = Attempts()
+    attempts = SignInThrottle()
     for _ in range(FREE_TRIES + 20):
         attempts.admit("ada", "a", "", 0.0)
         attempts.left("ada", "a", "")
@@ -91,7 +91,7 @@ def test_a_try_that_was_told_nothing_does_not_count() -> None:
 
 
 def test_tries_in_a_known_browser_count_there_alone() -> None:
-    attempts = Attempts()
+    attempts = SignInThrottle()
     for _ in range(FREE_TRIES):
         attempts.admit("ada", "a", "one", 0.0)
     with pytest.raises(SignInRefused, match="too many wrong"):

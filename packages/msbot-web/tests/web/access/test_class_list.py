@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.operations.rights import Role
-from msbot_web.access.class_list import new_password, newcomers, read_people
+from msbot_web.access.class_list import new_accounts, new_password, read_people
 from msbot_web.access.passwords import check_password
 from msbot_xrce.errors import ConfigError
 
@@ -25,7 +25,7 @@ def test_any_octets_are_people_or_refused_with_the_name_of_the_file(octets: byte
 
 
 def test_who_has_no_role_and_no_password_gets_them() -> None:
-    ada, bob = newcomers(b"name,role\nada,teacher\nbob,\n", "class.csv", Role.STUDENT)
+    ada, bob = new_accounts(b"name,role\nada,teacher\nbob,\n", "class.csv", Role.STUDENT)
     assert (ada.name, ada.role, bob.name, bob.role) == ("ada", Role.TEACHER, "bob", Role.STUDENT)
     assert ada.password != bob.password
 

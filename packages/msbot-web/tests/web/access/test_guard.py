@@ -12,8 +12,8 @@ from starlette.requests import Request
 from starlette.types import Message, Receive, Scope, Send
 
 from msbot.operations.rights import Role
+from msbot_web.access.access_middleware import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessMiddleware, cookie_names
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.guard import ANY_ADDRESS, CSRF_HEADER, MAX_BODY, AccessGuard, cookie_names
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
@@ -64,7 +64,7 @@ class Rig:
             MemoryUsers(user("ada"), user("bob", Role.STUDENT, "also correct")), clock=Clock(), hasher=PlainHasher()
         )
         self.pages: dict[str, Session] = {}
-        self.guard = AccessGuard(
+        self.guard = AccessMiddleware(
             inner,
             self.accounts,
             hosts,
@@ -404,7 +404,7 @@ async def test_a_visitor_who_goes_before_the_answer_is_no_error(leaves: bool) ->
     async def send(_message: Message) -> None:
         raise AssertionError("there is nobody to answer")
 
-    guard = AccessGuard(silent, Rig().accounts, ("",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"")
+    guard = AccessMiddleware(silent, Rig().accounts, ("",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"")
     scope = {"type": "http", "method": "GET", "path": "/login", "headers": []}
     if leaves:
         await guard(scope, receive, send)

@@ -10,9 +10,9 @@ import pytest
 from msbot.operations.rights import Right, Role
 from msbot.registry import ProgramSource
 from msbot_web.access.accounts import Accounts, NotAllowed
-from msbot_web.access.attempts import SignInRefused
 from msbot_web.access.guest_tickets import MOST_GUESTS, MOST_OF_ONE, TICKET_S
 from msbot_web.access.sessions import GUEST_S, Session
+from msbot_web.access.sign_in_throttle import SignInRefused
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import Clock, PlainHasher, user

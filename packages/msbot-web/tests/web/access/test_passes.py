@@ -9,8 +9,8 @@ import pytest
 
 from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.attempts import SignInRefused
-from msbot_web.access.passes import CLASS_TICKET_S, LONGEST_DAYS, TicketCodes
+from msbot_web.access.sign_in_throttle import SignInRefused
+from msbot_web.access.ticket_codes import CLASS_TICKET_S, LONGEST_DAYS, TicketCodes
 from msbot_web.access.users import MemoryUsers
 from msbot_xrce.errors import ConfigError
 from tests.web.access.test_accounts import PlainHasher, user

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from starlette.requests import Request
 from starlette.types import Message, Receive, Scope, Send
 
-from msbot_web.access.proxies import UNTRUSTED, BehindProxies, Proxies
+from msbot_web.access.reverse_proxies import UNTRUSTED, ProxyHeadersMiddleware, TrustedProxies
 from msbot_web.html import render
 from msbot_web.language import PLAIN
 from msbot_web.root_path import base_of, root
@@ -28,7 +28,7 @@ class Seen:
     """What a request is like behind the proxies."""
 
     def __init__(self, *proxies: str) -> None:
-        self.app = BehindProxies(self.answer, Proxies(proxies))
+        self.app = ProxyHeadersMiddleware(self.answer, TrustedProxies(proxies))
         self.location = "/login"
 
     async def answer(self, scope: Scope, _receive: Receive, send: Send) -> None:
@@ -140,7 +140,7 @@ async def test_redirects_stay_in_the_folder() -> None:
 @given(st.lists(st.tuples(st.sampled_from(sorted(TOLD)), st.text(max_size=40)), max_size=6))
 def test_whatever_a_proxy_passes_on_is_a_request(headers: list[tuple[str, str]]) -> None:
     octets = [(name.encode(), value.encode("utf-8", "replace")) for name, value in headers]
-    asked = Proxies(["127.0.0.1"]).as_asked("127.0.0.1", octets)
+    asked = TrustedProxies(["127.0.0.1"]).as_asked("127.0.0.1", octets)
     assert asked.scheme in ("", "http", "https")
     assert not set("\r\n\"'<> ") & set(asked.prefix + asked.host + asked.address)
 
@@ -148,4 +148,4 @@ def test_whatever_a_proxy_passes_on_is_a_request(headers: list[tuple[str, str]])
 def test_what_is_no_address_is_said_at_the_start() -> None:
     for named in ("robots.school", "", "10.0.0.0/99"):
         with pytest.raises(ConfigError, match="neither an address nor a network"):
-            Proxies([named])
+            TrustedProxies([named])

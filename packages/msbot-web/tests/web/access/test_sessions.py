@@ -9,8 +9,8 @@ import pytest
 
 from msbot.operations.rights import Role
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.kept_sessions import MOST_FILES, SessionFile, remove_old
-from msbot_web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Ending, Session, Sessions
+from msbot_web.access.session_file import MOST_FILES, SessionFile, remove_old
+from msbot_web.access.sessions import IDLE_S, LONGEST_S, MOST_SESSIONS, Session, SessionEndReason, Sessions
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
@@ -38,7 +38,7 @@ def test_who_listens_hears_of_ends_and_of_other_roles() -> None:
     assert heard == [first, second]
     sessions.end(first)
     assert heard == [first, second, first]
-    sessions.end_all_of("bob", Ending.REMOVED)
+    sessions.end_all_of("bob", SessionEndReason.REMOVED)
     assert heard == [first, second, first, second]
 
 
@@ -49,7 +49,7 @@ def test_who_is_signed_out_is_told_why() -> None:
     guest = sessions.begin("guest of bob", Role.VIEWER, guest_of="bob")
     assert sessions.why_ended(one.token) == ""
     sessions.end(left)
-    sessions.end_all_of("bob", Ending.NEW_PASSWORD)
+    sessions.end_all_of("bob", SessionEndReason.NEW_PASSWORD)
     clock.now += IDLE_S + 1
     sessions.end_old()
     assert sessions.why_ended(one.token) == "the password of bob was changed: sign in with the new one"

@@ -9,10 +9,10 @@ import pytest
 from fastapi import FastAPI
 
 from msbot.operations.rights import Role
+from msbot_web.access.access_middleware import AccessMiddleware, cookie_names
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.attempts import FREE_TRIES
-from msbot_web.access.guard import AccessGuard, cookie_names
 from msbot_web.access.sign_in_pages import local_path, make_forms
+from msbot_web.access.sign_in_throttle import FREE_TRIES
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher
 
@@ -31,7 +31,7 @@ async def browser(accounts: Accounts) -> AsyncIterator[httpx.AsyncClient]:
     app = FastAPI()
     app.include_router(make_forms(accounts, "Robby <b>", COOKIES))
     transport = httpx.ASGITransport(
-        AccessGuard(app, accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
+        AccessMiddleware(app, accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
     )
     async with httpx.AsyncClient(transport=transport, base_url=HOME) as client:
         yield client

@@ -13,11 +13,11 @@ import pytest
 from fastapi import FastAPI
 
 from msbot.operations.rights import Role
+from msbot_web.access.access_middleware import AccessMiddleware
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.attempts import FREE_TRIES
-from msbot_web.access.guard import AccessGuard
-from msbot_web.access.passes import CLASS_TICKET_S, TicketCodes
 from msbot_web.access.sign_in_pages import make_forms
+from msbot_web.access.sign_in_throttle import FREE_TRIES
+from msbot_web.access.ticket_codes import CLASS_TICKET_S, TicketCodes
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 from tests.web.access.test_sign_in_pages import COOKIE, COOKIES, HOME
@@ -53,7 +53,9 @@ async def pupil(office: Office) -> AsyncIterator[httpx.AsyncClient]:
     app = FastAPI()
     app.include_router(make_forms(office.accounts, "Robby", COOKIES, office.passes))
     transport = httpx.ASGITransport(
-        AccessGuard(app, office.accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}")
+        AccessMiddleware(
+            app, office.accounts, ("127.0.0.1",), cookies=COOKIES, owns=lambda *_: False, beat=lambda: b"{}"
+        )
     )
     async with httpx.AsyncClient(transport=transport, base_url=HOME) as client:
         yield client

@@ -10,12 +10,12 @@ from msbot.operations.rights import Role
 from msbot.registry import JournalEntry
 from msbot_agent.text.sentence import from_json, said, to_json
 from msbot_web.access.sessions import Session
-from msbot_web.api.bus_lines import FrameLine
-from msbot_web.api.models import Done, EditLine
-from msbot_web.api.session import done_for, edits_for, journal_for, parts_for, words_for
+from msbot_web.api.bus_models import FrameLine
+from msbot_web.api.dependencies import done_for, edits_for, journal_for, parts_for, words_for
+from msbot_web.api.models import ChangeResult, EditLine
 from msbot_web.api.uid_redactor import UidRedactor
-from msbot_web.cards import part_line
-from msbot_web.records import journal_line
+from msbot_web.slot_cards import part_line
+from msbot_web.stored_data import journal_line
 from tests.pnp.robot import Rig
 
 ADDRESSES = {1: "192.0.2.1:40001", 2: "192.0.2.2:40002", 3: "192.0.2.3:40003", 4: "192.0.2.4:40004"}
@@ -111,5 +111,5 @@ def test_what_people_have_changed_and_what_went_wrong_names_no_uid_to_students()
     line = EditLine(number=1, at_ms=1, who="tom", kind="block", slot="", words=words, undone=False, undoable=True)
     for role in Role:
         session = Session("ann", role, 0.0, 0.0)
-        found = [edits_for(session, [line])[0].words, done_for(session, Done(words=words)).words]
+        found = [edits_for(session, [line])[0].words, done_for(session, ChangeResult(words=words)).words]
         assert [UID in text for text in found] == [role >= Role.TEACHER] * 2

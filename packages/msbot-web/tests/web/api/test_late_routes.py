@@ -11,9 +11,9 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from msbot_web.access.guard import STOP_PATH
+from msbot_web.access.access_middleware import STOP_PATH
 from msbot_web.api.lazy_routes import LazyRoutes
-from msbot_web.api.stop_call import make_stop_api
+from msbot_web.api.stop_route import make_stop_api
 from msbot_web.service import Service
 
 

@@ -9,8 +9,8 @@ import pytest
 from fastapi import FastAPI
 
 from msbot_web.access.accounts import NotAllowed, SignedOut
-from msbot_web.access.attempts import SignInRefused
-from msbot_web.api.problems import status_of, tell_problems
+from msbot_web.access.sign_in_throttle import SignInRefused
+from msbot_web.api.exception_handlers import add_exception_handlers, status_of
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError, NotThere, RegistryError
 
 ERRORS = [
@@ -22,7 +22,7 @@ ERRORS = [
 
 async def ask(error: Exception | None, path: str = "/1") -> httpx.Response:
     app = FastAPI()
-    tell_problems(app)
+    add_exception_handlers(app)
 
     @app.get("/{number}")
     async def fail(number: int) -> int:

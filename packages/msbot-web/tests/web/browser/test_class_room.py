@@ -12,7 +12,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
-from msbot_web.access.attempts import FREE_TRIES
+from msbot_web.access.sign_in_throttle import FREE_TRIES
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.conftest import call, free_port, link_in, new_page
 

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Request, expect
 
-from msbot_web.nicegui_internals.page_turns import MOST_WAITING
+from msbot_web.nicegui_internals.page_admission import MOST_WAITING
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.conftest import free_port, go, link_in, new_page
 

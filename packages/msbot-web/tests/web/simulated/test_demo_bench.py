@@ -13,7 +13,7 @@ from msbot.config import load_blueprint, load_library, write_sample
 from msbot.pnp import MemoryStore
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot_school.demo import DemoRobot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_web.assembly import PageSources
 from msbot_web.simulated.controls import NoSimulatedControls
 from msbot_web.simulated.demo_controls import DemoControls, seen_of
@@ -25,7 +25,7 @@ def play(
     sample: str,
     scene: Callable[[DemoRobot, DemoControls, PageSources], Awaitable[None]],
     *,
-    wire: Wire = Wire.CAN,
+    wire: DemoLinkKind = DemoLinkKind.CAN,
     spares: dict[str, str] | None = None,
 ) -> None:
     """Run a demo in virtual time, with what its page sees of it."""
@@ -124,7 +124,7 @@ def test_without_a_can_bus_there_is_none_to_see(tmp_path: Path) -> None:
     async def main() -> None:
         write_sample(tmp_path / "robot.toml")
         blueprint = load_blueprint(tmp_path / "robot.toml", load_library())
-        robot = DemoRobot(blueprint, MemoryStore(), wire=Wire.UDP)
+        robot = DemoRobot(blueprint, MemoryStore(), wire=DemoLinkKind.UDP)
         seen = seen_of(robot, asyncio.get_running_loop().time)
         assert seen.bus is None
         assert isinstance(seen.bench, DemoControls)

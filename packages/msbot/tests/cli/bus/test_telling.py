@@ -15,7 +15,7 @@ from msbot.config import SAMPLES, load_library, parse_blueprint
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_agent.link.can.protocol import Frame, LogLine, format_log_line
-from msbot_school.demo import DemoRobot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_xrce.errors import ConfigError
 from tests.cli.live_bus import invoke
 
@@ -36,7 +36,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
             blueprint = parse_blueprint(SAMPLES["rover"], library)
             store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
             robot = DemoRobot(
-                blueprint, store, wire=Wire.CAN, names=("knob", "fan"), random=Random(1), epoch_ns=lambda: 0
+                blueprint, store, wire=DemoLinkKind.CAN, names=("knob", "fan"), random=Random(1), epoch_ns=lambda: 0
             )
             robot.on_frame(tap)
             async with asyncio.TaskGroup() as tasks:

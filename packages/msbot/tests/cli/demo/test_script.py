@@ -9,7 +9,7 @@ from random import Random
 from msbot.config import SAMPLES, load_library, parse_blueprint
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot_school.demo import DemoRobot, Wire
+from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_web.cli.demo.script import ScriptRun, ScriptType
 from msbot_xrce.errors import ConfigError
 
@@ -27,7 +27,7 @@ def played(folder: Path, script: str, until_s: float) -> tuple[list[str], list[t
         with open_registry(folder / "robot.db") as registry:
             blueprint = parse_blueprint(SAMPLES["thesis"], library)
             store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
-            robot = DemoRobot(blueprint, store, wire=Wire.CAN, spares={"DD": "BB"}, random=Random(1))
+            robot = DemoRobot(blueprint, store, wire=DemoLinkKind.CAN, spares={"DD": "BB"}, random=Random(1))
             robot.on_event(lambda event: states.append((event.part, event.to_state)))
             run = ScriptRun(ScriptType().convert(script, None, None), robot, nothing_to_undo, said.append)
             async with asyncio.TaskGroup() as tasks:

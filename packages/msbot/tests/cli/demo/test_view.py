@@ -9,9 +9,9 @@ from rich.console import Console
 
 from msbot.config import SAMPLES, load_library, parse_blueprint
 from msbot_school.demo import DemoEvent, DemoSnapshot, PartSnapshot
-from msbot_school.demo.wiring import BusSnapshot
+from msbot_school.demo.demo_links import BusSnapshot
 from msbot_web.cli.demo.output import event_lines
-from msbot_web.cli.demo.view import keys_of, live_view
+from msbot_web.cli.demo.terminal_table import keys_of, live_view
 
 LINK = "The page is at http://127.0.0.1:8080/enter?token=0123456789abcdef012345"
 

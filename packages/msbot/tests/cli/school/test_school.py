@@ -17,9 +17,9 @@ from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
 from msbot.stop.names import GROUP_VARIABLE
 from msbot.stop.places import IS_THERE
-from msbot_school.classroom.access import RemoteAccess, RemoteAccessFile
-from msbot_school.cli.classroom.school import command, stop_line
-from msbot_web.cli.user import user_command as user
+from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
+from msbot_school.cli.classroom.class_commands import command, stop_line
+from msbot_web.cli.user_commands import user_command as user
 from tests.e2e.processes import PATIENCE_S, run, running
 from tests.web.refusing import refusing_port
 

@@ -13,7 +13,7 @@ from msbot.config import load_library, parse_blueprint
 from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML
 from msbot.registry import open_registry
 from msbot_web.access.passwords import Argon2Hasher
-from msbot_web.cli.user import user_command
+from msbot_web.cli.user_commands import user_command
 
 PASSWORD = "correct horse"
 

@@ -7,7 +7,7 @@ from msbot_agent.startup.extensions import extensions
 
 def load_for_classes() -> None:
     """Lessons, missions and faults."""
-    from msbot_school.faults.kinds import KINDS
+    from msbot_school.faults.fault_kinds import KINDS
     from msbot_school.missions.mission_file import ready_missions
 
     extensions().folders("lessons")

@@ -1,0 +1,153 @@
+"""Lessons as the page Learn shows them: the texts as HTML, the lesson that runs, and how far everybody is."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from functools import cache
+from typing import Final
+
+from msbot.operations.rights import Right
+from msbot.registry import Registry
+from msbot.registry.lesson_ticks import Tick
+from msbot_agent.text.sentence import said
+from msbot_school.lessons.lesson import Lesson
+from msbot_school.lessons.lesson_controller import LessonController
+from msbot_school.lessons.progress import LessonProgress, progress_of
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.sessions import Session
+from msbot_xrce.errors import ConfigError
+
+PROGRESS_S: Final = 2.0
+"""How old the class table may be."""
+_ATTRIBUTES: Final = {
+    "*": {"class"},
+    "a": {"href", "title"},
+    "img": {"src", "alt", "title"},
+    "td": {"style"},
+    "th": {"style"},
+}
+_STYLES: Final = {"text-align"}
+_SCHEMES: Final = {"http", "https", "mailto"}
+"""Where a link of a lesson may lead."""
+
+
+class LessonsView:
+    """What can be seen of lessons.
+
+    Args:
+        desk: the lesson desk of the robot; None: it has none.
+        registry: where progress is kept; None: nowhere.
+        accounts: who is signed in.
+    """
+
+    def __init__(self, desk: LessonController | None, registry: Registry | None, accounts: Accounts) -> None:
+        self._desk = desk
+        self._registry = registry
+        self._accounts = accounts
+        self._reading = asyncio.Lock()
+        self._ticks: tuple[float, list[Tick]] | None = None
+
+    def lesson(self, language: str) -> Lesson | None:
+        """The lesson that runs, in that language if there is a translation."""
+        if self._desk is None or self._desk.lesson is None:
+            return None
+        return self._desk.shelf.translated(self._desk.lesson, language)
+
+    def now(self) -> dict[str, object]:
+        """What has ticked, who takes part, who asks for help."""
+        return {"lesson": None} if self._desk is None else dict(self._desk.as_json())
+
+    def forget(self, person: str) -> None:
+        """A person is removed."""
+        self._ticks = None
+        if self._desk is not None:
+            self._desk.forget(person)
+
+    def of(self, session: Session) -> Mapping[str, object] | None:
+        """How far a person is in the lesson that runs; None: they do not take part, or none runs."""
+        people = self.now().get("progress", [])
+        assert isinstance(people, list)
+        return next((one for one in people if one["person"] == session.name), None)
+
+    def done_by_others(self, session: Session) -> Mapping[str, str]:
+        """Checks that do not tick for a person because somebody else has done them -> who."""
+        run = None if self._desk is None else self._desk.run_of(session.name)
+        if run is None:
+            return {}
+        found = {check.name: run.done_by_others(check.name) for check in run.lesson.checks}
+        return {name: who for name, who in found.items() if who}
+
+    def lessons(self, language: str = "en") -> tuple[list[Lesson], list[str]] | None:
+        """All lessons, in that language where there is a translation; and what is wrong with files that are none.
+
+        None: they are being read, ask again.
+        """
+        if self._desk is None:
+            return [], []
+        self._desk.look_again()
+        shelf = self._desk.shelf
+        if not shelf.is_read:
+            return None
+        lessons, wrong = shelf.all()
+        return [shelf.translated(lesson, language) for lesson in lessons], wrong
+
+    async def progress(self, session: Session, language: str = "en") -> list[LessonProgress]:
+        """How far everybody is, for a teacher; how far one is oneself, for everybody else.
+
+        Raises:
+            RegistryError: the database does not answer.
+        """
+        self._accounts.require(session, Right.SEE)
+        if self._registry is None:
+            return []
+        async with self._reading:  # once for all pages that ask
+            now = asyncio.get_running_loop().time()
+            if self._ticks is None or now - self._ticks[0] >= PROGRESS_S:
+                ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
+                self._ticks = now, ticks
+            ticks = self._ticks[1]
+        if self._desk is not None and not self._desk.shelf.is_read:
+            await asyncio.to_thread(self._desk.shelf.refresh)
+        found = self.lessons(language)
+        rows = progress_of(ticks, [] if found is None else found[0])
+        return rows if session.may(Right.ARRANGE) else [row for row in rows if row.person == session.name]
+
+    async def done(self, session: Session, lesson: str, language: str) -> LessonProgress:
+        """What somebody has done of a lesson to its end, for the certificate.
+
+        Raises:
+            ConfigError: it is not done yet.
+        """
+        found = [
+            row for row in await self.progress(session, language) if row.person == session.name and row.lesson == lesson
+        ]
+        if not found or not found[0].is_done:
+            raise ConfigError(said("{who} has not done this lesson to its end yet", who=session.name))
+        return found[0]
+
+
+@cache
+def text_html(text: str) -> str:
+    """A piece of a lesson as HTML; what is no Markdown is shown as it is written.
+
+    Lessons come from anybody. What Markdown has made of one is sifted: elements of a text, links to pages, and no
+    pictures from elsewhere, which would tell somebody who looks at the lesson.
+    """
+    import markdown2  # only who reads a lesson needs them
+    import nh3
+
+    html = str(markdown2.markdown(text, extras=["fenced-code-blocks", "tables"], safe_mode="escape"))
+    return nh3.clean(
+        html,
+        attributes=_ATTRIBUTES,
+        attribute_filter=_own_pictures,
+        filter_style_properties=_STYLES,
+        url_schemes=_SCHEMES,
+        link_rel=None,
+    )
+
+
+def _own_pictures(element: str, name: str, value: str) -> str | None:
+    is_elsewhere = element == "img" and name == "src" and (":" in value or value.replace("\\", "/").startswith("//"))
+    return None if is_elsewhere else value

@@ -1,0 +1,252 @@
+"""The values on a robot's topics as people see them: the latest one, how often they come, and a while of history.
+
+A listener in the data space, one per bound topic. What arrives is kept as octets and decoded only when a page asks, so
+a topic that nobody looks at costs only a counter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice, takewhile
+
+from msbot.part import Message
+from msbot.part.messages.message import fields_of
+from msbot_agent.space import Qos, Reader, Sample, Space, Topic
+from msbot_xrce.errors import RemoteProtocolError
+
+HISTORY_S = 300.0
+"""Values are kept for this long, every one of them."""
+MOST_KEPT = 30_000
+"""Values kept of one topic: five minutes at 100 a second; of a quicker one, the newest."""
+MOST_KEPT_IN_ALL = 200_000
+"""Shared by all topics: some 30 MB."""
+COUNT_STEP_S = 0.1
+"""The rate is worked out from a count in this time at most."""
+SPARK_S, SPARK_POINTS = 60.0, 40
+"""The small curve on a card: the last minute."""
+TAKEN_APART = 4000
+"""Values that are taken apart for a curve in one look; the rest follows with the next."""
+RATE_WINDOW_S = 3.0
+LONGEST_TEXT = 200
+
+Scalar = bool | int | float | str
+ClassOf = Callable[[str], type[Message] | None]
+"""The message class of a type name, or None when nobody here knows it."""
+
+
+class _Kept:
+    """The newest samples, and how many there were in all."""
+
+    def __init__(self, most: int) -> None:
+        self.samples: deque[tuple[float, bytes]] = deque(maxlen=most)
+        """(time, octets), oldest first."""
+        self.total = 0
+
+    def add(self, at: float, octets: bytes) -> None:
+        """Take one more."""
+        self.total += 1
+        self.samples.append((at, octets))
+
+    def after(self, number: int) -> list[tuple[float, bytes]]:
+        """Those that came after the one with that number, oldest first, as far as they are kept."""
+        newer = list(islice(reversed(self.samples), min(self.total - number, len(self.samples))))
+        newer.reverse()
+        return newer
+
+
+class TopicWatch:
+    """What is known about one topic."""
+
+    def __init__(self, name: str, type_name: str, clock: Callable[[], float]) -> None:
+        self.name = name
+        self.type_name = type_name
+        self.count = 0
+        """Samples since the watch began."""
+        self.at: float | None = None
+        """When the latest sample came, by the robot's clock."""
+        self.payload = b""
+        self.reader: Reader | None = None
+        self._clock = clock
+        self.period_s = 0.0
+        """Smoothed time between samples; 0 = not known yet."""
+        self.kept = _Kept(MOST_KEPT)
+        self.sparks = _Kept(SPARK_POINTS)
+        """The same for the small curve on a card: one in `SPARK_S / SPARK_POINTS`."""
+        self._sparked_at = -math.inf
+        self._counts: deque[tuple[float, int]] = deque(maxlen=64)
+
+    def deliver(self, sample: Sample) -> bool:
+        """Take a sample; what the data space calls."""
+        now = self._clock()
+        self.count += 1
+        if self.at is not None:
+            step_s = now - self.at
+            self.period_s = step_s if not self.period_s else self.period_s + (step_s - self.period_s) / 8
+        self.at, self.payload = now, sample.payload
+        self.kept.add(now, sample.payload)
+        samples = self.kept.samples
+        while now - samples[0][0] > HISTORY_S:
+            samples.popleft()
+        if now - self._sparked_at >= SPARK_S / SPARK_POINTS:
+            self._sparked_at = now
+            self.sparks.add(now, sample.payload)
+        if not self._counts or now - self._counts[-1][0] >= COUNT_STEP_S:
+            self._counts.append((now, self.count))
+        return True
+
+    def keep_at_most(self, most: int) -> None:
+        """Keep this many values from now on."""
+        if self.kept.samples.maxlen != most:
+            self.kept.samples = deque(self.kept.samples, maxlen=most)
+
+    def rate_hz(self, now: float) -> float:
+        """Samples a second, over the last few seconds."""
+        recent = [(at, count) for at, count in self._counts if at >= now - RATE_WINDOW_S]
+        if len(recent) < 2 or recent[-1][0] <= recent[0][0]:
+            return 0.0
+        (first_at, first), (last_at, last) = recent[0], recent[-1]
+        # Silence since the last sample lowers the rate at once, not only when the window is empty.
+        return (last - first) / max(last_at - first_at, now - first_at - 1.0)
+
+
+class _Curve:
+    """A field's numbers over time, taken apart as they come."""
+
+    def __init__(self) -> None:
+        self.points: deque[tuple[float, float]] = deque(maxlen=MOST_KEPT)
+        self.taken = 0
+        """Number of the newest sample that was taken apart."""
+        self.asked_at = 0.0
+
+
+class LiveValues:
+    """Listens to topics.
+
+    Args:
+        space: where the robot's topics are.
+        class_of: finds message classes.
+        clock: the robot's clock, seconds.
+    """
+
+    def __init__(self, space: Space, class_of: ClassOf, clock: Callable[[], float]) -> None:
+        self._space = space
+        self._class_of = class_of
+        self._clock = clock
+        self._watches: dict[str, TopicWatch] = {}
+        self._curves: dict[tuple[str, str], _Curve] = {}
+        self._sparks: dict[tuple[str, str], _Curve] = {}
+
+    def watch(self, topics: Mapping[str, str]) -> None:
+        """Listen to exactly these topics from now on: name -> type name."""
+        for name, watch in list(self._watches.items()):
+            if topics.get(name) != watch.type_name:
+                self._close(name)
+        most = max(min(MOST_KEPT, MOST_KEPT_IN_ALL // max(len(topics), 1)), SPARK_POINTS)
+        for name, type_name in topics.items():
+            if name in self._watches:
+                self._watches[name].keep_at_most(most)
+            else:
+                watch = TopicWatch(name, type_name, self._clock)
+                watch.reader = self._space.reader(Topic(name, type_name), Qos(reliable=False, depth=1), watch.deliver)
+                watch.keep_at_most(most)
+                self._watches[name] = watch
+
+    def close(self) -> None:
+        """Listen to nothing."""
+        self.watch({})
+
+    def topic(self, name: str) -> TopicWatch | None:
+        """What is known of a topic."""
+        return self._watches.get(name)
+
+    def fields(self, watch: TopicWatch, payload: bytes | None = None) -> dict[str, Scalar]:
+        """A sample's fields by name; nested ones as `pose.x`, lists as `samples[0]`.
+
+        Octets of an unknown type, or that do not fit it, are shown as hexadecimal digits under the name `octets`.
+        """
+        octets = watch.payload if payload is None else payload
+        message_class = self._class_of(watch.type_name)
+        if not octets:
+            return {}
+        if message_class is None:
+            return {"octets": octets[: LONGEST_TEXT // 2].hex(" ")}
+        try:
+            message = message_class.decode(octets)
+        except RemoteProtocolError:
+            return {"octets": octets[: LONGEST_TEXT // 2].hex(" ")}
+        return dict(_flat("", message))
+
+    def series(self, name: str, field: str) -> list[tuple[float, float]]:
+        """(time, value) of a numeric field, oldest first, every value of the last minutes; empty if it is not a number.
+
+        Values not decoded yet are decoded in batches: if no page has asked for long, it takes a few calls until all are
+        there.
+        """
+        curve = self._curve(name, field)
+        return [] if curve is None else list(curve.points)
+
+    def newer(self, name: str, field: str, after: float) -> list[tuple[float, float]]:
+        """As `series`, of what came after a time of the robot's clock only."""
+        curve = self._curve(name, field)
+        found = [] if curve is None else list(takewhile(lambda point: point[0] > after, reversed(curve.points)))
+        found.reverse()
+        return found
+
+    def _curve(self, name: str, field: str) -> _Curve | None:
+        watch = self._watches.get(name)
+        if watch is None:
+            return None
+        curve = self._curves.setdefault((name, field), _Curve())
+        self._follow(curve, watch, field, watch.kept)
+        now = curve.asked_at
+        while curve.points and now - curve.points[0][0] > HISTORY_S:
+            curve.points.popleft()
+        for key in [key for key, one in self._curves.items() if now - one.asked_at > HISTORY_S]:
+            del self._curves[key]
+        return curve
+
+    def spark(self, watch: TopicWatch, field: str) -> list[float]:
+        """A few values of the last minute, oldest first: for the small curve on a card."""
+        curve = self._sparks.setdefault((watch.name, field), _Curve())
+        self._follow(curve, watch, field, watch.sparks)
+        while curve.points and curve.asked_at - curve.points[0][0] > SPARK_S:
+            curve.points.popleft()
+        return [value for _, value in curve.points]
+
+    def _follow(self, curve: _Curve, watch: TopicWatch, field: str, kept: _Kept) -> None:
+        """Take apart what came since the last look, at most this many at once."""
+        curve.asked_at = self._clock()
+        newer = kept.after(curve.taken)
+        curve.taken = kept.total - len(newer)
+        for at, payload in newer[:TAKEN_APART]:
+            curve.taken += 1
+            value = self.fields(watch, payload).get(field)
+            if isinstance(value, int | float):
+                curve.points.append((at, float(value)))
+
+    def _close(self, name: str) -> None:
+        self._curves = {key: curve for key, curve in self._curves.items() if key[0] != name}
+        self._sparks = {key: curve for key, curve in self._sparks.items() if key[0] != name}
+        reader = self._watches.pop(name).reader
+        if reader is not None:
+            reader.close()
+
+
+def _flat(prefix: str, value: object) -> Iterator[tuple[str, Scalar]]:
+    """The scalars in a value with the way to each."""
+    if isinstance(value, Message):
+        for field in fields_of(type(value)):
+            yield from _flat(f"{prefix}.{field.name}" if prefix else field.name, getattr(value, field.name))
+    elif isinstance(value, list):
+        for number, element in enumerate(value[:32]):
+            yield from _flat(f"{prefix}[{number}]", element)
+    elif isinstance(value, bytes):
+        yield prefix, value[: LONGEST_TEXT // 2].hex(" ")
+    elif isinstance(value, str):
+        yield prefix, value[:LONGEST_TEXT]
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield prefix, str(value)  # JSON has no such numbers
+    elif isinstance(value, bool | int | float):
+        yield prefix, value

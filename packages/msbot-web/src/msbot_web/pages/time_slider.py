@@ -1,0 +1,173 @@
+"""The time slider: a person looks at the robot as it was some minutes ago; everybody else's pages stay at the present.
+
+The browser (`static/moment.js`) asks for a moment, another process reads it from the recorder's ring, and the page's
+sight becomes that moment until the person comes back. While one moment is read, only the latest wish is remembered.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from msbot_web.html import render
+from msbot_web.robot_view import PastRobotView
+from msbot_web.root_path import root
+from msbot_xrce.errors import ConfigError, MsbotError
+
+if TYPE_CHECKING:
+    from msbot_web.pages.layout import Page
+
+PATHS = ("/", "/bus", "/wires", "/plots")
+"""Pages that can show the past."""
+SHORTEST_S = 60.0
+"""The slider is at least so long, so that a robot that has just begun has one, too."""
+LONGEST_S = 3600.0
+"""What is older is for `msbot log`."""
+
+
+class TimeSlider:
+    """The slider of one page.
+
+    Args:
+        page: whose.
+        at: the moment that the page's address asks for, milliseconds since 1970; empty: the present.
+        reads: whether the page shows the robot itself, which must be read; curves are read by the page.
+    """
+
+    def __init__(self, page: Page, at: str, *, reads: bool) -> None:
+        self._page = page
+        self._reads = reads
+        self._live = page.sight
+        self._wanted: float | None = None
+        self._is_reading = False
+        self._listeners: list[Callable[[float | None], object]] = []
+        self._begin_s: float | None = None
+        ui.add_head_html(f'<script src="{root()}/web/moment.js"></script>')
+        ui.html(render("look_back", say=page.say), sanitize=False).classes("w-full ms-moment-place")
+        ui.on("ms_moment", self._asked)
+        ui.run_javascript(f"msbotMoment.begin({json.dumps(self._setup())})")
+        if page.client is not None:
+            page.client.on_connect(self._tell_clock)
+        page.later(self._arrive(_moment_of(at)))
+
+    def on_change(self, listener: Callable[[float | None], object]) -> None:
+        """Call the listener whenever another moment is shown; None: the present."""
+        self._listeners.append(listener)
+
+    def note(self, at_s: float | None) -> None:
+        """The page itself has gone to another moment."""
+        self._wanted = self._page.at_s = at_s
+        self._tell()
+
+    async def go(self, at_s: float | None) -> None:
+        """Show a moment, seconds since 1970, or the present."""
+        self._wanted = at_s
+        if at_s is None:
+            self._show(None)
+        if self._is_reading:
+            return  # whoever reads sees the wish when he has done
+        self._is_reading = True
+        try:
+            while (wanted := self._wanted) is not None and wanted != self._page.at_s and not self._page.is_gone:
+                await self._read(wanted)
+        finally:
+            self._is_reading = False
+
+    async def _asked(self, event: GenericEventArguments) -> None:
+        at = event.args
+        await self.go(at / 1e3 if isinstance(at, int | float) and 0 < at < 1e14 else None)
+
+    async def _arrive(self, at_s: float | None) -> None:
+        """What must be read before the slider knows how far back it goes."""
+        try:
+            self._begin_s = await self._page.service.past.begin_s()
+        except ConfigError as error:  # it is not recorded: there is nothing to slide
+            if at_s is None:
+                ui.run_javascript("msbotMoment.hide()")
+            else:
+                self._say(str(error))
+            return
+        if at_s is None:
+            self._tell()
+        else:
+            await self.go(at_s)
+
+    async def _read(self, at_s: float) -> None:
+        page = self._page
+        if not self._reads:
+            self._show(at_s)
+            return
+        with page.here():
+            ui.run_javascript("msbotMoment.reading()")
+        try:
+            moment = await page.service.past.moment(at_s)
+        except MsbotError as error:
+            if self._wanted == at_s:
+                self._wanted = page.at_s
+                self._say(str(error))
+            return
+        if self._wanted is not None:
+            page.sight = PastRobotView(moment)
+            self._show(at_s)
+
+    def _show(self, at_s: float | None) -> None:
+        page = self._page
+        if page.is_gone:
+            return
+        if at_s is None:
+            page.sight = self._live
+        page.at_s = at_s
+        for listener in self._listeners:
+            listener(at_s)
+        page.refresh()
+        self._tell()
+
+    def _tell_clock(self) -> None:
+        """The browser hears nothing before it is connected: a time that was stamped earlier is late by the loading."""
+        ui.run_javascript(f"msbotMoment.clock({time.time() * 1e3})")
+
+    def _tell(self, trouble: str = "") -> None:
+        if not self._page.is_gone:
+            with self._page.here():
+                ui.run_javascript(f"msbotMoment.show({json.dumps({**self._setup(), 'trouble': trouble})})")
+
+    def _say(self, words: str) -> None:
+        self._tell(self._page.say(words))
+
+    def _setup(self) -> dict[str, object]:
+        """What the browser needs: times are milliseconds since 1970, shown by the clock of the robot's computer."""
+        now, at_s, say = time.time(), self._page.at_s, self._page.say
+        begin_s = (
+            now - SHORTEST_S if self._begin_s is None else min(max(self._begin_s, now - LONGEST_S), now - SHORTEST_S)
+        )
+        zone = datetime.now().astimezone().utcoffset()
+        return {
+            "now": now * 1e3,
+            "begin": begin_s * 1e3,
+            "at": None if at_s is None else at_s * 1e3,
+            "zone": 0 if zone is None else zone.total_seconds() * 1e3,
+            "paths": PATHS,
+            "trouble": "",
+            "words": {
+                "now": say("Now"),
+                "past": say("The past: {time}"),
+                "ago": say("{span} ago"),
+                "reading": say("Reading …"),
+            },
+        }
+
+
+def _moment_of(at: str) -> float | None:
+    """A moment in an address; what is none is the present."""
+    try:
+        found = float(at)
+    except ValueError:
+        return None
+    return found / 1e3 if math.isfinite(found) and 0 < found < 1e14 else None

@@ -1,0 +1,302 @@
+"""The cards of the slots: which part holds a slot, its state, and what it does at this moment.
+
+What an actuator does is not always what it was told: under STOP, and without its partner, it applies its safe values.
+That is shown only as far as it is known: a part that has not confirmed STOP may still move.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scalar_text
+from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
+from msbot_agent.agent import SessionFaultCounts
+from msbot_agent.text.sentence import said
+from msbot_web.api.models import (
+    PartDeclaration,
+    PartLine,
+    PortDeclaration,
+    PortLine,
+    Scalar,
+    SessionFaults,
+    SettingDeclaration,
+    SlotCard,
+    StopConfirmed,
+    StopState,
+)
+from msbot_web.live_values import LiveValues, TopicWatch
+from msbot_xrce.lazy import dataclass
+
+STALE_PERIODS = 3
+"""A value is stale when this many of its periods have passed without a new one."""
+SHORTEST_PERIOD_S = 0.2
+"""A value that comes more often is not called stale because of a hiccup."""
+
+
+SaidByHand = Callable[[], Mapping[tuple[str, str], Mapping[str, Scalar]]]
+"""What people say to the ports that they drive by hand: `(slot, port)` -> fields."""
+
+
+def no_session_faults(_client_key: int) -> SessionFaultCounts | None:
+    """For who does not know how a session fared."""
+    return None
+
+
+def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -> StopState:
+    """STOP as pages and API show it."""
+    return StopState(
+        stopped=status.stopped,
+        number=status.number,
+        by=status.by,
+        also_by=list(status.also_by),
+        place=status.place,
+        reason=status.reason,
+        since_s=None if status.since_ns is None else max(epoch_ns() - status.since_ns, 0) / 1e9,
+        confirmed=[StopConfirmed(part=one.part, ms=one.ms) for one in status.confirmed],
+        silent=list(status.silent),
+        trouble=status.trouble,
+    )
+
+
+class SlotCards:
+    """See the module's docstring; the other arguments are those of `ModelBuilder`.
+
+    Args:
+        parts: all parts, at a time of the robot's clock.
+        beat_s: seconds between two beats of a part.
+        plugged: the slots whose parts are simulated in this process, and whether these are on the wire.
+        wear: what went wrong in the session of that client.
+    """
+
+    def __init__(
+        self,
+        *,
+        parts: Callable[[float], Sequence[PartInfo]],
+        beat_s: Callable[[], float],
+        blueprint: Callable[[], Blueprint],
+        library: Library,
+        live: LiveValues,
+        clock: Callable[[], float],
+        ignored: Callable[[PartInfo], bool],
+        stop: Callable[[], StopState],
+        by_hand: SaidByHand,
+        plugged: Callable[[], Mapping[str, bool]] = dict,
+        wear: Callable[[int], SessionFaultCounts | None] = no_session_faults,
+        planted: Callable[[str], Sequence[str]] = lambda _: (),
+    ) -> None:
+        self.live = live
+        self.library = library
+        self._parts = parts
+        self._beat_s = beat_s
+        self._plugged = plugged
+        self._wear_of = wear
+        self._blueprint = blueprint
+        self._clock = clock
+        self._ignored = ignored
+        self._stop = stop
+        self._by_hand = by_hand
+        self._planted = planted
+        self._ends_are_of: Blueprint | None = None
+        self._ends: Mapping[str, list[_End]] = {}
+        self._slots: Mapping[str, Slot] = {}
+
+    def all(self) -> list[SlotCard]:
+        """All slots, in the order of the blueprint."""
+        look = self._look()
+        return [self._card(slot, look) for slot in self._slots.values()]
+
+    def one(self, name: str) -> SlotCard:
+        """The slot of that name, which there is."""
+        look = self._look()
+        return self._card(self._slots[name], look)
+
+    def _look(self) -> _RobotSnapshot:
+        now, blueprint = self._clock(), self._blueprint()
+        if blueprint is not self._ends_are_of:
+            self._ends_are_of, self._ends = blueprint, _ends_of(blueprint)
+            self._slots = {slot.name: slot for slot in blueprint.slots}
+        view = self._parts(now)
+        infos = {info.slot: info for info in view if info.slot}
+        spares = self._spares(info for info in view if info.state is PartState.STANDBY)
+        return _RobotSnapshot(now, infos, spares, self._plugged(), self._ends, self._stop(), self._by_hand())
+
+    def _spares(self, waiting: Iterable[PartInfo]) -> Mapping[str, list[str]]:
+        """The names of the parts that stand by, by the part numbers of the slots that they can fill."""
+        found: dict[str, list[str]] = {}
+        for info in waiting:
+            part_type = self.library.find(info.part_number)
+            for number in () if part_type is None else (part_type.number, *part_type.compatible_with):
+                found.setdefault(number, []).append(info.part)
+        return found
+
+    def _card(self, slot: Slot, look: _RobotSnapshot) -> SlotCard:
+        info = look.infos.get(slot.name)
+        part_type = self.library.get(slot.part_number)
+        # An adopted part may be of another type than the slot is for, also of one that the library does not know.
+        own_type = self.library.get(info.part_number) if info is not None and info.part_number else part_type
+        beat_s = self._beat_s()
+        is_counted = info is not None and info.state.is_registered and info.beat_age_s is not None
+        return SlotCard(
+            name=slot.name,
+            part_number=slot.part_number,
+            type_name="" if own_type is None else own_type.name,
+            category="" if part_type is None else part_type.category.value,
+            description=slot.description,
+            state="empty" if info is None else info.state.value,
+            reason=said("nothing is plugged in") if info is None else info.reason,
+            part=None if info is None else part_line(info, is_ignored=self._ignored(info)),
+            ports=[self._port(end, slot, part_type, look) for end in look.ends.get(slot.name, ())],
+            next_beat_s=beat_s - info.beat_age_s
+            if is_counted and info is not None and info.beat_age_s is not None
+            else None,
+            spares=list(look.spares.get(slot.part_number, ())),
+            simulated=slot.name in look.plugged,
+            plugged=look.plugged.get(slot.name),
+            faults=list(self._planted(slot.name)),
+            wear=self._wear(info),
+        )
+
+    def _wear(self, info: PartInfo | None) -> SessionFaults | None:
+        """What went wrong between agent and part in its session."""
+        wear = None if info is None or not info.state.is_registered else self._wear_of(info.client_key)
+        return None if wear is None else SessionFaults(repeated=wear.repeated, resent=wear.resent, unread=wear.unread)
+
+    def _port(self, end: _End, slot: Slot, part_type: PartType | None, look: _RobotSnapshot) -> PortLine:
+        binding, now = end.binding, look.now
+        watch = self.live.topic(binding.topic)
+        port = None if part_type is None else part_type.port(end.port)
+        told = look.by_hand.get((slot.name, end.port))
+        held = "" if end.publishes else "by hand" if told is not None else _held(look, slot.name, binding)
+        return PortLine(
+            port=end.port,
+            topic=binding.topic,
+            type_name=binding.type_name,
+            publishes=end.publishes,
+            reliable=binding.reliable,
+            rate_hz=0.0 if watch is None else round(watch.rate_hz(now), 2),
+            count=0 if watch is None else watch.count,
+            age_s=None if watch is None or watch.at is None else now - watch.at,
+            fields=dict(told) if told is not None else {} if watch is None else self.live.fields(watch),
+            stale=told is None and watch is not None and self._is_stale(watch, binding, look),
+            held=held,
+            safe=dict(port.safe) if held in ("stopped", "partner lost") and port is not None and port.safe else {},
+        )
+
+    def _is_stale(self, watch: TopicWatch, binding: Binding, look: _RobotSnapshot) -> bool:
+        """Whether a value is out of date."""
+        if watch.at is None:
+            return False
+        source = look.infos.get(binding.source.slot)
+        if source is None or not source.state.is_registered:
+            return True
+        slot = self._slots.get(binding.source.slot)
+        part_type = None if slot is None else self.library.get(slot.part_number)
+        port = None if part_type is None else part_type.port(binding.source.port)
+        if port is None or not port.rate_hz:  # sent when something happens: silence is no sign
+            return False
+        return look.now - watch.at > STALE_PERIODS * max(watch.period_s, 1 / port.rate_hz, SHORTEST_PERIOD_S)
+
+
+def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
+    """A part as pages and API show it."""
+    return PartLine(
+        part=info.part,
+        part_number=info.part_number,
+        local_name=info.local_name,
+        uid=info.uid.hex(),
+        slot=info.slot or "",
+        state=info.state.value,
+        reason=info.reason,
+        state_age_s=info.state_age_s,
+        life=info.life,
+        beat_age_s=info.beat_age_s,
+        beats=info.beats,
+        plug_in_to_active_ms=info.plug_in_to_active_ms,
+        client_key=f"{info.client_key:08x}",
+        address=info.address,
+        refused_claims=info.refused_claims,
+        duplicates=list(info.duplicates),
+        ignored=is_ignored,
+        nature=info.nature.word,
+        says=None if info.says is None else _says(info.says),
+        refusal="" if info.refusal is None else info.refusal.name.lower(),
+    )
+
+
+def _says(said: SelfDescription) -> PartDeclaration:
+    if said.described is None:
+        return PartDeclaration(checked=False, fault=said.fault)
+    part_type = said.described.part_type
+    return PartDeclaration(
+        name=part_type.name,
+        description=part_type.description,
+        ports=[_says_port(port) for port in part_type.ports],
+        settings=[
+            SettingDeclaration(
+                name=one.name, default=scalar_text(one.default), least=one.least, most=one.most, unit=one.unit
+            )
+            for one in part_type.parameters
+        ],
+        checked=True,
+    )
+
+
+def _says_port(port: Port) -> PortDeclaration:
+    message = port.message
+    fields = {} if message is None else {name: message.units.get(name, "") for name in message.fields}
+    safe = ", ".join(f"{name} = {scalar_text(value)}" for name, value in (port.safe or {}).items())
+    return PortDeclaration(
+        name=port.name,
+        direction=port.direction.value,
+        type=port.type_name,
+        fields=[f"{name} {unit}".strip() for name, unit in fields.items()],
+        safe=safe,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _RobotSnapshot:
+    """What all cards of one look at the robot have in common."""
+
+    now: float
+    infos: Mapping[str, PartInfo]
+    """By slot."""
+    spares: Mapping[str, list[str]]
+    """Names of parts that stand by, by the part number of the slots that they fit."""
+    plugged: Mapping[str, bool]
+    """Slots whose parts are simulated in this process, and whether these are on the wire."""
+    ends: Mapping[str, list[_End]]
+    stop: StopState
+    by_hand: Mapping[tuple[str, str], Mapping[str, Scalar]]
+    """What people say to ports that they drive by hand."""
+
+
+def _held(look: _RobotSnapshot, slot: str, binding: Binding) -> str:
+    """Why the part in a slot does not obey what comes in on a topic; see `PortLine.held`."""
+    info = look.infos.get(slot)
+    if info is None or not info.state.is_registered:
+        return "gone"
+    if look.stop.stopped:
+        return "stopped" if any(one.part == info.part for one in look.stop.confirmed) else "unconfirmed"
+    source = look.infos.get(binding.source.slot)
+    return "" if source is not None and source.state.is_registered else "partner lost"
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """A slot's end of a binding."""
+
+    binding: Binding
+    port: str
+    publishes: bool
+
+
+def _ends_of(blueprint: Blueprint) -> Mapping[str, list[_End]]:
+    """The ends of all bindings by slot, in the order of the blueprint."""
+    found: dict[str, list[_End]] = {}
+    for binding in blueprint.bindings:
+        found.setdefault(binding.source.slot, []).append(_End(binding, binding.source.port, publishes=True))
+        for target in binding.targets:
+            found.setdefault(target.slot, []).append(_End(binding, target.port, publishes=False))
+    return found
