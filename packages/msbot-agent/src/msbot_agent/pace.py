@@ -34,8 +34,49 @@ MOST_CALLERS = 1000
 """Callers whose calls are counted at a time: the one that has called longest ago is forgotten."""
 
 
+class TokenBucket:
+    """What may happen so often a second, and after a pause so often at once.
+
+    Args:
+        per_s: how often for ever.
+        burst: how often at once.
+        now: the present time.
+        is_full: whether it begins as after a pause.
+    """
+
+    __slots__ = ("_at", "_burst", "_per_s", "_spent")
+
+    def __init__(self, per_s: float, burst: float, now: float, *, is_full: bool = True) -> None:
+        self._per_s = per_s
+        self._burst = burst
+        self._spent = 0.0 if is_full else burst
+        """What is not made up for yet."""
+        self._at = now
+
+    def missing(self, now: float, amount: float = 1.0) -> float:
+        """How much is missing before so much more may happen; not more than 0: nothing."""
+        return max(0.0, self._spent - (now - self._at) * self._per_s) + amount - self._burst
+
+    def spend(self, now: float, amount: float = 1.0) -> None:
+        """So much happens, even if it is too much."""
+        self._spent = max(0.0, self._spent - (now - self._at) * self._per_s) + amount
+        self._at = now
+
+    def take(self, now: float) -> bool:
+        """Whether it may happen once more now; then it does."""
+        if self.missing(now) > 0.0:
+            return False
+        self.spend(now)
+        return True
+
+    def change(self, per_s: float, burst: float) -> None:
+        """Another rate from now on; what was saved stays, as far as there is room for it."""
+        self._spent = max(0.0, self._spent + burst - self._burst)
+        self._per_s, self._burst = per_s, burst
+
+
 class SteadyRate:
-    """See the comment above.
+    """See the comment above: a token bucket for each caller.
 
     Args:
         per_s: calls a second that each may make for ever.
@@ -47,28 +88,31 @@ class SteadyRate:
         self.per_s = per_s
         self._burst = burst
         self._most = most
-        self._spent: dict[Hashable, tuple[float, float]] = {}
-        """Calls that are not made up for yet, and when that was; who has called last comes last."""
+        self._buckets: dict[Hashable, TokenBucket] = {}
+        """Who has called last comes last."""
 
     def wait_s(self, caller: Hashable, now: float) -> float:
         """How long that caller has to wait for the next call; 0: not at all."""
-        return max(0.0, (self._owed(caller, now) + 1.0 - self._burst) / self.per_s)
+        return self._missing_s(caller, now, 1.0)
 
     def debt_s(self, caller: Hashable, now: float) -> float:
         """How long that caller has to rest to make up for what was too much; 0: not at all."""
-        return max(0.0, (self._owed(caller, now) - self._burst) / self.per_s)
+        return self._missing_s(caller, now, 0.0)
 
     def note(self, caller: Hashable, now: float, calls: float = 1.0) -> None:
         """A call is made, or something that counts as so many."""
-        owed = self._owed(caller, now)
-        self._spent.pop(caller, None)
-        if len(self._spent) >= self._most:
-            del self._spent[next(iter(self._spent))]
-        self._spent[caller] = owed + calls, now
+        bucket = self._buckets.pop(caller, None)
+        if bucket is None:
+            bucket = TokenBucket(self.per_s, self._burst, now)
+            if len(self._buckets) >= self._most:
+                del self._buckets[next(iter(self._buckets))]
+        bucket.spend(now, calls)
+        self._buckets[caller] = bucket
 
-    def _owed(self, caller: Hashable, now: float) -> float:
-        owed, at = self._spent.get(caller, (0.0, now))
-        return max(0.0, owed - (now - at) * self.per_s)
+    def _missing_s(self, caller: Hashable, now: float, calls: float) -> float:
+        bucket = self._buckets.get(caller)
+        missing = calls - self._burst if bucket is None else bucket.missing(now, calls)
+        return max(0.0, missing / self.per_s)
 
 
 # How many connections a second a server takes, before it has read a word of any. Pure: time is handed in.

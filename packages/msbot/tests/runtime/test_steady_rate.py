@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_agent.pace import MOST_CALLERS, SteadyRate
+from msbot_agent.pace import MOST_CALLERS, SteadyRate, TokenBucket
 from msbot_web.access.sessions import MOST_SESSIONS
 
 
@@ -58,3 +58,17 @@ def test_something_may_count_as_many_calls() -> None:
     pace.note("a", 0.0, 10.0)
     assert pace.wait_s("a", 0.0) == 4.0
     assert pace.wait_s("a", 4.0) == 0.0
+
+
+def test_a_bucket_may_begin_empty_and_keeps_what_was_saved_when_its_rate_changes() -> None:
+    bucket = TokenBucket(10.0, 2.0, 0.0, is_full=False)
+    assert not bucket.take(0.0)
+    assert bucket.take(0.25)  # 2 were saved, the most that it holds
+    bucket.change(100.0, 20.0)
+    assert [bucket.take(0.35) for _ in range(12)] == [True] * 11 + [False]
+    assert bucket.missing(0.35) == pytest.approx(1.0)
+    bucket.change(1.0, 1.0)
+    bucket.spend(0.35, 5.0)
+    assert bucket.missing(0.35) == pytest.approx(6.0)
+    assert not bucket.take(6.3)
+    assert bucket.take(6.4)

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable
 from typing import Generic, Protocol, TypeVar
 
+from msbot_agent.pace import TokenBucket
 from msbot_xrce.counting import Tally
 
 WINDOW_S = 0.25
@@ -27,30 +28,25 @@ BEYOND = "packet beyond its share: not read"
 
 
 class Limit:
-    """A limited client's packets: a token bucket."""
+    """A limited client's packets."""
 
-    __slots__ = ("_filled_at", "_per_s", "_tokens", "thrown_away")
+    __slots__ = ("_bucket", "thrown_away")
 
     def __init__(self, per_s: float, now: float) -> None:
-        self._per_s = per_s
-        self._filled_at = now
-        self._tokens = 0.0
+        self._bucket = TokenBucket(per_s, per_s * BURST_S, now, is_full=False)
         self.thrown_away = 0
         """Packets thrown away since the last comparison."""
 
     def set(self, per_s: float) -> None:
         """Change the share."""
-        self._per_s = per_s
+        self._bucket.change(per_s, per_s * BURST_S)
 
     def takes(self, now: float) -> bool:
         """Whether one more packet is within the share."""
-        self._tokens = min(self._per_s * BURST_S, self._tokens + (now - self._filled_at) * self._per_s)
-        self._filled_at = now
-        if self._tokens < 1.0:
-            self.thrown_away += 1
-            return False
-        self._tokens -= 1.0
-        return True
+        if self._bucket.take(now):
+            return True
+        self.thrown_away += 1
+        return False
 
 
 class Sender(Protocol):

@@ -14,6 +14,7 @@ from typing import Protocol
 
 from msbot_agent.agent.reply_routing import ReplyExchange
 from msbot_agent.agent.statistics import PUSHED_OUT, TimedOctets, TopicTraffic, Transit
+from msbot_agent.pace import TokenBucket
 from msbot_agent.space import Deliver, Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
 from msbot_xrce.counting import Tally
 from msbot_xrce.messages import DeliveryControl
@@ -43,12 +44,11 @@ class ReadTask:
     """
 
     __slots__ = (
+        "_bucket",
         "_bytes_per_s",
-        "_filled_at",
         "_next_at",
         "_pace_s",
         "_remaining",
-        "_tokens",
         "_until",
         "limited",
         "request_id",
@@ -64,8 +64,7 @@ class ReadTask:
         self._until = now + control.max_elapsed_s if control is not None and control.max_elapsed_s else NEVER
         self._bytes_per_s = control.max_bytes_per_second if control is not None else 0
         self._pace_s = control.min_pace_ms / 1000 if control is not None else 0.0
-        self._tokens = float(self._bytes_per_s)
-        self._filled_at = now
+        self._bucket = TokenBucket(self._bytes_per_s, self._bytes_per_s, now) if self._bytes_per_s else None
         self._next_at = now
         self.limited = bool(self._remaining is not None or self._until < NEVER or self._bytes_per_s or self._pace_s)
         """False when every sample may go at once: `ready_at` and `sent` need not be called."""
@@ -80,8 +79,9 @@ class ReadTask:
         if self._remaining == 0 or now >= self._until:
             return NEVER
         ready_at = self._next_at
-        if self._bytes_per_s:
-            ready_at = max(ready_at, self._affordable_at(size, now))
+        if self._bucket is not None:
+            missing = self._bucket.missing(now, min(size, self._bytes_per_s))
+            ready_at = max(ready_at, now if missing <= _ROUNDING else now + missing / self._bytes_per_s)
         if ready_at <= now:
             return now
         return ready_at if ready_at < self._until else NEVER
@@ -90,20 +90,9 @@ class ReadTask:
         """Account for a sample that was sent."""
         if self._remaining is not None:
             self._remaining -= 1
-        if self._bytes_per_s:
-            self._fill(now)
-            self._tokens -= size
+        if self._bucket is not None:
+            self._bucket.spend(now, size)
         self._next_at = now + self._pace_s
-
-    def _affordable_at(self, size: int, now: float) -> float:
-        self._fill(now)
-        missing = min(size, self._bytes_per_s) - self._tokens
-        return now if missing <= _ROUNDING else now + missing / self._bytes_per_s
-
-    def _fill(self, now: float) -> None:
-        gained = (now - self._filled_at) * self._bytes_per_s
-        self._tokens = min(float(self._bytes_per_s), self._tokens + gained)
-        self._filled_at = now
 
 
 OpenReader = Callable[[Topic, Qos, Deliver, Owner], Reader]
