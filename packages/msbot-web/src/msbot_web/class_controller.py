@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from msbot.config import groups_by_slots
@@ -14,7 +14,7 @@ from msbot_agent.text.sentence import counted, said
 from msbot_school.lessons.progress import LessonProgress
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.class_list import NewAccount, new_password, read_list
-from msbot_web.access.guest_tickets import Ticket
+from msbot_web.access.joining import PICTURES
 from msbot_web.access.sessions import Session
 from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.api.models import ChangeResult
@@ -54,6 +54,8 @@ class PupilTicket:
     """Empty: nobody knows it any more."""
     path: str
     """What the ticket's code leads to, a path of this server."""
+    pictures: tuple[tuple[str, str], ...]
+    """The pictures by which the pupil comes in, and their words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,7 @@ class ClassController:
         accounts.on_gone(self._control.forget)
         accounts.on_role(self._control.end_holds)
         accounts.on_gone(passes.class_tickets.forget_those_of)
+        accounts.on_gone(passes.codes.forget_those_of)
 
     def pupils(self) -> list[str]:
         """Who can sign in as a pupil, by name."""
@@ -190,15 +193,41 @@ class ClassController:
             raise ConfigError(said("there are no pupils yet: paste a list first"))
         return [self._ticket(name, days, "") for name in names]
 
-    def class_ticket(self, session: Session, places: int) -> tuple[str, Ticket]:
-        """A ticket by which so many pupils make accounts of their own; returns the path of its link.
+    def class_ticket(self, session: Session, places: int) -> tuple[str, str]:
+        """A ticket by which pupils of the list come in, and so many others ask to; the path of its link, and its code.
 
         Raises:
             ConfigError: not so many places.
         """
         self._accounts.require(session, Right.ARRANGE)
-        word, ticket = self.passes.class_tickets.make(session.name, "/program", places)
-        return f"/come?ticket={word}", ticket
+        word, _ = self.passes.class_tickets.make(session.name, "/program", places)
+        return f"/come?ticket={word}", self.passes.codes.make(session.name, word)
+
+    def waiting(self, session: Session) -> Sequence[str]:
+        """Who is not in the list and wants to come in."""
+        self._accounts.require(session, Right.ARRANGE)
+        return self.passes.waiting.names()
+
+    async def let_in(self, session: Session, names: Sequence[str]) -> ChangeResult:
+        """Let them in who wait.
+
+        Raises:
+            ConfigError: somebody does not wait, or the name is taken.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        for name in names:
+            await self.passes.let_in(name, session.name)
+        return ChangeResult(words=counted(len(names), "{count} pupil is let in", "{count} pupils are let in"))
+
+    def turn_away(self, session: Session, name: str) -> ChangeResult:
+        """Do not let somebody in.
+
+        Raises:
+            ConfigError: nobody of that name waits.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        self.passes.turn_away(name)
+        return ChangeResult(words=said("{name} is not let in", name=name))
 
     async def make_groups(self, session: Session, who: Asker) -> ChangeResult:
         """Make the groups that the names of the slots tell; pupils stay where they are.
@@ -219,7 +248,8 @@ class ClassController:
 
     def _ticket(self, name: str, days: int, password: str) -> PupilTicket:
         word = self.passes.make(name, days)
-        return PupilTicket(name, self._control.group_of(name), password, f"/pass?word={word}")
+        pictures = tuple(PICTURES[number] for number in self.passes.pictures(name))
+        return PupilTicket(name, self._control.group_of(name), password, f"/pass?word={word}", pictures)
 
     # How everybody is
 

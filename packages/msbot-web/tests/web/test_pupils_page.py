@@ -34,7 +34,7 @@ def test_that_passwords_are_lost_is_said_before_and_how_to_get_new_tickets(
             page = Page(rig.service, rig.session(Role.TEACHER), languages()["en"])
             accounts = pupils._Accounts(page, "http://robot/")
             assert "Tickets for all makes new ones" in told(client)
-            accounts._print([PupilTicket("Ada", "Red", password, "/pass?word=x")])
+            accounts._print([PupilTicket("Ada", "Red", password, "/pass?word=x", ())])
             assert ("lost when the master ends" in told(client)) is bool(password)
 
     show(tmp_path, scene, parts=())

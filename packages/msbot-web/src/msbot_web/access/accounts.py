@@ -566,6 +566,14 @@ class Accounts:
         self._users.update({user.name: user for user in users})
         self._index_tokens()
 
+    def check_new_name(self, name: str) -> None:
+        """Check that somebody may be called that.
+
+        Raises:
+            ConfigError: the name is taken or makes no sense.
+        """
+        self._check_name(name)
+
     def _check_name(self, name: str) -> None:
         check_reserved(name)
         if name in self._users:

@@ -2,113 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from msbot.operations.rights import Role
 from msbot_agent.text.sentence import said
 from msbot_web.access.access_middleware import CookieNames
 from msbot_web.access.accounts import Accounts
-from msbot_web.access.class_list import new_password
+from msbot_web.access.joining_pages import JoiningPages
 from msbot_web.access.sessions import GUEST_S, LONGEST_S, Session
 from msbot_web.access.sign_in_throttle import SignInRefused
 from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.html import render
 from msbot_web.language import language_of
 from msbot_web.root_path import root
-from msbot_xrce.errors import ConfigError, MsbotError
-
-# What a pupil sees who scans a ticket: the own one (`/pass`), or the one of the class (`/come`).
-#
-# Looking at a ticket does not use it, only a press of its button: cameras and chats fetch links to show what is behind them.
-
-
-AFTER = "/program"
-"""Where a pupil comes to."""
-
-
-def add_ticket_forms(
-    router: APIRouter,
-    accounts: Accounts,
-    passes: TicketCodes,
-    *,
-    page: Callable[..., Response],
-    signed_in: Callable[..., Response],
-    form_of: Callable[[Request], Awaitable[dict[str, str]]],
-) -> None:
-    """Add the two pages.
-
-    Args:
-        router: where.
-        accounts: who may sign in.
-        passes: tickets of pupils and of classes.
-        page: makes a page from a template.
-        signed_in: answers with a session's cookie.
-        form_of: reads a form.
-    """
-
-    def refused(request: Request, error: MsbotError) -> Response:
-        words = language_of(request).say(str(error))
-        return page(request, "sign_in", "Sign in", wanted=AFTER, error=words, status=403)
-
-    def check_nobody_is_here(request: Request) -> None:
-        """A pupil whose program is held gets no second account at a press.
-
-        Raises:
-            SignInRefused: somebody is signed in with this browser.
-        """
-        session = request.scope["state"].get("session")
-        if session is not None:
-            raise SignInRefused(said("{name} is signed in here: sign out first", name=session.name))
-
-    @router.get("/pass")
-    async def show_pass(request: Request, word: str = "") -> Response:
-        try:
-            return page(request, "pass", "Sign in", word=word, name=passes.find(word))
-        except SignInRefused as error:
-            return refused(request, error)
-
-    @router.post("/pass")
-    async def use_pass(request: Request) -> Response:
-        form = await form_of(request)
-        try:
-            return signed_in(request, passes.admit(form.get("word", "")), AFTER)
-        except SignInRefused as error:
-            return refused(request, error)
-
-    @router.get("/come")
-    async def show_class_ticket(request: Request, ticket: str = "") -> Response:
-        try:
-            check_nobody_is_here(request)
-            maker = passes.find_class(ticket).maker
-        except SignInRefused as error:
-            return refused(request, error)
-        return page(request, "come_in", "Come in", ticket=ticket, maker=maker)
-
-    @router.post("/come")
-    async def come_in(request: Request) -> Response:
-        form = await form_of(request)
-        ticket, name = form.get("ticket", ""), form.get("name", "").strip()
-        try:
-            check_nobody_is_here(request)
-            # One place is taken before the password is hashed, so that not more come in than the ticket has places.
-            maker = passes.find_class(ticket).maker
-            passes.class_tickets.use(ticket)
-        except SignInRefused as error:
-            return refused(request, error)
-        try:
-            await accounts.add_user(name, Role.STUDENT, new_password(), who=maker)
-        except MsbotError as error:
-            passes.class_tickets.give_back(ticket)
-            words = language_of(request).say(str(error))
-            return page(
-                request, "come_in", "Come in", ticket=ticket, maker=maker, name=name[:64], error=words, status=400
-            )
-        return signed_in(request, accounts.sessions.begin(name, Role.STUDENT), AFTER)
-
+from msbot_xrce.errors import ConfigError
 
 _LONGEST_FORM = 10_000
 _MOST_FIELDS = 10
@@ -143,7 +53,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
             say=language.say,
             title=language.say(title),
             robot=robot,
-            **{"error": "", "name": "", "why": "", **values},
+            **{"error": "", "name": "", "why": "", "can_come": passes is not None, **values},
         )
         return HTMLResponse(html, status_code=status, headers=headers)
 
@@ -253,7 +163,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
 
     _add_guest_forms(router, accounts, page, signed_in)
     if passes is not None:
-        add_ticket_forms(router, accounts, passes, page=page, signed_in=signed_in, form_of=_form_of)
+        JoiningPages(passes, page=page, signed_in=signed_in, form_of=_form_of, address_of=_address_of).add_to(router)
     return router
 
 

@@ -52,7 +52,7 @@ class _Tries:
 
 
 @dataclass(slots=True)
-class _Spacing:
+class Spacing:
     """A leaky bucket: when it would be empty (generic cell rate algorithm)."""
 
     step_s: float
@@ -73,8 +73,8 @@ class SignInThrottle:
 
     def __init__(self) -> None:
         self._tries: dict[tuple[str, str], _Tries] = {}
-        self._spacings: dict[str, _Spacing] = {}
-        self._total = _Spacing(TOTAL_STEP_S, TOTAL_BURST)
+        self._spacings: dict[str, Spacing] = {}
+        self._total = Spacing(TOTAL_STEP_S, TOTAL_BURST)
 
     def admit(self, name: str, address: str, device: str, now: float) -> float:
         """Let an attempt begin, which counts as wrong until `right` or `left` is said.
@@ -143,12 +143,12 @@ class SignInThrottle:
         who = name[:64].casefold()
         return ((who, f"device {device}"),) if device else ((who, address), (who, _EVERYWHERE))
 
-    def _spacing(self, address: str, now: float) -> _Spacing:
+    def _spacing(self, address: str, now: float) -> Spacing:
         if address not in self._spacings and len(self._spacings) >= MOST_WATCHED:
             self._spacings = {key: one for key, one in self._spacings.items() if one.empty_at > now}
             if len(self._spacings) >= MOST_WATCHED:
                 del self._spacings[next(iter(self._spacings))]
-        return self._spacings.setdefault(address, _Spacing(ADDRESS_STEP_S, ADDRESS_BURST))
+        return self._spacings.setdefault(address, Spacing(ADDRESS_STEP_S, ADDRESS_BURST))
 
 
 def _free_tries(key: tuple[str, str]) -> int:

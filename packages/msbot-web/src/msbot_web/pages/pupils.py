@@ -89,6 +89,7 @@ def register(service: Service) -> None:
                 ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _controls(page)
+            _who_waits(page)
             _PupilTable(page)
             _groups(page)
             _Accounts(page, base_of(request))
@@ -119,6 +120,42 @@ def _controls(page: Page) -> None:
         is_frozen = page.service.operations.pupils.frozen is not None
         hold.set_visibility(not is_frozen)
         on.set_visibility(is_frozen)
+
+    page.every_look(show)
+
+
+def _who_waits(page: Page) -> None:
+    """Those who are not in the list and want to come in."""
+    say, pupils = page.say, page.service.pupils
+    shown: list[str] = []
+    with panel().classes("w-full") as box:
+        heading(say("Want to come in"))
+        ui.label(say("Not in your list. Is this one of your pupils, and not somebody who is in already?")).classes(
+            "soft"
+        )
+        lines = ui.column().classes("w-full").style("gap:0")
+        everybody = ui.button(
+            say("Let all of them in"), on_click=lambda: page.do(lambda who: pupils.let_in(who, list(shown)))
+        ).props("outline")
+
+    def show() -> None:
+        names = list(pupils.waiting(page.session))
+        box.set_visibility(bool(names))
+        if names == shown:
+            return
+        shown[:] = names
+        everybody.set_visibility(len(names) > 1)
+        lines.clear()
+        with lines:
+            for name in names:
+                with ui.element("div").classes("row spread w-full line"):
+                    ui.label(name).style("font-weight:600;flex:1;min-width:min(14rem,100%)")
+                    let_in = partial(pupils.let_in, names=[name])
+                    ui.button(say("Let in"), on_click=partial(page.do, let_in)).props(
+                        f'dense aria-label="{say("Let {name} in", name=name)}"'
+                    )
+                    no = partial(pupils.turn_away, name=name)
+                    ui.button(say("No"), on_click=partial(page.do, no)).props("flat dense")
 
     page.every_look(show)
 
@@ -423,26 +460,29 @@ class _Accounts:
     async def _class_ticket(self) -> None:
         page, say = self._page, self._page.say
         try:
-            path, ticket = page.service.pupils.class_ticket(page.session, MOST_GUESTS)
+            path, code = page.service.pupils.class_ticket(page.session, MOST_GUESTS)
         except MsbotError as error:
             ui.notify(say(str(error)), type="negative")
             return
         link = self._base + path
         with ui.dialog() as dialog, ui.card().style("max-width:min(34rem,95vw);align-items:center"):
             heading(say("Come in"))
-            ui.label(say("Scan the code, type your name."))
+            ui.label(say("Scan the code, or open {address} and type:", address=f"{self._base}/come"))
+            ui.label(f"{code[:3]} {code[3:]}").classes("mono").style("font-size:3rem;font-weight:700;user-select:all")
             ui.html(qr_svg(link, scale=6), sanitize=False)
             ui.label(link).classes("mono").style("user-select:all;overflow-wrap:anywhere")
             count = ui.label("").classes("soft").props("role=status")
 
             def show() -> None:
-                count.set_text(
-                    say(
-                        "Valid for one hour; {here} of {most} are in.",
-                        here=ticket.guests,
-                        most=ticket.guests + ticket.left,
-                    )
-                )
+                left = page.service.pupils.passes.codes.left_s(code)
+                words = [
+                    say("The code is valid for {minutes} minutes.", minutes=f"{left / 60:.0f}")
+                    if left
+                    else say("This code is over: close this, and show another one.")
+                ]
+                if names := page.service.pupils.waiting(page.session):
+                    words.append(say("Want to come in, see below: {names}", names=", ".join(names)))
+                count.set_text(" ".join(words))
 
             page.every_look(show, dialog)
             ui.button(say("Close"), on_click=dialog.close).props("flat")

@@ -15,8 +15,9 @@ from fastapi import FastAPI
 from msbot.operations.rights import Role
 from msbot_web.access.access_middleware import AccessMiddleware
 from msbot_web.access.accounts import Accounts
+from msbot_web.access.joining import CODE_S, PICTURES, SIGNS
 from msbot_web.access.sign_in_pages import make_forms
-from msbot_web.access.sign_in_throttle import FREE_TRIES
+from msbot_web.access.sign_in_throttle import FREE_TRIES, SignInRefused
 from msbot_web.access.ticket_codes import CLASS_TICKET_S, TicketCodes
 from msbot_web.access.users import MemoryUsers
 from tests.web.access.test_accounts import Clock, PlainHasher, user
@@ -137,11 +138,23 @@ async def test_whoever_scans_the_ticket_of_the_class_types_a_name(office: Office
         assert words in sentence(again)
         assert word in again.text  # the form is there again, with its ticket
     assert office.passes.class_tickets.find(word).left == 2, "a name that will not do costs no place"
-    done = await pupil.post("/come", data={"ticket": word, "name": " Dora "})
+    waiting = await pupil.post("/come", data={"ticket": word, "name": " Dora "})
+    assert (waiting.status_code, office.passes.waiting.names()) == (303, ["Dora"])
+    assert office.accounts.role_of("Dora") is None, "nobody has said yes"
+    assert "wait a moment" in (await pupil.get(waiting.headers["location"])).text
+    asked = waiting.headers["location"].partition("wait=")[2]
+    assert sentence(await post(pupil, "/come", wait=asked)) == "you were not let in: ask your teacher"
+    await office.passes.let_in("Dora", "tom")
+    page = await pupil.get(waiting.headers["location"])
+    assert all(PICTURES[number][1] in page.text for number in office.passes.pictures("Dora"))
+    assert "set-cookie" not in page.headers, "only its button signs in"
+    done = await post(pupil, "/come", wait=asked)
     assert (done.status_code, done.headers["location"]) == (303, "/program")
     session = office.accounts.session(pupil.cookies[COOKIE])
     assert session is not None
     assert (session.name, session.role) == ("Dora", Role.STUDENT)
+    pupil.cookies.clear()
+    assert (await post(pupil, "/come", wait=asked)).status_code == 403, "once"
 
 
 async def test_a_class_ticket_lets_no_more_in_than_it_has_places_also_at_once(
@@ -153,7 +166,9 @@ async def test_a_class_ticket_lets_no_more_in_than_it_has_places_also_at_once(
     )
     assert sorted(answer.status_code for answer in answers) == [303] * 3 + [403] * 7
     assert {sentence(answer) for answer in answers if answer.status_code == 403} == {USED_UP}
-    assert sum(one.role is Role.STUDENT for one in office.accounts.users()) == 1 + 3
+    assert len(office.passes.waiting.names()) == 3
+    office.passes.turn_away(office.passes.waiting.names()[0])
+    assert office.passes.class_tickets.find(word).left == 1, "who is turned away takes no place"
 
 
 async def test_the_same_name_twice_at_once_is_one_pupil(office: Office, pupil: httpx.AsyncClient) -> None:
@@ -187,14 +202,97 @@ async def test_without_an_account_the_class_is_closed(pupil: httpx.AsyncClient) 
 
 
 @pytest.mark.promise("A pupil leaves neither group, freeze nor take-over, by whatever door")
-async def test_who_is_signed_in_gets_no_second_account_by_the_class_ticket(
+async def test_nobody_gets_a_second_account_by_the_class_ticket_unseen(
     office: Office, pupil: httpx.AsyncClient
 ) -> None:
     word = office.class_word(5)
-    assert (await post(pupil, "/come", ticket=word, name="Dora")).status_code == 303
-    for answer in (await pupil.get(f"/come?ticket={word}"), await post(pupil, "/come", ticket=word, name="Dora 2")):
-        assert sentence(answer) == "Dora is signed in here: sign out first"
-    assert office.accounts.role_of("Dora 2") is None
-    assert office.passes.find_class(word).guests == 1
+    assert (await post(pupil, "/pass", word=office.passes.make("Ada <b>", 1))).status_code == 303
+    for answer in (await pupil.get(f"/come?ticket={word}"), await post(pupil, "/come", ticket=word, name="Eve")):
+        assert sentence(answer) == "Ada <b> is signed in here: sign out first"
+    other = await come_by_another_browser(pupil, ticket=word, name="Eve")
+    assert other.status_code == 303
+    assert office.accounts.role_of("Eve") is None
+    assert office.passes.waiting.names() == ["Eve"], "the teacher sees the name, and says yes or no"
+    office.passes.turn_away("Eve")
+    async with httpx.AsyncClient(transport=pupil._transport, base_url=HOME) as browser:
+        for answer in (
+            await browser.get(other.headers["location"]),
+            await post(browser, "/come", wait=other.headers["location"].partition("wait=")[2]),
+        ):
+            assert sentence(answer) == "you were not let in: ask your teacher"
+    assert office.accounts.role_of("Eve") is None
+
+
+async def test_a_code_of_six_characters_opens_the_list_however_it_is_typed(
+    office: Office, pupil: httpx.AsyncClient
+) -> None:
+    code = office.passes.codes.make("tom", office.class_word(5))
+    assert (len(code), set(code) <= set(SIGNS)) == (6, True)
+    assert "Code of the class" in (await pupil.get("/come")).text
+    for typed in (code, code.lower(), f" {code[:3]}-{code[3:]} "):
+        page = await pupil.post("/come", data={"code": typed})
+        assert page.status_code == 200
+        assert "Ada &lt;b&gt;" in page.text
+    newer = office.passes.codes.make("tom", office.class_word(5))
+    assert sentence(await pupil.post("/come", data={"code": code})).startswith("there is no such code (any more)")
+    office.clock.now += CODE_S
+    assert (await pupil.post("/come", data={"code": newer})).status_code == 403
+    last = office.passes.codes.make("tom", office.class_word(5))
+    await office.accounts.change_role("tom", "student", who="root")
+    assert "may not let a class in" in sentence(await pupil.post("/come", data={"code": last}))
+
+
+@pytest.mark.promise("Codes, pictures and passwords cannot be guessed")
+async def test_guesses_at_codes_are_spaced_and_hold_up_no_other_way_in(
+    office: Office, pupil: httpx.AsyncClient
+) -> None:
+    code = office.passes.codes.make("tom", office.class_word(5))
+    looked_at = 0
+    for second in range(1200):  # as long as a code is valid, ten a second
+        office.clock.now += 1.0
+        for number in range(10):
+            answer = guess(office, f"{second % 10}{number}ZZZZ")
+            looked_at += "no such code" in answer
+    assert looked_at < 20 + 1200 / 3 + 2, "of 31^6"
+    office.passes.codes._total.empty_at = office.clock.now
+    assert office.passes.codes.ticket_of(office.passes.codes.make("tom", "word"), "10.0.0.9") == "word"
+    assert (await pupil.post("/pass", data={"word": office.passes.make("Ada <b>", 1)})).status_code == 303
+    assert code not in office.passes.codes._codes
+
+
+def guess(office: Office, code: str) -> str:
+    """What a wrong code is answered with."""
+    try:
+        return office.passes.codes.ticket_of(code, "10.0.0.7")
+    except SignInRefused as error:
+        return str(error)
+
+
+@pytest.mark.promise("Codes, pictures and passwords cannot be guessed")
+async def test_a_pupil_comes_in_by_three_pictures_and_a_guesser_does_not(
+    office: Office, pupil: httpx.AsyncClient
+) -> None:
+    word = office.class_word(5)
+    own = office.passes.pictures("Ada <b>")
+
+    async def choose(pictures: tuple[int, ...], pick: str = "Ada <b>") -> httpx.Response:
+        chosen = {f"picture{place}": str(number) for place, number in enumerate(pictures)}
+        return await post(pupil, "/come", ticket=word, pick=pick, **chosen)
+
+    page = await post(pupil, "/come", ticket=word, pick="Ada <b>")
+    assert page.text.count('type="radio"') == 3 * len(PICTURES)
+    wrong = tuple((number + 1) % len(PICTURES) for number in own)
+    for _ in range(FREE_TRIES):
+        assert sentence(await choose(wrong)).startswith("these are not your pictures")
+    answer = await choose(own)
+    assert (answer.status_code, "retry-after" in answer.headers) == (429, True), "the right ones, too"
+    office.clock.now += 60
+    assert (await choose(own)).status_code == 303
+    session = office.accounts.session(pupil.cookies[COOKIE])
+    assert session is not None
+    assert session.name == "Ada <b>"
     pupil.cookies.clear()
-    assert (await post(pupil, "/come", ticket=word, name="Emil")).status_code == 303
+    word = office.class_word(5)
+    assert "Who are you?" in (await choose(own, "tom")).text, "a teacher is in no list"
+    await office.accounts.change_password("Ada <b>", "another password", who="root")
+    assert office.passes.pictures("Ada <b>") != own

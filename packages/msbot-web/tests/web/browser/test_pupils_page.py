@@ -245,18 +245,42 @@ def test_a_form_stays_while_its_list_changes_and_two_clicks_let_a_class_in_once(
     teacher.get_by_role("button", name="Close").first.click()
 
 
-def test_who_scans_the_ticket_of_the_class_makes_an_account(browser: Browser, site: Site, teacher: Page) -> None:
+def test_a_class_comes_in_by_code_name_and_pictures(browser: Browser, site: Site, teacher: Page) -> None:
     go(teacher, f"{site.base}/pupils")
     teacher.get_by_role("button", name="Show a class ticket").click()
-    link = teacher.locator(".mono", has_text="/come?").inner_text()
-    newcomer = new_page(browser, width=390, height=844)
-    newcomer.goto(link)
+    code = teacher.locator(".q-dialog .mono").first.inner_text()
+    newcomer = new_page(browser, width=320, height=700)
+    newcomer.goto(f"{site.base}/login")
+    newcomer.get_by_role("link", name="Come in with a code of the class").click()
+    newcomer.get_by_label("Code of the class").fill(code.lower())
+    newcomer.keyboard.press("Enter")
+    expect(newcomer.get_by_label("Your name")).to_be_visible()
     readable(newcomer)
-    newcomer.fill("[name=name]", "Novak")
-    newcomer.click("button[type=submit]")
+    newcomer.get_by_label("Your name").fill("Novak")
+    newcomer.get_by_role("button", name="Ask to come in").click()
     expect(newcomer.locator(".error")).to_contain_text("already")
-    newcomer.fill("[name=name]", "Dora")
-    newcomer.click("button[type=submit]")
+    newcomer.get_by_label("Your name").fill("Dora")
+    newcomer.get_by_role("button", name="Ask to come in").click()
+    expect(newcomer.get_by_role("status")).to_contain_text("Dora, wait a moment")
+    expect(teacher.locator(".q-dialog")).to_contain_text("Want to come in, see below: Dora")
+    teacher.get_by_role("button", name="Close").first.click()
+    teacher.get_by_role("button", name="Let Dora in").click()
+    expect(newcomer.get_by_text("You are in, Dora")).to_be_visible(timeout=20_000)  # it asks every few seconds
+    pictures = [one.inner_text().split()[-1] for one in newcomer.locator(".own li").all()]
+    assert len(pictures) == 3
+    readable(newcomer)
+    newcomer.get_by_role("button", name="Come in").click()
     newcomer.wait_for_url("**/program*")
-    expect(teacher.get_by_text("1 of 30 are in")).to_be_visible()
     newcomer.context.close()
+
+    again = new_page(browser, width=390, height=844)  # the next lesson, another tablet
+    again.goto(f"{site.base}/come")
+    again.get_by_label("Code of the class").fill(code)
+    again.get_by_role("button", name="Next").click()
+    again.get_by_role("button", name="Dora", exact=True).click()
+    readable(again)
+    for number, picture in enumerate(pictures, 1):
+        again.get_by_role("group", name=f"Picture {number}").get_by_label(picture).check()
+    again.get_by_role("button", name="Come in").click()
+    again.wait_for_url("**/program*")
+    again.context.close()
