@@ -28,7 +28,7 @@ from msbot_xrce.sessions.events import WindowOpened
 from msbot_xrce.streams.acknack_schedule import AcknackSchedule
 from msbot_xrce.streams.receiving_in_order import GIVEN_UP, BestEffortInput, ReliableInput
 from msbot_xrce.streams.reordering import ReorderingDetector
-from msbot_xrce.streams.sequence_numbers import HALF, NOTHING_YET, StreamState, last_number
+from msbot_xrce.streams.sequence_numbers import NOTHING_YET, StreamState, last_number
 from msbot_xrce.streams.session_output import STREAM_LIMIT, SessionOutput
 from msbot_xrce.streams.settings import Memory, SessionCounters, SessionSettings
 
@@ -274,23 +274,17 @@ class Session(ABC, Generic[Event]):
         if stream is None:
             return
         number = packet[2] | packet[3] << 8
-        if self._overtaking is not None and (number - stream.last_handled) & 0xFFFF != 1:
-            self._look_at_order(stream_id, stream, number)
-        elif stream.announced != stream.last_handled and self._overtaking is not None:
-            self._overtaking.note(stream_id, stream, number, self.last_heard)
+        if (overtaking := self._overtaking) is not None and (
+            stream.announced != stream.last_handled or (number - stream.last_handled) & 0xFFFF != 1
+        ):
+            overtaking.note(stream_id, stream, number, self.last_heard)
+            if stream.holds(number):
+                self._consider_giving_up(stream_id, stream, came_again=True)
         if stream.accept(number, packet):
             self._process(packet, offset, stream_id)
             if stream.announced != stream.last_handled:
                 self._process_held(stream, stream_id)
         self._owe_acknack(stream, stream_id)
-
-    def _look_at_order(self, stream_id: int, stream: ReliableInput, number: int) -> None:
-        """A message comes that is not the next one, from a client that may lose its history."""
-        ahead = (number - stream.last_handled) & 0xFFFF
-        if self._overtaking is not None:
-            self._overtaking.note(stream_id, stream, number, self.last_heard)
-        if 0 < ahead < HALF and stream.holds(number):
-            self._consider_giving_up(stream_id, stream, came_again=True)
 
     def _given_up(self, stream_id: int, count: int) -> None:
         """So many messages of that stream will never come."""
@@ -324,7 +318,7 @@ class Session(ABC, Generic[Event]):
             stream.announced != stream.last_handled
             or asking.questions
             or now < sender.round_trip.lossy_until
-            or (self._overtaking is not None and self._overtaking.is_seen(now))
+            or (self._overtaking is not None and now < self._overtaking.until)
         ) and not asking.note(stream_id, stream, now, was_asked=was_asked):
             return
         sender.owed[stream_id] = stream

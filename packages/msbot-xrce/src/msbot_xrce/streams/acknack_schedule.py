@@ -57,12 +57,17 @@ class _Kind(Enum):
     """It would be too early now."""
 
 
+# Names of the module: to read a member of an Enum from its class takes ten times as long.
+_GAP, _GUESS, _LATER = _Kind.GAP, _Kind.GUESS, _Kind.LATER
+
+
 class _Question:
     """What is asked of one stream, and since when."""
 
-    __slots__ = ("first", "kind", "repeat_at", "repeated", "repeated_at", "rounds", "told_at")
+    __slots__ = ("first", "kind", "repeat_at", "repeated", "repeated_at", "rounds", "stream", "told_at")
 
-    def __init__(self, first: int, kind: _Kind, now: float) -> None:
+    def __init__(self, stream: ReliableInput, first: int, kind: _Kind, now: float) -> None:
+        self.stream = stream
         self.first = first
         """The number of the first message that is missing."""
         self.kind = kind
@@ -90,7 +95,7 @@ class AcknackSchedule:
         self._sender = sender
         self._guesses = guesses
         self._overtaking = overtaking
-        self.questions: dict[int, tuple[ReliableInput, _Question]] = {}
+        self.questions: dict[int, _Question] = {}
         """The open ones, by stream; read-only."""
 
     def note(self, stream_id: int, stream: ReliableInput, now: float, *, was_asked: bool = False) -> bool:
@@ -99,20 +104,34 @@ class AcknackSchedule:
         Not needed while the stream lacks nothing, nothing is asked, and nothing was lost or overtaken of late.
         """
         delay_s = self._delay_s(now)
-        ripe_at = self._ripen(stream_id, stream, now)
+        if stream.announced == stream.last_handled and not delay_s:
+            question = self.questions.get(stream_id)
+            if question is None or question.first != (stream.last_handled + 1) & 0xFFFF:
+                self._note_in_order(stream_id, stream, question, now)
+                return True
+        ripe_at = self._ripen(stream_id, stream, now, delay_s)
         first, bits = stream.missing()
-        round_trip = self._sender.round_trip
         if bits:
-            round_trip.note_loss(now)
+            self._sender.round_trip.note_loss(now)
         question = self._current(stream_id, first, bits, now)
-        due_at = self._due_at(stream, question, first, bits, now, delay_s, was_asked=was_asked)
-        if due_at > now:
-            if question is None:
-                question = _Question(first, _Kind.LATER, now)
-            question.repeat_at = due_at if question.kind is _Kind.LATER else min(due_at, question.repeat_at)
-            self.questions[stream_id] = (stream, question)
-            return False
-        if question is not None and self._overtaking is None:
+        if self._overtaking is not None:
+            if (
+                question is not None
+                and bits
+                and bits == stream.told_bits
+                and first == stream.told_first
+                and not was_asked
+            ):
+                due_at = question.repeat_at
+            else:
+                due_at = stream.told_at + delay_s if delay_s else now
+            if due_at > now:
+                if question is None:
+                    question = self.questions[stream_id] = _Question(stream, first, _LATER, now)
+                if question.kind is _LATER or due_at < question.repeat_at:
+                    question.repeat_at = due_at
+                return False
+        elif question is not None:
             question.repeated = 0
         self._plan(stream_id, stream, question, first, bits, now, delay_s, ripe_at)
         return True
@@ -122,10 +141,9 @@ class AcknackSchedule:
 
         `came_again`: what came is a message beyond the gap that had come before; otherwise it is a HEARTBEAT.
         """
-        found = self.questions.get(stream_id)
-        if self._overtaking is None or found is None or found[1].kind is not _Kind.GAP:
+        question = self.questions.get(stream_id)
+        if self._overtaking is None or question is None or question.kind is not _GAP:
             return False
-        question = found[1]
         is_reported = stream.told_first == question.first == (stream.last_handled + 1) & 0xFFFF and stream.told_bits & 1
         if not is_reported or stream.told_at <= question.told_at:
             return False
@@ -136,21 +154,23 @@ class AcknackSchedule:
 
     def next_at(self) -> float | None:
         """When to call `ask`; None: nothing is asked."""
-        return min((question.repeat_at for _, question in self.questions.values()), default=None)
+        return min((question.repeat_at for question in self.questions.values()), default=None)
 
     def ask(self, now: float) -> None:
         """Have the questions repeated that are due."""
-        for stream_id, (stream, question) in list(self.questions.items()):
+        for stream_id, question in list(self.questions.items()):
             if now >= question.repeat_at:
-                ripe_at = self._ripen(stream_id, stream, now)
+                stream = question.stream
+                delay_s = self._delay_s(now)
+                ripe_at = self._ripen(stream_id, stream, now, delay_s)
                 first, bits = stream.missing()
                 self._sender.owed[stream_id] = stream
-                if question.kind is _Kind.GUESS:
+                if question.kind is _GUESS:
                     self._sender.guess(stream_id)
                 question.repeated += 1
                 question.repeated_at = now
                 current = self._current(stream_id, first, bits, now)
-                self._plan(stream_id, stream, current, first, bits, now, self._delay_s(now), ripe_at)
+                self._plan(stream_id, stream, current, first, bits, now, delay_s, ripe_at)
 
     def clear(self) -> None:
         """Forget all questions: the streams start over."""
@@ -159,12 +179,37 @@ class AcknackSchedule:
             self._overtaking.clear()
 
     def _delay_s(self, now: float) -> float:
+        """How late a packet may be that another one has overtaken; 0: packets keep their order."""
         overtaking = self._overtaking
-        return overtaking.delay_s if overtaking is not None and overtaking.is_seen(now) else 0.0
+        return 0.0 if overtaking is None or now >= overtaking.until else overtaking.delay_s
 
-    def _ripen(self, stream_id: int, stream: ReliableInput, now: float) -> float | None:
+    def _note_in_order(self, stream_id: int, stream: ReliableInput, answered: _Question | None, now: float) -> None:
+        """What came answers the question that was open, if one was, and nothing is missing now.
+
+        On a lossy link nearly every message comes this way. So it does what the rest of `note` would do, in one place.
+        """
+        stream.unripe = ALL_RIPE
+        sender = self._sender
+        round_trip = sender.round_trip
+        if answered is not None:
+            if answered.kind is _GAP:
+                round_trip.learn(now - answered.repeated_at)
+            del self.questions[stream_id]
+        if not self._guesses or now >= round_trip.lossy_until:
+            return
+        if round_trip.smoothed_s is not None:
+            wait_s = sender.patience_s(now, 0)
+        elif self._overtaking is not None:
+            wait_s = UNMEASURED_S
+        else:
+            return
+        guess = _Question(stream, (stream.last_handled + 1) & 0xFFFF, _GUESS, now)
+        guess.repeat_at = now + wait_s
+        self.questions[stream_id] = guess
+
+    def _ripen(self, stream_id: int, stream: ReliableInput, now: float, delay_s: float) -> float | None:
         """Have only those reported that are late enough; returns when the next one is."""
-        if not self._delay_s(now) or self._overtaking is None:
+        if not delay_s or self._overtaking is None:
             stream.unripe = ALL_RIPE
             return None
         stream.unripe, ripe_at = self._overtaking.unripe(stream_id, stream, now)
@@ -172,34 +217,15 @@ class AcknackSchedule:
 
     def _current(self, stream_id: int, first: int, bits: int, now: float) -> _Question | None:
         """The open question, if it is still about the same; one that was answered is a measurement."""
-        found = self.questions.get(stream_id)
-        if found is None:
+        question = self.questions.get(stream_id)
+        if question is None:
             return None
-        question = found[1]
-        if question.first == first and (question.kind is _Kind.GAP) == (bits != 0):
+        if question.first == first and (question.kind is _GAP) == (bits != 0):
             return question
-        if question.kind is _Kind.GAP and question.first != first:
+        if question.kind is _GAP and question.first != first:
             self._sender.round_trip.learn(now - question.repeated_at)
         del self.questions[stream_id]
         return None
-
-    def _due_at(  # noqa: PLR0917 - what it depends on
-        self,
-        stream: ReliableInput,
-        question: _Question | None,
-        first: int,
-        bits: int,
-        now: float,
-        delay_s: float,
-        *,
-        was_asked: bool,
-    ) -> float:
-        """When the ACKNACK may go that what came calls for."""
-        if self._overtaking is None:
-            return now
-        if first == stream.told_first and bits and bits == stream.told_bits and question is not None and not was_asked:
-            return question.repeat_at
-        return stream.told_at + delay_s if delay_s else now
 
     def _plan(  # noqa: PLR0917 - what it depends on
         self,
@@ -213,28 +239,29 @@ class AcknackSchedule:
         ripe_at: float | None,
     ) -> None:
         """An ACKNACK goes now; when must another one, if nothing comes?"""
-        sender = self._sender
-        is_lossy = sender.round_trip.is_lossy(now)
+        round_trip = self._sender.round_trip
+        is_lossy = now < round_trip.lossy_until
         if bits:
-            kind = _Kind.GAP
+            kind, most = _GAP, REPEATS_MAX
         elif ripe_at is not None:
-            kind = _Kind.LATER
+            kind, most = _LATER, REPEATS_MAX
         elif self._guesses and is_lossy:
-            kind = _Kind.GUESS
+            kind, most = _GUESS, GUESSES_MAX
         else:
             self.questions.pop(stream_id, None)
             return
         if question is None or question.kind is not kind:
-            question = _Question(first, kind, now)
-        most = GUESSES_MAX if kind is _Kind.GUESS else REPEATS_MAX
-        may_repeat = question.repeated < most or (is_lossy and self._overtaking is not None)
-        if kind is _Kind.LATER and ripe_at is not None:
+            question = _Question(stream, first, kind, now)
+        if kind is _LATER and ripe_at is not None:
             question.repeat_at = ripe_at
-        elif may_repeat and sender.round_trip.smoothed_s is not None:
-            question.repeat_at = now + max(sender.patience_s(now, question.repeated), delay_s)
-        elif may_repeat and self._overtaking is not None:
+        elif question.repeated >= most and not (is_lossy and self._overtaking is not None):
+            self.questions.pop(stream_id, None)
+            return
+        elif round_trip.smoothed_s is not None:
+            question.repeat_at = now + max(self._sender.patience_s(now, question.repeated), delay_s)
+        elif self._overtaking is not None:
             question.repeat_at = now + max(UNMEASURED_S, delay_s)
         else:
             self.questions.pop(stream_id, None)
             return
-        self.questions[stream_id] = (stream, question)
+        self.questions[stream_id] = question

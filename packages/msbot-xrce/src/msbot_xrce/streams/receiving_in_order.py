@@ -99,6 +99,7 @@ class ReliableInput:
     __slots__ = (
         "_counters",
         "_held",
+        "_held_bits",
         "_memory",
         "_moves",
         "_reported_at",
@@ -118,6 +119,7 @@ class ReliableInput:
         self._memory = memory
         self._counters = counters
         self._held: dict[int, bytes] = {}
+        self._held_bits = 0  # bit i: the i-th number after the last one handled is held
         self.announced = NOTHING_YET
         """The newest number known to exist; nothing is missing while it equals the last one handled."""
         self.last_handled = NOTHING_YET
@@ -143,14 +145,21 @@ class ReliableInput:
 
     def reports_on(self, number: int) -> int:
         """How many of the reports can have made the peer send that message: those from before it was acknowledged."""
-        for first, reports in self._moves:
-            if 0 < (first - number) & 0xFFFF < HALF:
-                return reports
-        return self.reports
+        count = self.reports
+        for first, reports in reversed(self._moves):  # the number is one of the latest
+            if not 0 < (first - number) & 0xFFFF < HALF:
+                break
+            count = reports
+        return count
 
     def reports_since(self, moment: float) -> int:
         """How many of the latest reports have gone since then."""
-        return sum(reported_at >= moment for reported_at in self._reported_at)
+        count = 0
+        for reported_at in reversed(self._reported_at):
+            if reported_at < moment:
+                break
+            count += 1
+        return count
 
     def accept(self, sequence_nr: int, packet: bytes) -> bool:
         """Whether the message is the next in order; an early one is held, any other is counted and forgotten."""
@@ -158,6 +167,8 @@ class ReliableInput:
         if ahead == 1:
             if self.announced == self.last_handled:
                 self.announced = sequence_nr
+            else:
+                self._held_bits >>= 1
             self.last_handled = sequence_nr
             return True
         if ahead == 0 or ahead >= HALF or sequence_nr in self._held:
@@ -175,6 +186,7 @@ class ReliableInput:
         if packet is not None:
             self._memory.give(len(packet))
             self.last_handled = following
+            self._held_bits >>= 1
         return packet
 
     def announce(self, first: int, last: int) -> list[bytes | None]:
@@ -190,7 +202,7 @@ class ReliableInput:
             for _ in range(min(gap, self._window)):
                 packet = self.next_held()
                 if packet is None:
-                    self.last_handled = (self.last_handled + 1) & 0xFFFF
+                    self._pass_over()
                 given_up.append(packet)
             if self.last_handled != target:
                 self.last_handled = target
@@ -206,18 +218,19 @@ class ReliableInput:
         first = (self.last_handled + 1) & 0xFFFF
         if self.announced == self.last_handled:
             return first, 0
-        bitmap = 0
-        for index in range(min(distance(self.last_handled, self.announced), BITMAP_BITS)):
-            number = (first + index) & 0xFFFF
-            if number not in self._held and number not in self.unripe:
-                bitmap |= 1 << index
+        count = min(distance(self.last_handled, self.announced), BITMAP_BITS)
+        bitmap = ~self._held_bits & ((1 << count) - 1)
+        for number in self.unripe:
+            index = distance(first, number)
+            if index < count:
+                bitmap &= ~(1 << index)
         return first, bitmap
 
     def give_up(self) -> int:
         """Pass over the messages that are missing before the next one that is there; returns how many."""
         count = 0
         while self.last_handled != self.announced and (self.last_handled + 1) & 0xFFFF not in self._held:
-            self.last_handled = (self.last_handled + 1) & 0xFFFF
+            self._pass_over()
             count += 1
         if count:
             self.joiner.clear()
@@ -237,6 +250,7 @@ class ReliableInput:
         for packet in self._held.values():
             self._memory.give(len(packet))
         self._held.clear()
+        self._held_bits = 0
         self.joiner.clear()
         self.announced = self.last_handled = NOTHING_YET
         self.unripe = ALL_RIPE
@@ -244,6 +258,11 @@ class ReliableInput:
         self.told_at = _NEVER_YET
         self._moves.clear()
         self._reported_at.clear()
+
+    def _pass_over(self) -> None:
+        """Go on without the next message, which is not held."""
+        self.last_handled = (self.last_handled + 1) & 0xFFFF
+        self._held_bits >>= 1
 
     def _hold(self, sequence_nr: int, packet: bytes, ahead: int) -> None:
         # A number far beyond the window is ignored: it would be reported missing for ever, and C clients answer any bit
@@ -254,6 +273,7 @@ class ReliableInput:
             self._counters.dropped.count(BEYOND_WINDOW)
         elif self._memory.take(len(packet)):
             self._held[sequence_nr] = packet
+            self._held_bits |= 1 << (ahead - 1)
             self._counters.early += 1
         else:
             self._counters.dropped.count(NO_MEMORY)

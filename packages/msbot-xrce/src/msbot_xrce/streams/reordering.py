@@ -55,31 +55,32 @@ class _Watched:
 class ReorderingDetector:
     """What is known of one session's network."""
 
-    __slots__ = ("_numbers", "_round_trip", "_until", "delay_s")
+    __slots__ = ("_numbers", "_round_trip", "delay_s", "until")
 
     def __init__(self, round_trip: RoundTrip) -> None:
         self._round_trip = round_trip
         self.delay_s = 0.0
         """How late a packet may be that another one has overtaken; of use while `is_seen`."""
-        self._until = _NEVER_YET
+        self.until = _NEVER_YET
+        """When the network stops counting as one that reorders; read-only."""
         self._numbers: dict[int, dict[int, _Watched]] = {}
 
     def is_seen(self, now: float) -> bool:
         """Whether a packet was overtaken of late."""
-        return now < self._until
+        return now < self.until
 
     def note(self, stream_id: int, stream: ReliableInput, number: int, now: float) -> None:
         """A message comes; call this before the stream takes it, if it is not simply the next one."""
-        numbers = self._numbers.setdefault(stream_id, {})
-        watched = numbers.get(number)
-        if watched is not None:
+        numbers = self._numbers.get(stream_id)
+        if numbers is not None and (watched := numbers.get(number)) is not None:
             watched.copies += 1
             asked = stream.reports_on(number) - watched.reports
             if watched.copies > asked and asked <= ASKED_MAX:
                 late_s = now - watched.since
                 if late_s >= TICK_S:  # what is read in one burst is answered by one ACKNACK
                     self._see(late_s, now)
-        self.announced(stream_id, stream, (number - 1) & 0xFFFF, now)
+        if number != (stream.announced + 1) & 0xFFFF:  # as it is after a gap, for one message after the other
+            self.announced(stream_id, stream, (number - 1) & 0xFFFF, now)
 
     def announced(self, stream_id: int, stream: ReliableInput, last: int, now: float) -> None:
         """Messages up to that number must have been sent; those that have not come are watched."""
@@ -111,5 +112,5 @@ class ReorderingDetector:
 
     def _see(self, late_s: float, now: float) -> None:
         delay_s = min(max(MARGIN * late_s, DELAY_MIN_S), DELAY_MAX_S)
-        self.delay_s = max(delay_s, self.delay_s) if now < self._until else delay_s
-        self._until = now + MEMORY_S
+        self.delay_s = max(delay_s, self.delay_s) if now < self.until else delay_s
+        self.until = now + MEMORY_S

@@ -93,17 +93,28 @@ class RoundTrip:
             shortest_s: the shortest wait on a lossy link.
             unanswered: questions asked since the last answer.
         """
+        # Spelled out without `min` and `max`: on a lossy link it is asked with every message.
         smoothed_s = self.smoothed_s
-        is_lossy = now < self.lossy_until
-        if smoothed_s is None or (not is_lossy and 2 * smoothed_s <= longest_s):
+        if smoothed_s is None:
             return longest_s
+        usual_s = 2 * smoothed_s
         wait_s = longest_s
-        if is_lossy:
-            expected_s = max(smoothed_s + 4 * self._spread_s, shortest_s)
-            wait_s = min(longest_s, expected_s * (1 << min(max(unanswered - QUICK, 0), 16)))
+        if now < self.lossy_until:
+            expected_s = smoothed_s + 4 * self._spread_s
+            if expected_s < shortest_s:
+                expected_s = shortest_s
+            if unanswered > QUICK:
+                expected_s *= 1 << min(unanswered - QUICK, 16)
+            if expected_s < longest_s:
+                wait_s = expected_s
+        elif usual_s <= longest_s:
+            return longest_s
         # On a slow link the answer may still be on its way; but a peer that was busy for a long time must not silence
         # us.
-        return min(max(wait_s, 2 * smoothed_s), PATIENCE_MAX * longest_s)
+        if wait_s < usual_s:
+            wait_s = usual_s
+        most_s = PATIENCE_MAX * longest_s
+        return wait_s if wait_s < most_s else most_s
 
 
 # Repeats a client's login or logout until there is an answer (seen on the wire: 10 times, 1 s apart).
