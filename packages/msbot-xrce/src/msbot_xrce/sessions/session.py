@@ -38,6 +38,7 @@ Event = TypeVar("Event")
 _ACKNACK_ID = SubmessageId.ACKNACK.value
 _HEARTBEAT_ID = SubmessageId.HEARTBEAT.value
 _FRAGMENT_ID = SubmessageId.FRAGMENT.value
+_read_header = SUBMESSAGE_HEADER.unpack_from
 
 BROKEN = {kind.value: f"broken {kind.name}" for kind in SubmessageId}
 UNKNOWN_BROKEN = "broken submessage of an unknown kind"
@@ -109,8 +110,7 @@ class Session(ABC, Generic[Event]):
         envelope = Envelope(session_id, client_key, self.mtu, pads=pads)
         self._sender = SessionOutput(envelope, self.counters, settings, unacked)
         # On a bus (no such short silence) silence means that others go first, and questions would make it worse.
-        watches_order = settings.may_reorder and settings.peer_is_stock
-        self._overtaking = ReorderingDetector(self._sender.round_trip) if watches_order else None
+        self._overtaking = ReorderingDetector(self._sender.round_trip) if settings.watches_order else None
         guesses = settings.heartbeat_min_s < settings.heartbeat_s
         self._asking = AcknackSchedule(self._sender, guesses=guesses, overtaking=self._overtaking)
 
@@ -328,7 +328,7 @@ class Session(ABC, Generic[Event]):
         size = len(packet)
         start = offset + HEADER_SIZE
         while start <= size:
-            kind, flags, length = SUBMESSAGE_HEADER.unpack_from(packet, start - HEADER_SIZE)
+            kind, flags, length = _read_header(packet, start - HEADER_SIZE)
             end = start + length if length else end_of_empty(kind, packet, start)
             try:
                 if end > size:

@@ -101,8 +101,7 @@ class RoundTrip:
         wait_s = longest_s
         if now < self.lossy_until:
             expected_s = smoothed_s + 4 * self._spread_s
-            if expected_s < shortest_s:
-                expected_s = shortest_s
+            expected_s = expected_s if expected_s > shortest_s else shortest_s
             if unanswered > QUICK:
                 expected_s *= 1 << min(unanswered - QUICK, 16)
             if expected_s < longest_s:
@@ -111,8 +110,7 @@ class RoundTrip:
             return longest_s
         # On a slow link the answer may still be on its way; but a peer that was busy for a long time must not silence
         # us.
-        if wait_s < usual_s:
-            wait_s = usual_s
+        wait_s = wait_s if wait_s > usual_s else usual_s
         most_s = PATIENCE_MAX * longest_s
         return wait_s if wait_s < most_s else most_s
 

@@ -298,13 +298,15 @@ class ReliableOutput:
 
     def _emit(self, body: bytes) -> None:
         items, newest = self._outbox.items, self._newest
-        is_status = closes = False
+        closes = False
         if self._is_stock:
             kind = body[0]
-            closes = is_status = kind == STATUS
             if kind == DATA:
                 closes = body[OBJECT_AT] & KIND_MASK == REQUESTER
-        if newest is not None and items and items[-1] is newest and not is_status:
+            elif kind == STATUS:
+                closes, newest = True, None  # a message of its own
+                self._status_nr = self._next
+        if newest is not None and items and items[-1] is newest:
             nr = (self._next - 1) & 0xFFFF
             joined = newest + PADDING[len(newest) & 3] + body
             size = len(joined)
@@ -316,8 +318,6 @@ class ReliableOutput:
                 self._octets += size
                 self._pool.used += size
                 return
-        if is_status:
-            self._status_nr = self._next
         self._send_new(body)
         if self._packed_max:
             self._newest = None if closes else items[-1]  # type: ignore[assignment]  # it was put there

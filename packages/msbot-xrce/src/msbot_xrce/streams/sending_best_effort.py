@@ -25,6 +25,7 @@ class BestEffortOutput:
     """A stream without acknowledgement."""
 
     __slots__ = (
+        "_capacity",
         "_counters",
         "_envelope",
         "_is_stock",
@@ -54,6 +55,7 @@ class BestEffortOutput:
         self._takes_more = True  # the newest message, if it waits
         self.stream_id = stream_id
         self._envelope = envelope
+        self._capacity = envelope.capacity
         self._outbox = outbox
         self._counters = counters
         self._lane = StreamQueue(QUEUE_FULL)
@@ -72,17 +74,20 @@ class BestEffortOutput:
 
     def send(self, body: bytes) -> None:
         """Book one message; a body that does not fit is dropped and counted (XRCE has no fragments here)."""
-        if len(body) > self._envelope.capacity:
+        if len(body) > self._capacity:
             self._counters.dropped.count(TOO_LARGE)
             return
         items = self._outbox.items
         if self._packed_max:
-            may_join = self._takes_more and items and items[-1] is self._lane
+            may_join = self._takes_more
             if self._is_stock:
                 kind = body[0]
-                may_join = may_join and kind != STATUS
-                self._takes_more = kind != STATUS and (kind != DATA or body[OBJECT_AT] & KIND_MASK != REQUESTER)
-            if may_join:
+                if kind == DATA:
+                    self._takes_more = body[OBJECT_AT] & KIND_MASK != REQUESTER
+                else:
+                    self._takes_more = kind != STATUS
+                    may_join = may_join and kind != STATUS
+            if may_join and items and items[-1] is self._lane:
                 packets = self._lane.packets
                 before = packets[-1]
                 joined = before + PADDING[len(before) & 3] + body
@@ -95,7 +100,7 @@ class BestEffortOutput:
     def pack(self, body: bytes) -> None:
         """Add a submessage to the message that `flush` books; a full message is booked at once."""
         joined = append_submessage(self._open, body)
-        if len(joined) <= self._envelope.capacity:
+        if len(joined) <= self._capacity:
             self._open = joined
             return
         self.flush()

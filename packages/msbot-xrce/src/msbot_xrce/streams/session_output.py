@@ -39,6 +39,7 @@ class SessionOutput:
         "_guesses",
         "_pool",
         "_settings",
+        "_watches_order",
         "best_efforts",
         "heartbeat_s",
         "outbox",
@@ -57,6 +58,7 @@ class SessionOutput:
         self._envelope = envelope
         self._counters = counters
         self._settings = settings
+        self._watches_order = settings.watches_order
         self._pool = pool or Memory(sys.maxsize)
         self._answers = StreamQueue(ANSWERS_FULL)
         self.owed: dict[int, ReliableInput] = {}
@@ -158,7 +160,8 @@ class SessionOutput:
             first, bitmap = stream.missing()
             if not bitmap and stream_id in self._guesses:
                 bitmap = 1
-            stream.told(first, bitmap, now)
+            if self._watches_order:
+                stream.told(first, bitmap, now)
             packets.append(self._answer_header + write_acknack(first, bitmap, stream_id))
         self.owed.clear()
         if self._guesses:

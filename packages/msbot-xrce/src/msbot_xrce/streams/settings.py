@@ -36,6 +36,11 @@ class SessionSettings:
     may_reorder: bool = False
     """Whether packets may overtake each other on the way; a stock client is then spared what would harm it."""
 
+    @property
+    def watches_order(self) -> bool:
+        """Whether to look for packets that overtake each other; see `msbot_xrce.streams.reordering`."""
+        return self.may_reorder and self.peer_is_stock
+
 
 @dataclass(frozen=True, slots=True)
 class AgentSessionSettings(SessionSettings):

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_xrce.streams.receiving_in_order import BEYOND_WINDOW, NO_MEMORY, BestEffortInput, ReliableInput
+from msbot_xrce.streams.receiving_in_order import (
+    BEYOND_WINDOW,
+    MOVES_KEPT,
+    NO_MEMORY,
+    BestEffortInput,
+    ReliableInput,
+)
+from msbot_xrce.streams.sequence_numbers import is_after
 from msbot_xrce.streams.settings import Memory, SessionCounters
 from tests.effort import tries
 
@@ -175,3 +182,53 @@ def test_any_order_with_repetitions_is_handed_on_exactly_once_in_order(data: st.
             handled += take(stream, nr)
         assert handled == wanted[: len(handled)]
     assert stream.missing() == ((start + 20) & 0xFFFF, 0)
+
+
+ARRIVALS = st.lists(
+    st.tuples(st.sampled_from(["message", "message", "message", "heartbeat", "give up"]), st.integers(-3, 40)),
+    max_size=60,
+)
+
+
+@settings(deadline=None, max_examples=tries(60, 2000))
+@given(ARRIVALS, st.integers(0, 0xFFFF), st.sets(st.integers(1, 16)))
+def test_what_is_missing_is_what_has_not_come(
+    arrivals: list[tuple[str, int]], start: int, unripe_places: set[int]
+) -> None:
+    stream, _ = make_reliable()
+    start_at(stream, start)
+    for kind, ahead in arrivals:
+        number = (stream.last_handled + ahead) & 0xFFFF
+        if kind == "message":
+            take(stream, number)
+        elif kind == "heartbeat":
+            stream.announce(number, (number + 5) & 0xFFFF)
+        elif stream.announced != stream.last_handled:
+            stream.give_up()
+        while stream.next_held() is not None:
+            pass
+        following = [(stream.last_handled + place) & 0xFFFF for place in range(1, 17)]
+        known = following[: (stream.announced - stream.last_handled) & 0xFFFF]
+        stream.unripe = frozenset(following[place - 1] for place in unripe_places)
+        first, bitmap = stream.missing()
+        assert first == following[0]
+        assert [number for place, number in enumerate(following) if bitmap >> place & 1] == [
+            number for number in known if not stream.holds(number) and number not in stream.unripe
+        ]
+
+
+@settings(deadline=None, max_examples=tries(60, 2000))
+@given(st.lists(st.tuples(st.integers(0, 20_000), st.booleans()), max_size=80), st.integers(0, 0xFFFF))
+def test_the_reports_on_a_message_end_with_its_acknowledgement(told: list[tuple[int, bool]], number: int) -> None:
+    stream, _ = make_reliable()
+    reports, first, moves = 0, 0, []
+    for step, asks in told:
+        if step:
+            moves.append(((first + step) & 0xFFFF, reports))
+        first = (first + step) & 0xFFFF
+        stream.told(first, 1 if asks else 0, 0.0)
+        reports += asks
+        latest = (first - 40 + number % 80) & 0xFFFF
+        for asked in (number, latest):
+            after = [count for move, count in moves[-MOVES_KEPT:] if is_after(move, asked)]
+            assert stream.reports_on(asked) == (after[0] if after else reports)
