@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from msbot.stop.names import GROUP_VARIABLE
-from msbot_agent.startup.bytecode_cache import made_to_stay
+from msbot.stop.socket_names import GROUP_VARIABLE
+from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from tests import few_reports, import_order, place_of, taking_turns, time_of_a_test
 from tests.effort import THOROUGH
 from tests.loop_guard import guard
@@ -78,7 +78,7 @@ def pytest_collection() -> Generator[None, object, object]:
     Tests make a thousand objects in no time, and there is room for more until they are looked through: a twentieth of
     what only computes went into that.
     """
-    with made_to_stay():
+    with without_garbage_collection():
         found = yield
     gc.set_threshold(10_000)
     return found

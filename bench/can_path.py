@@ -35,7 +35,7 @@ from msbot_agent.link.can.adapters.interface import CanInterface
 from msbot_agent.link.can.adapters.remedies import Wanted
 from msbot_agent.link.can.adapters.socketcan import SocketCanAdapter
 from msbot_agent.link.can.filters import IdFilter
-from msbot_agent.link.can.legacy_link import CanWire
+from msbot_agent.link.can.legacy_link import PeerFraming
 from msbot_agent.link.can.protocol import CanIds, Frame
 from msbot_agent.link.can.protocol.ids import COMPRESSION, join_frame, read_assign
 from msbot_agent.space import MemorySpace
@@ -116,7 +116,7 @@ class Part:
         self.key = key
         self.session = ClientSession(key, settings=SETTINGS, epoch_ns=lambda: 0)
         self.samples = 0
-        self.wire: CanWire
+        self.wire: PeerFraming
         self.node_id = 0
 
     async def join(self) -> None:
@@ -128,7 +128,9 @@ class Part:
                 self.node_id = assign.node_id
         assert self.node_id
         counters = LinkCounters()
-        self.wire = CanWire(IDS.up + self.node_id, use=COMPRESSION, info=INFO, mtu=512, counters=counters, codec=CODEC)
+        self.wire = PeerFraming(
+            IDS.up + self.node_id, use=COMPRESSION, info=INFO, mtu=512, counters=counters, codec=CODEC
+        )
         self.session.connect(0.0)
         await self.settle()
         assert self.session.state is ClientState.CONNECTED

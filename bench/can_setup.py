@@ -20,7 +20,7 @@ from msbot_agent.link import Link
 from msbot_agent.link.can import CanLegacyLink, CanMasterLink, CanPartLink
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.sim import SimBusDriver
-from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimCanBus
 from msbot_agent.space import MemorySpace
 from msbot_xrce import is_whole
 from msbot_xrce.messages import CreateClient, Format, ObjectKind, ObjectVariant, decode_header, iter_submessages

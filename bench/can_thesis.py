@@ -23,7 +23,7 @@ from bench.crowd import Outcome
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Peer
 from msbot_agent.link.can import CanMasterLink, CanPartLink
-from msbot_agent.link.can.adapters.driver import RING_FRAMES
+from msbot_agent.link.can.adapters.can_driver import RING_FRAMES
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_xrce.messages import Heartbeat, ObjectKind, decode_header, iter_submessages

@@ -27,7 +27,7 @@ from bench.machine import describe_machine
 from bench.result import write_result
 from msbot_agent.space import MemorySpace, Qos, Sample, Space, Topic, open_space, parse_space
 from msbot_agent.space.dds import DdsSpace
-from msbot_agent.space.dds.writer import DdsWriter
+from msbot_agent.space.dds.dds_writer import DdsWriter
 
 INSIDE = "MSBOT_BENCH_DDS_INSIDE"
 TOPIC, BACK = Topic("bench", "Bench"), Topic("bench_back", "Bench")

@@ -15,7 +15,7 @@ from random import Random
 from bench.machine import describe_machine
 from msbot.config import PartType, load_library
 from msbot.config.library.search import PartSearch
-from msbot.sim.simulated_world import World
+from msbot.sim.part_model import PartModel
 
 QUERIES = ("servo", "ultrasonic range", "joystik", "light sensor i2c")
 MINUTE_S = 60.0
@@ -55,7 +55,7 @@ def _times(work: Callable[[], object], repeats: int) -> list[float]:
 
 def _minute(part_type: PartType) -> float:
     """CPU seconds of a minute in which the part is looked at twenty times a second."""
-    world = World(part_type, Random(1))
+    world = PartModel(part_type, Random(1))
     world.start_at(0.0)
     world.join(0.0)
     began = time.process_time()

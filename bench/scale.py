@@ -329,7 +329,7 @@ async def be_site(first: int, count: int) -> None:
 
 def router(number: int) -> list[str]:
     """One router and the topics of so many robots."""
-    from msbot_agent.space.zenoh.library import load, session_config
+    from msbot_agent.space.zenoh.zenoh_library import load, session_config
 
     with contextlib.ExitStack() as stack:
         process = stack.enter_context(running("-m", "msbot", "router"))

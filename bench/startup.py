@@ -31,7 +31,7 @@ from bench.many_parts import cpu_s
 from bench.result import write_result
 from msbot.config import open_blueprint, write_sample
 from msbot.registry.records import database_identity
-from msbot.stop.asking import ask_masters
+from msbot.stop.stop_request import ask_masters
 
 COMMAND = [sys.executable, "-m", "msbot"]
 CACHE = str(Path(tempfile.gettempdir()) / f"msbot-bench-byte-code-{os.getuid()}")

@@ -27,8 +27,8 @@ import httpx
 
 from bench.machine import describe_machine
 from msbot.registry.records import database_identity
-from msbot.stop.asking import ask_masters
-from msbot_agent.agent.status_files import find_files
+from msbot.stop.stop_request import ask_masters
+from msbot_agent.agent.status_files import find_status_files
 from tests.e2e.processes import Process
 from tests.hostile import test_stop as states
 from tests.hostile.robot import PATIENCE_S, Robot, frozen
@@ -55,7 +55,7 @@ def half_open_connections(robot: Robot, master: Process) -> Iterator[None]:
     before = resource.prlimit(master.pid, resource.RLIMIT_NOFILE)
     used = len(os.listdir(f"/proc/{master.pid}/fd"))
     resource.prlimit(master.pid, resource.RLIMIT_NOFILE, (used + LEFT, before[1]))
-    (file,) = find_files(robot.folder / "run" / "msbot")
+    (file,) = find_status_files(robot.folder / "run" / "msbot")
     page = httpx.URL(robot.page).port or 0
     with ExitStack() as held:
         for number in range(HALF_OPEN):

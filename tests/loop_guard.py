@@ -19,7 +19,7 @@ from typing import Any
 
 from sqlalchemy import Engine, event
 
-from msbot.registry.database.writer import PendingChange, Writer
+from msbot.registry.database.database_writer import DatabaseWriter, PendingChange
 from tests import FOLDERS, ROOT
 
 PRODUCT = ROOT / "packages"
@@ -35,7 +35,7 @@ class LoopHeldUp(AssertionError):
 def guard() -> None:
     """From now on every statement and every wait is looked at, in every thread of this process."""
     event.listen(Engine, "before_cursor_execute", lambda _connection, _cursor, statement, *_: _look(statement))
-    for of, name in ((Writer, "flush"), (PendingChange, "wait")):
+    for of, name in ((DatabaseWriter, "flush"), (PendingChange, "wait")):
         setattr(of, name, _looked_at(getattr(of, name)))
 
 

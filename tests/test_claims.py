@@ -9,7 +9,7 @@ import pytest
 
 import msbot_xrce.errors
 from msbot.config import load_library
-from msbot.part.join.plug import ClaimMessage
+from msbot.part.join.pnp_messages import ClaimMessage
 from msbot_agent.link.link_schemes import SCHEMES
 from msbot_agent.startup.extensions import GROUPS, PREFIX
 from tools import room_table

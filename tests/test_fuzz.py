@@ -24,7 +24,7 @@ from fuzz.targets.parsers import PARSERS, samples_of
 from fuzz.targets.part import ANSWERS, honest_answer
 from fuzz.virtual import play
 from msbot.part import Message
-from msbot.part.join.plug import (
+from msbot.part.join.pnp_messages import (
     LEAST_DESCRIPTION,
     NO_BINDING,
     DescriptionMessage,

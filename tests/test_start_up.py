@@ -80,7 +80,7 @@ def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_ne
         "msbot_web.api.routes",
         "msbot_web.api.admin_routes",
         "msbot.doctor.examination",
-        "msbot_agent.space.dds.space",
+        "msbot_agent.space.dds.dds_space",
         "msbot.ros2",
     }
     assert not loaded & (foreign | own)
@@ -110,7 +110,7 @@ def test_the_protocol_of_websockets_waits_for_the_first_of_them() -> None:
 
 
 def test_a_look_at_a_robot_waits_for_no_large_library() -> None:
-    loaded = modules_after("import msbot.cli.look")
+    loaded = modules_after("import msbot.cli.database_commands")
     assert not loaded & ((HEAVY | {"pydantic"}) - {"asyncio"})
 
 

@@ -26,7 +26,7 @@ from msbot.operations.table import OPERATIONS
 from msbot.pnp import Configuration
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.state_changes import StateChanges
-from msbot.registry.database.writer import PendingChange
+from msbot.registry.database.database_writer import PendingChange
 from msbot_web.api.operation_routes import _call_of
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 from tests.web.rig import Rig, show

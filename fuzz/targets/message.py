@@ -11,9 +11,9 @@ from typing import Annotated
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.part import HelloWorld, Message
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join import refusal as trouble
-from msbot.part.join.plug import (
+from msbot.part.join.pnp_messages import (
     ClaimMessage,
     ConfigurationMessage,
     PortBinding,
@@ -27,7 +27,7 @@ from msbot.part.messages import standard
 from msbot.part.messages import standard as hello
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.wire_types import AtMost, Octets, float32, float64, int8, int16, int64, uint8, uint16, uint64
-from msbot.pnp.fed_agents import messages
+from msbot.pnp.remote_agents import agent_messages
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 
 
@@ -68,7 +68,11 @@ def message_classes(*modules: ModuleType) -> list[type[Message]]:
     return [one for one in found if isinstance(one, type) and issubclass(one, Message)]
 
 
-CLASSES: tuple[type[Message], ...] = (Numbers, Nested, *message_classes(hello, standard, plug, trouble, messages))
+CLASSES: tuple[type[Message], ...] = (
+    Numbers,
+    Nested,
+    *message_classes(hello, standard, pnp_messages, trouble, agent_messages),
+)
 SAMPLES: tuple[bytes, ...] = (
     Nested(
         numbers=[_numbers(1, -2, 1e300), _numbers(0, 0, 0.0)], words=["ä", ""], table=[[1, -2], []], name="x",

@@ -15,8 +15,8 @@ from typing import Any
 from fuzz.case import Violation
 from fuzz.targets.parser import Parser, file_of, lines
 from fuzz.virtual import play
-from msbot.cli.board.board import SETTINGS, settings_file
-from msbot.cli.board.connection import Board, Facts
+from msbot.cli.board.board_commands import SETTINGS, settings_file
+from msbot.cli.board.board_connection import Board, BoardFacts
 from msbot.config import SAMPLE_ROBOT_TOML, load_blueprint, load_library
 from msbot.master import stop_socket
 from msbot.master.stop_persistence import BrokenRecord, StopFile
@@ -28,12 +28,12 @@ from msbot.pnp.emergency_stop import StopStatus
 from msbot.registry import open_registry
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance.upkeep import fault_of
-from msbot_agent.agent.status_files import FORMAT, PREFIX, find_files
+from msbot_agent.agent.status_files import FORMAT, PREFIX, find_status_files
 from msbot_agent.agent.status_reader import status_in
-from msbot_agent.link.can.sim import names as bus_names
-from msbot_agent.link.contract import Visitor
+from msbot_agent.link.can.sim import bus_names
+from msbot_agent.link.contract import ConnectionUser
 from msbot_agent.link.net import SocketPeer, WebSocketServerLink
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_school.classroom.rollout_run import RollOutLog
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.session_file import SessionFile
@@ -105,7 +105,7 @@ def _stop_request(octets: bytes) -> Iterable[str]:
 
     async def take() -> None:
         place = StopSocket(master, lambda: {"robot": "R", "serial_number": "1", "database": "/r.db"})
-        place._take(stop_socket._Line(connection), octets)
+        place._take(stop_socket._Connection(connection), octets)
         await asyncio.sleep(1.0)
 
     play(take())
@@ -121,7 +121,7 @@ def _stop_record(octets: bytes) -> Iterable[str]:
 
 
 def _status_file(octets: bytes) -> Iterable[str]:
-    return (f"{len(list(find_files(_named(octets, 'status', f'{PREFIX}1.json').parent)))}",)
+    return (f"{len(list(find_status_files(_named(octets, 'status', f'{PREFIX}1.json').parent)))}",)
 
 
 def _status(octets: bytes) -> Iterable[str]:
@@ -169,7 +169,7 @@ def _part_packet(octets: bytes) -> Iterable[str]:
     async def come() -> tuple[str, ...]:
         running = asyncio.create_task(link.run())
         await asyncio.sleep(0)
-        peer: SocketPeer = link.join(Visitor("ann", "10.0.0.1"))
+        peer: SocketPeer = link.join(ConnectionUser("ann", "10.0.0.1"))
         try:
             pause_s, words = peer.took(octets, asyncio.get_running_loop().time())
         except ValueError as error:
@@ -205,7 +205,7 @@ def _board(octets: bytes) -> Iterable[str]:
 
 def _board_settings(octets: bytes) -> Iterable[str]:
     there: Any = SimpleNamespace(files=lambda _folder: {SETTINGS: None}, read=lambda _path: octets)
-    facts = Facts("fuzz", (1, 22), 6, "/lib", "")
+    facts = BoardFacts("fuzz", (1, 22), 6, "/lib", "")
     written = settings_file(there, facts, link="can:1", wifi=None, token=None)
     assert written is not None
     settings = json.loads(written, parse_constant=_no_number)

@@ -23,30 +23,30 @@ from msbot.config.library.description_reader import read_description
 from msbot.config.library.picture import picture_fault
 from msbot.operations.part_names import uid_of
 from msbot.operations.rights import Role
-from msbot.part.join.keys import parse_key
+from msbot.part.join.part_keys import parse_key
 from msbot.part.join.seal import Seal
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.recording.recorder.batch import read_wish
-from msbot.recording.recordings.reading import Decoder, RecordingReader
-from msbot.recording.replay.acts import read_acts
+from msbot.recording.recordings.mcap_reader import Decoder, RecordingReader
+from msbot.recording.replay.recorded_operations import read_operations
 from msbot.registry import ProgramSource
 from msbot.ros2.forms import RosForm, form_of
-from msbot.sim.arena import wire
+from msbot.sim.arena import world_messages
 from msbot.sim.arena.world_reader import parse_world
-from msbot.stop.asking import answer_in
+from msbot.stop.stop_request import answer_in
 from msbot_agent.explain.datagrams import read_capture
+from msbot_agent.idl.definitions_reader import common_ros_definitions
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl
-from msbot_agent.idl.reader import common_ros_definitions
 from msbot_agent.idl.ros_reader import read_ros
 from msbot_agent.link.can.can_address import parse_target
 from msbot_agent.link.can.protocol import format_log_line, parse_log_line
 from msbot_agent.link.can.protocol.notation import format_frame, parse_frame
 from msbot_agent.link.link_schemes import parse_host_and_port, parse_options
-from msbot_agent.link.relay import messages as relay
+from msbot_agent.link.relay import relay_messages as relay
 from msbot_agent.ros import discovery_info
 from msbot_agent.space.space_address import check_endpoint, parse_space
-from msbot_agent.space.zenoh.keys import endpoint_of, token_key
+from msbot_agent.space.zenoh.key_expressions import endpoint_of, token_key
 from msbot_agent.wide.router_file import read_router_file
 from msbot_school.classroom.mdns import parse_announcement
 from msbot_school.faults.fault_kinds import read_condition
@@ -253,7 +253,7 @@ def _recording(octets: bytes) -> Iterable[str]:
         yield f"{message.topic[:20]} {decoder.fields(message) is None}"
     yield plain(reader.damage, 30)
     yield type(played_in(RecordingReader(path))).__name__
-    yield type(read_acts(path)).__name__
+    yield type(read_operations(path)).__name__
 
 
 def _recordings() -> Iterable[bytes]:
@@ -323,15 +323,15 @@ def _ros(octets: bytes) -> Iterable[str]:
 
 
 def _arena(octets: bytes) -> Iterable[str]:
-    said = wire.from_line(octets)
+    said = world_messages.from_line(octets)
     if said is None:
         return ("nothing",)
     for key, value in said.items():
-        wire.is_name(key)
-        wire.is_name(value)
-        wire.known_quantities(value)
-        values = wire.values_of(value)
-        wire.to_line({"see": values})
+        world_messages.is_name(key)
+        world_messages.is_name(value)
+        world_messages.known_quantities(value)
+        values = world_messages.values_of(value)
+        world_messages.to_line({"see": values})
     return (f"{len(said)} keys",)
 
 

@@ -12,7 +12,7 @@ from fuzz.case import Case, Step, Violation
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
 from msbot.part import Client, Entity, HelloWorld, JoinState, Message, Part, ServiceNames
-from msbot.part.join.plug import (
+from msbot.part.join.pnp_messages import (
     INVENTORY_REPLY_TYPE,
     INVENTORY_REQUEST_TYPE,
     INVENTORY_SERVICE,

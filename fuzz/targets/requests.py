@@ -9,8 +9,8 @@ from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.config import Slot
-from msbot.part.join import plug
-from msbot.part.join.keys import prove
+from msbot.part.join import pnp_messages
+from msbot.part.join.part_keys import prove
 from msbot.pnp import FAST_TIMING, PartState
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import Keys
@@ -71,7 +71,11 @@ def _do(rig: Rig, handler: RequestHandler, step: Step, key: int, leases: dict[in
             return _answered(handler.compact(lease + step.data[:4], key, rig.now), is_open=is_open)
         case "compact":
             answer = handler.compact(step.data, key, rig.now)
-            if answer is not None and len(answer) == 12 and (verdict := plug.VerdictMessage.decode(answer)).lease:
+            if (
+                answer is not None
+                and len(answer) == 12
+                and (verdict := pnp_messages.VerdictMessage.decode(answer)).lease
+            ):
                 leases[key] = verdict.lease
                 return f"lease, refused {verdict.reason}"
             return _answered(answer, is_open=is_open)
@@ -89,15 +93,15 @@ def _do(rig: Rig, handler: RequestHandler, step: Step, key: int, leases: dict[in
 def _prove(handler: RequestHandler, step: Step, key: int, now: float) -> str:
     """Claim, and prove it if asked, with the right key or another one; the answer may come much later."""
     asker = key.to_bytes(16, "big")
-    claim = plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(step.whole(1) % 4), session_nonce=1)
+    claim = pnp_messages.ClaimMessage(part_number="ABCD", local_name="", uid=uid(step.whole(1) % 4), session_nonce=1)
     asked = handler.compact(claim.encode(), key, now, asker)
-    if asked is None or len(asked) != plug.NONCE_OCTETS:
+    if asked is None or len(asked) != pnp_messages.NONCE_OCTETS:
         return "not asked"
     secret = KEY if step.whole(2) % 2 else bytes(16)
     names = {"part_number": claim.part_number, "local_name": claim.local_name}
     proof = prove(secret, asked, claim.uid, **names, session_key=key)
-    answer = handler.compact(plug.Proof(proof=proof).encode(), key, now + abs(step.whole(3)) % 15, asker)
-    is_in = answer is not None and len(answer) == 12 and plug.VerdictMessage.decode(answer).lease
+    answer = handler.compact(pnp_messages.Proof(proof=proof).encode(), key, now + abs(step.whole(3)) % 15, asker)
+    is_in = answer is not None and len(answer) == 12 and pnp_messages.VerdictMessage.decode(answer).lease
     if is_in and secret is not KEY:
         raise Violation("a part with another key is let in")
     return f"proved, answered {None if answer is None else len(answer)}"
@@ -130,12 +134,16 @@ def _check_honest(rig: Rig, handler: RequestHandler) -> None:
         rig.leave(key, "end of the case")
     rig.run(20.0)
     rig.join(HONEST)
-    claim = plug.ClaimMessage(part_number="ABCD", local_name="AA", uid=uid(HONEST), session_nonce=1).encode()
+    claim = pnp_messages.ClaimMessage(part_number="ABCD", local_name="AA", uid=uid(HONEST), session_nonce=1).encode()
     answer = handler.compact(claim, HONEST, rig.now)
-    if answer is not None and len(answer) == plug.NONCE_OCTETS:
+    if answer is not None and len(answer) == pnp_messages.NONCE_OCTETS:
         proof = prove(KEY, answer, uid(HONEST), part_number="ABCD", local_name="AA", session_key=HONEST)
-        answer = handler.compact(plug.Proof(proof=proof).encode(), HONEST, rig.now)
-    if answer is None or not plug.VerdictMessage.decode(answer).lease or rig.state(HONEST) is not PartState.ACTIVE:
+        answer = handler.compact(pnp_messages.Proof(proof=proof).encode(), HONEST, rig.now)
+    if (
+        answer is None
+        or not pnp_messages.VerdictMessage.decode(answer).lease
+        or rig.state(HONEST) is not PartState.ACTIVE
+    ):
         raise Violation(f"an honest part is answered {answer!r}")
 
 
@@ -159,7 +167,7 @@ def _step(random: Random) -> Step:
             return Step("compat", mutate_octets(random, request) if random.random() < 0.5 else request, (key,))
         case 10 | 11:
             return Step("prove", b"", (key, random.randrange(4), random.randrange(2), random.choice((0, 0, 0, 12))))
-    claim = plug.ClaimMessage(
+    claim = pnp_messages.ClaimMessage(
         part_number=_number(random),
         local_name=random.choice(("", "AA", "AA2", "x" * 254)),
         uid=uid(random.randrange(5)),

@@ -12,9 +12,8 @@ from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import FD_LENGTHS, Frame
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim.model.sim_bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     MAX_MESSAGE,
     BusFrame,
     FrameSent,
@@ -26,7 +25,8 @@ from msbot_agent.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.can.sim.server import MAX_PROGRAMS, SimBusConnection, SimBusServer
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
+from msbot_agent.link.can.sim.sim_bus_server import MAX_PROGRAMS, SimBusConnection, SimBusServer
 from msbot_xrce.errors import RemoteProtocolError
 
 PROGRAMS = 4

@@ -15,7 +15,7 @@ from random import Random
 from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.virtual import play, read_logs, the_loop
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.adapters.error_frames import (
     CLASSIC_SIZE,
     ERROR,

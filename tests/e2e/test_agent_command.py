@@ -17,7 +17,7 @@ import pytest
 
 from msbot.part import ConnectionState, find_agents
 from msbot.recording.recorder.recording_file import ENCAPSULATION
-from msbot.recording.recordings.reading import RecordingReader
+from msbot.recording.recordings.mcap_reader import RecordingReader
 from msbot_agent.agent.discovery import DISCOVERY_GROUP
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.serial import SerialClientLink

@@ -17,7 +17,7 @@ import httpx
 from msbot.registry import open_registry
 from msbot.registry.edits import users
 from msbot.registry.records import database_identity
-from msbot.stop.asking import ask_masters
+from msbot.stop.stop_request import ask_masters
 from msbot_web.access.sessions import digest_of
 from tests.e2e.processes import Process, run, running
 from tests.e2e.test_processes import free_port

@@ -16,11 +16,11 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.doctor.gather.machine import program_of, running_programs
+from msbot.doctor.collectors.machine_facts import program_of, running_programs
 from msbot_agent.cli import msbot
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl
-from msbot_agent.text.given_file import open_given, open_given_text, read_of_system
+from msbot_agent.text.untrusted_input import open_input_file, open_input_text, read_system_file
 from msbot_xrce.errors import ConfigError
 from tests.e2e.processes import run
 
@@ -155,16 +155,16 @@ def test_what_is_no_file_of_that_kind_is_one_sentence(command: str, name: str, f
 )
 def test_what_a_name_stands_for_is_said(name: str, words: str, folder: Path) -> None:
     with pytest.raises(OSError, match=words):
-        open_given(folder / name)
+        open_input_file(folder / name)
     with pytest.raises(OSError, match=words):
-        open_given_text(folder / name)
+        open_input_text(folder / name)
 
 
 def test_a_pipe_that_the_person_connects_is_read_to_its_end() -> None:
     reading, writing = os.pipe()
     with os.fdopen(writing, "wb") as stream:
         stream.write(b"text")
-    with open_given(Path(f"/dev/fd/{reading}")) as given:
+    with open_input_file(Path(f"/dev/fd/{reading}")) as given:
         assert given.read() == b"text"
     os.close(reading)
 
@@ -186,9 +186,9 @@ def test_programs_with_names_that_are_no_text_are_seen_and_harm_nobody() -> None
         names = dict(running_programs())
         assert names[process.pid].isprintable()
         assert program_of(process.pid).isprintable()
-        assert read_of_system(f"/proc/{process.pid}/environ") == "\ufffd=\ufffd\0"
+        assert read_system_file(f"/proc/{process.pid}/environ") == "\ufffd=\ufffd\0"
         assert process.stdin is not None
         process.stdin.close()
         process.wait()
     with pytest.raises(OSError, match="No such"):
-        read_of_system(f"/proc/{process.pid}/comm")
+        read_system_file(f"/proc/{process.pid}/comm")

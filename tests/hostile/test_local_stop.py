@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML
-from msbot.stop.places import PREFIX, SHARED_FOLDER
+from msbot.stop.socket_folders import PREFIX, SHARED_FOLDER
 from tests.hostile.other_users import NOBODY, VICTIM, as_user, attacker, master_of, needs_users
 
 pytestmark = needs_users

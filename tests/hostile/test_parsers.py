@@ -13,8 +13,8 @@ from fuzz.targets import TARGETS
 from fuzz.targets.parsers import PARSERS, read, samples_of
 from fuzz.targets.sockets import GREETING
 from msbot.cli.bus.frame_log import FrameReader
-from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import printable, whole
+from msbot_agent.text.untrusted_input import read_json
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
 from msbot_web.nicegui_internals.page_sockets import NONSENSE, TOO_SLOW

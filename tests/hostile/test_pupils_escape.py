@@ -10,7 +10,7 @@ from random import Random
 
 import pytest
 
-from msbot.master.fed_agent import AgentOfRemoteMaster
+from msbot.master.remote_agent import RemoteAgent
 from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Freeze, Group
@@ -52,7 +52,7 @@ async def by(door: str, site: PartSite, number: int, token: str, name: str = "bo
     carrier = (
         PartsRelay(lambda _: hub.server, way, name=name, say=lambda _: None)
         if door == "a relay"
-        else AgentOfRemoteMaster(lambda _: hub.server, way, name=name, say=lambda _: None)
+        else RemoteAgent(lambda _: hub.server, way, name=name, say=lambda _: None)
     )
     async with running(start(carrier.run()), start(part.run_async(hub.connect()))):
         yield hub

@@ -19,7 +19,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from msbot_agent.agent.status_files import find_files
+from msbot_agent.agent.status_files import find_status_files
 from tests.e2e.processes import Process, run
 from tests.hostile.robot import Robot, until
 
@@ -109,7 +109,7 @@ def test_a_frozen_part_is_named(robot: Robot) -> None:
 @contextmanager
 def silent_connections(robot: Robot, _master: Process) -> Iterator[None]:
     """40 programs have connected to the status port and say nothing."""
-    (file,) = find_files(robot.folder / "run" / "msbot")
+    (file,) = find_status_files(robot.folder / "run" / "msbot")
     with ExitStack() as held:
         for _ in range(40):
             held.enter_context(socket.create_connection(("127.0.0.1", file.port)))

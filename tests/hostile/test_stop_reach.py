@@ -12,9 +12,9 @@ import pytest
 from msbot.master import StopSocket
 from msbot.operations.rights import Role
 from msbot.pnp import StopStatus
-from msbot.stop.asking import SilentMaster, ask_masters
-from msbot.stop.names import GROUP_VARIABLE
-from msbot.stop.places import IS_THERE
+from msbot.stop.socket_folders import IS_THERE
+from msbot.stop.socket_names import GROUP_VARIABLE
+from msbot.stop.stop_request import SilentMaster, ask_masters
 from msbot_agent.process.end_signals import run_to_end
 from msbot_web.api.class_models import RobotTile
 from msbot_web.local_masters import LocalMasters

@@ -21,9 +21,9 @@ from msbot.cli.record.play import command as play
 from msbot.cli.record.plot import command as plot
 from msbot.config import Blueprint, RobotProfile
 from msbot.master import Master
-from msbot.master.fed_agent import AgentOfRemoteMaster
-from msbot.sim.arena.remote_connection import RemoteWorldConnection
-from msbot.sim.arena.wire import to_line as world_line
+from msbot.master.remote_agent import RemoteAgent
+from msbot.sim.arena.remote_world_connection import RemoteWorldConnection
+from msbot.sim.arena.world_messages import to_line as world_line
 from msbot_agent.link import InprocHub
 from msbot_school.cli.classroom.access_commands import join
 from msbot_xrce.errors import ConfigError
@@ -138,7 +138,7 @@ async def test_a_master_elsewhere() -> None:
     evil, hub, said = EVIL[:40], InprocHub(), list[str]()
     master = Master(Blueprint(RobotProfile(evil, evil, evil, evil, evil), ()), store(1), random=Random(1))
     master.add_link(hub.server)
-    agent = AgentOfRemoteMaster(lambda _: InprocHub().server, hub.connect(), name="desk", say=said.append)
+    agent = RemoteAgent(lambda _: InprocHub().server, hub.connect(), name="desk", say=said.append)
     tasks = [asyncio.create_task(master.run()), asyncio.create_task(agent.run())]
     try:
         async with asyncio.timeout(60):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from msbot_agent.link import Link, Peer, Signal
 from msbot_agent.link.can import BusState, CanSettings, Codec, open_can_bus
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.protocol.notation import parse_log_line
 from msbot_xrce import compress, decompress, is_whole

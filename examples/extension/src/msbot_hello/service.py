@@ -2,7 +2,7 @@
 
 import click
 
-from msbot_agent.cli.services import CommandService
+from msbot_agent.cli.command_services import CommandService
 
 
 class Greeting(CommandService):

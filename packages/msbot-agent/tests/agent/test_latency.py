@@ -7,8 +7,8 @@ import asyncio
 import pytest
 
 from msbot.process.virtual_time import run_virtual
-from msbot_agent.agent import Acknowledgements, Agent, Worst
-from msbot_agent.agent.statistics import EVERY_S, MOST_READERS, TimedOctets
+from msbot_agent.agent import Acknowledgements, Agent, Maximum
+from msbot_agent.agent.statistics import EVERY_S, MOST_READERS, TimestampedPayload
 from msbot_agent.agent.topic_attachment import ReadSide, WriteSide
 from msbot_agent.space import THIS_PROGRAM, Qos, Sample, Topic
 from msbot_xrce.objects import EndpointQos
@@ -94,7 +94,7 @@ def test_nothing_is_marked_while_nobody_listens() -> None:
         writing.write(b"3")
         await asyncio.sleep(EVERY_S * 1.5)
         writing.write(b"4")
-        assert seen == [bytes, TimedOctets, bytes, TimedOctets]
+        assert seen == [bytes, TimestampedPayload, bytes, TimestampedPayload]
 
     run_virtual(main())
 
@@ -102,7 +102,7 @@ def test_nothing_is_marked_while_nobody_listens() -> None:
 def test_of_very_many_readers_some_are_measured() -> None:
     host, heard = FakeHost(), list[float]()
     host.transit.on_delivery(heard.append)
-    timed = TimedOctets(b"x")
+    timed = TimestampedPayload(b"x")
     timed.began = 1.0
     for _ in range(1000):
         host.transit.book(timed, 0.0)
@@ -132,7 +132,7 @@ def test_each_client_s_acknowledgements_are_found_once() -> None:
 
 
 def test_the_worst_of_a_second_is_taken_once() -> None:
-    worst = Worst()
+    worst = Maximum()
     assert worst.take_ms() is None
     for seconds in (0.001, 0.003, 0.002):
         worst.add(seconds)

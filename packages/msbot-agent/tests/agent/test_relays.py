@@ -7,7 +7,7 @@ from msbot.process.virtual_time import run_virtual
 from msbot_agent.agent import Agent, AgentSettings
 from msbot_agent.agent.relays import MAX_RELAYS_OF_ADDRESS
 from msbot_agent.link.relay import Bye, Hello, Refused, RelayedLink, Who, decode, encode
-from msbot_agent.link.relay.messages import MARK, Up, Welcome
+from msbot_agent.link.relay.relay_messages import MARK, Up, Welcome
 from msbot_agent.space import MemorySpace
 from tests.agent.wiring import FakeLink
 

@@ -16,7 +16,7 @@ import pytest
 
 from msbot_agent.agent import Agent, AgentStatus, StatusServer, read_statuses
 from msbot_agent.agent import status_server as status_module
-from msbot_agent.agent.status_files import StatusFile, find_files
+from msbot_agent.agent.status_files import StatusFile, find_status_files
 from msbot_agent.link import Signal
 from msbot_agent.space import MemorySpace
 from tests.agent.wiring import FakeLink, WiredClient, serving
@@ -30,7 +30,7 @@ async def shown(agent: Agent, folder: Path, name: str = "test") -> AsyncIterator
     while server.path is None:  # noqa: ASYNC110 - a file makes no sound
         await asyncio.sleep(0)
     try:
-        yield next(file for file in find_files(folder) if file.path == server.path)
+        yield next(file for file in find_status_files(folder) if file.path == server.path)
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
@@ -118,7 +118,7 @@ async def test_with_the_server_ends_what_nobody_reads_and_who_was_just_let_in(tm
     task = asyncio.create_task(server.run())
     while server.path is None:  # noqa: ASYNC110 - a file makes no sound
         await asyncio.sleep(0)
-    (file,) = find_files(tmp_path)
+    (file,) = find_status_files(tmp_path)
     reader, writer = await asyncio.open_connection("127.0.0.1", file.port)
     writer.write(file.token.encode() + b' {"do":"describe"}\n')
     assert await reader.readexactly(1) == b"{"

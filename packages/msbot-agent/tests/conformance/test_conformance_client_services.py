@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 from msbot.part.client.client import ServiceNames
-from msbot.part.client.settings import ConnectionState
+from msbot.part.client.client_settings import ConnectionState
 from msbot.process.virtual_time import run_virtual
 from tests.conformance.agent_rig import WELCOME, acknack, octets, packets
 from tests.hearing_client import HearingClient

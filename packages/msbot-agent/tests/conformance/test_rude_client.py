@@ -11,7 +11,7 @@ from random import Random
 import pytest
 
 from msbot.part.client.client import Client
-from msbot.part.client.settings import ConnectionState
+from msbot.part.client.client_settings import ConnectionState
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce import ClientState
 from msbot_xrce.errors import RemoteProtocolError

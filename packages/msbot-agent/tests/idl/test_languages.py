@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from msbot import Message
 from msbot_agent.idl import read_definitions, to_c, to_idl, to_python
-from msbot_agent.idl.reader import common_ros_definitions
+from msbot_agent.idl.definitions_reader import common_ros_definitions
 from tests import ROOT
 from tests.effort import tries
 from tests.idl.generated import messages, module_from

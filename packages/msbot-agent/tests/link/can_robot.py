@@ -12,8 +12,8 @@ from msbot_agent.link import Peer, Signal
 from msbot_agent.link.can.legacy_link import Codec
 from msbot_agent.link.can.native_link import CanMasterLink, CanPartLink, NativeEnd
 from msbot_agent.link.can.protocol.ids import CanIds, NodeIds
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
 from msbot_xrce.errors import LinkDown
 
 HASH = 0x00C0FFEE

@@ -11,10 +11,10 @@ from typing import TypeVar
 
 from msbot_agent.link.can.controller import BusState, CanBus
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import SimBus
-from msbot_agent.link.can.sim.model.messages import Hello, Message, Splitter, Welcome, encode
-from msbot_agent.link.can.sim.server import SimBusServer
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import Hello, Message, Splitter, Welcome, encode
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
+from msbot_agent.link.can.sim.sim_bus_server import SimBusServer
 
 PATIENCE_S = 60.0
 """Longer than any busy machine needs."""

@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from msbot.part.join.plug import ProfileMessage
+from msbot.part.join.pnp_messages import ProfileMessage
 from msbot_agent.link.can.protocol import Frame, frame_bits
 from msbot_agent.link.can.protocol.frames import split
 from msbot_agent.link.can.protocol.ids import CanIds

@@ -15,7 +15,7 @@ from msbot_agent.link.can.native_link import MASTER
 from msbot_agent.link.can.protocol.frames import WRONG_CHECK_BYTE, FrameJoiner, split
 from msbot_agent.link.can.protocol.ids import MemoryNodeIds
 from msbot_agent.link.can.sim import SimBus
-from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimCanBus
 from msbot_xrce.counting import Tally
 from tests.effort import tries
 from tests.link.can_robot import End, Robot, node_of, play

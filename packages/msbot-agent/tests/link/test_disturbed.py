@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import BaseLink, LinkInfo, Peer
-from msbot_agent.link.disturbed import LOST, MOST_COPIES, MOST_HELD, Disturbance, DisturbedLink
+from msbot_agent.link.disturbed_link import LOST, MOST_COPIES, MOST_HELD, Disturbance, DisturbedLink
 from msbot_xrce.errors import LinkFull
 
 

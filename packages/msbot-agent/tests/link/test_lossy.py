@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Link, LossyLink, Signal, inproc_pair
-from msbot_agent.link.disturbed import Disturbance
+from msbot_agent.link.disturbed_link import Disturbance
 from msbot_agent.link.in_process import QUEUE_PACKETS, SERVER
 
 

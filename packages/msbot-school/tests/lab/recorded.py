@@ -15,7 +15,7 @@ from msbot.recording.recorder.measuring import keep_measuring
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.recording_file import RingLimits
 from msbot.recording.recorder.storing import Storing
-from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
+from msbot.recording.recordings.mcap_reader import RecordedMessage, RecordingReader
 from msbot.registry import open_registry
 from msbot_agent.space import MemorySpace
 from msbot_school.demo import DemoRobot

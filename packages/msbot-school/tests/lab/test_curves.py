@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msbot.config import load_library
 from msbot.operations.dispatch import RunningOperations
 from msbot.recording.curves.curve import WantedCurves, field_name, figures_of, is_wanted, thinned
-from msbot.recording.curves.reading import ReadCurves, read_curves, ring_files, units_of
+from msbot.recording.curves.curve_reader import ReadCurves, read_curves, ring_files, units_of
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
 from msbot.recording.recorder.recording_file import RingLimits, segment_name
 from msbot.recording.recorder.storing import Storing
@@ -142,7 +142,7 @@ def test_of_a_ring_only_the_files_of_the_time_are_read_and_nothing_twice(tmp_pat
 
 
 def test_too_much_is_refused_in_words(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msbot.recording.curves.reading.MOST_POINTS", 10)
+    monkeypatch.setattr("msbot.recording.curves.curve_reader.MOST_POINTS", 10)
     with pytest.raises(ConfigError, match="choose fewer curves, or a shorter time"):
         read(recording, "ear")
 

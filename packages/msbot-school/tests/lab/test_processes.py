@@ -11,7 +11,7 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from msbot.recording.recorder.recording_file import begun_segments, segment_name, segments
-from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
+from msbot.recording.recordings.mcap_reader import RecordedMessage, RecordingReader
 from tests.e2e.processes import Process, run, running
 
 PATIENCE_S = 90.0

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from msbot.operations.dispatch import RunningOperations
 from msbot.recording.recorder.batch import Unpacker
 from msbot.recording.recorder.recorder import Recorder
-from msbot.recording.recordings.reading import RecordingReader
+from msbot.recording.recordings.mcap_reader import RecordingReader
 from msbot_school.cli.mission import command
 from msbot_school.demo import DemoRobot
 from msbot_school.faults.fault_lab import FaultLab

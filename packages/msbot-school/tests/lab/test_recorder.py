@@ -23,7 +23,7 @@ from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, Unpa
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.schemas import ENCODING, FRAME, ros_definition
 from msbot.recording.recordings.cutting import differences
-from msbot.recording.recordings.reading import Decoder, RecordedMessage, RecordingReader
+from msbot.recording.recordings.mcap_reader import Decoder, RecordedMessage, RecordingReader
 from msbot.recording.recordings.summary import frame_of, line_of
 from msbot_agent.link import LinkInfo
 from msbot_agent.link.can import CanBusInfo, CanMasterLink, FrameTap

@@ -16,8 +16,8 @@ from mcap.writer import Writer
 from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import PartInfo
 from msbot.recording.recordings.cutting import write_cut
-from msbot.recording.replay.piece import Piece, RecordedSample, RecordedSlot, read_piece
-from msbot.recording.replay.player import Player
+from msbot.recording.replay.replay_excerpt import RecordedSample, RecordedSlot, ReplayExcerpt, read_excerpt
+from msbot.recording.replay.replay_player import ReplayPlayer
 from msbot_agent.cli import msbot
 from msbot_agent.link import InprocHub
 from msbot_school.demo import DemoRobot
@@ -41,9 +41,9 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Stage:
     """A player in a robot, and what it said."""
 
-    def __init__(self, piece: Piece, speed: float = 1.0, after_s: float = 0.0) -> None:
+    def __init__(self, piece: ReplayExcerpt, speed: float = 1.0, after_s: float = 0.0) -> None:
         self.said: list[str] = []
-        self.player = Player(piece, speed=speed, say=self.said.append, warn=self.said.append, random=Random(7))
+        self.player = ReplayPlayer(piece, speed=speed, say=self.said.append, warn=self.said.append, random=Random(7))
         self.after_s = after_s
         self.fault = ""
 
@@ -88,7 +88,7 @@ def states_of(path: Path, slots: tuple[str, ...]) -> dict[str, list[tuple[str | 
 
 
 def test_record_replay_record_gives_the_same_samples_at_the_same_times(tmp_path: Path, recording: Path) -> None:
-    stage = Stage(read_piece(recording, ["AA"]))
+    stage = Stage(read_excerpt(recording, ["AA"]))
     natures = []
 
     async def look(robot: DemoRobot, _: RunningOperations) -> None:
@@ -111,7 +111,7 @@ def test_record_replay_record_gives_the_same_samples_at_the_same_times(tmp_path:
 
 def test_a_piece_at_another_speed(tmp_path: Path, recording: Path) -> None:
     whole = said_in(recording, "AA")
-    piece = read_piece(recording, ["AA"], from_s=1.5, to_s=4.5)
+    piece = read_excerpt(recording, ["AA"], from_s=1.5, to_s=4.5)
     assert piece.begin_ns == messages(recording)[0].logged_ns + 3 * NS // 2
     stage = Stage(piece, speed=4.0)
     record_demo(tmp_path, tmp_path / "b.mcap", stage.scene(), OTHERS)
@@ -122,7 +122,7 @@ def test_a_piece_at_another_speed(tmp_path: Path, recording: Path) -> None:
 
 
 def test_several_slots_keep_their_distances(tmp_path: Path, recording: Path) -> None:
-    stage = Stage(read_piece(recording, ["AA", "CC", "AA"]))
+    stage = Stage(read_excerpt(recording, ["AA", "CC", "AA"]))
     record_demo(tmp_path, tmp_path / "b.mcap", stage.scene(), ("BB",))
 
     def both(path: Path) -> list[tuple[str, int]]:
@@ -135,7 +135,7 @@ def test_several_slots_keep_their_distances(tmp_path: Path, recording: Path) -> 
 
 
 def test_while_stop_holds_nothing_is_said_and_afterwards_all_of_it(tmp_path: Path, recording: Path) -> None:
-    stage = Stage(read_piece(recording, ["AA"]))
+    stage = Stage(read_excerpt(recording, ["AA"]))
 
     async def stop_and_go(robot: DemoRobot, operations: RunningOperations) -> None:
         await asyncio.sleep(2.3)
@@ -154,7 +154,7 @@ def test_while_stop_holds_nothing_is_said_and_afterwards_all_of_it(tmp_path: Pat
 
 
 def test_a_part_that_comes_back_after_an_outage_goes_on_where_it_was(tmp_path: Path, recording: Path) -> None:
-    stage = Stage(read_piece(recording, ["AA"]))
+    stage = Stage(read_excerpt(recording, ["AA"]))
 
     async def release(robot: DemoRobot, operations: RunningOperations) -> None:
         await asyncio.sleep(2.3)
@@ -186,7 +186,7 @@ def test_a_robot_with_other_slots_says_so(tmp_path: Path, slot: str, number: str
 
 
 def test_a_slot_that_is_taken_is_waited_for(tmp_path: Path, recording: Path) -> None:
-    stage = Stage(read_piece(recording, ["AA"], to_s=2), after_s=1.0)
+    stage = Stage(read_excerpt(recording, ["AA"], to_s=2), after_s=1.0)
 
     async def unplug_later(robot: DemoRobot, _: RunningOperations) -> None:
         await asyncio.sleep(2)
@@ -223,9 +223,9 @@ def test_what_the_robot_has_no_use_for_is_left_out_and_told(
     assert stage.player.ended
 
 
-def piece_of(slot: str, number: str, port: str, type_name: str) -> Piece:
+def piece_of(slot: str, number: str, port: str, type_name: str) -> ReplayExcerpt:
     sample = RecordedSample(5, slot, port, type_name, bytes(8))
-    return Piece((RecordedSlot(slot, number, f"{number}-local"),), (sample,), 5, "")
+    return ReplayExcerpt((RecordedSlot(slot, number, f"{number}-local"),), (sample,), 5, "")
 
 
 def test_what_is_wrong_with_the_choice_is_told(recording: Path) -> None:
@@ -238,7 +238,7 @@ def test_what_is_wrong_with_the_choice_is_told(recording: Path) -> None:
         (("AA",), {"most_octets": 1000}, "choose a shorter one with --from and --to"),
     ):
         with pytest.raises(ConfigError, match=sentence):
-            read_piece(recording, slots, **options)
+            read_excerpt(recording, slots, **options)
 
 
 def test_one_slot_needs_no_name_and_what_was_only_repeated_is_not_said_again(tmp_path: Path, recording: Path) -> None:
@@ -249,7 +249,7 @@ def test_one_slot_needs_no_name_and_what_was_only_repeated_is_not_said_again(tmp
         from_ns=from_ns,
         wanted=lambda one: one.slot == "AA" or (one.topic == "/msbot/slots" and b'"AA"' in one.data),
     )
-    piece = read_piece(tmp_path / "one.mcap")
+    piece = read_excerpt(tmp_path / "one.mcap")
     assert [slot.name for slot in piece.slots] == ["AA"]
     assert piece.samples[0].at_ns >= from_ns
     assert any(one.is_repeated for one in messages(tmp_path / "one.mcap"))
@@ -266,8 +266,8 @@ def test_a_truncated_recording_is_replayed_as_far_as_it_goes(tmp_path: Path, rec
                 channels[one.channel.id] = writer.register_channel(one.topic, one.channel.message_encoding, 0, metadata)
             writer.add_message(channels[one.channel.id], one.logged_ns, one.data, one.at_ns)
         stream.truncate(stream.tell() * 4 // 5)
-    whole = read_piece(recording, ["AA"])
-    short = read_piece(tmp_path / "short.mcap", ["AA"])
+    whole = read_excerpt(recording, ["AA"])
+    short = read_excerpt(tmp_path / "short.mcap", ["AA"])
     assert short.damage
     assert 0 < len(short.samples) < len(whole.samples)
     assert short.samples == whole.samples[: len(short.samples)]
@@ -283,4 +283,4 @@ def test_a_recording_of_others_says_what_is_missing(tmp_path: Path, slots: bytes
             writer.add_message(writer.register_channel("/msbot/slots", "json", 0), 1, slots, 1)
         writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(ConfigError, match="does not say what is in which slot"):
-        read_piece(tmp_path / "foreign.mcap", ["AA"])
+        read_excerpt(tmp_path / "foreign.mcap", ["AA"])

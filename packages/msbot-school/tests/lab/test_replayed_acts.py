@@ -12,10 +12,15 @@ import pytest
 
 from msbot.operations.dispatch import RunningOperations, perform
 from msbot.recording.recordings.cutting import write_cut
-from msbot.recording.recordings.reading import RecordedMessage
-from msbot.recording.replay.acts import ActPlayer, RecordedAct, RecordedActs, read_acts
-from msbot.recording.replay.piece import read_piece
-from msbot.recording.replay.player import Player
+from msbot.recording.recordings.mcap_reader import RecordedMessage
+from msbot.recording.replay.recorded_operations import (
+    OperationPlayer,
+    RecordedOperation,
+    RecordedOperations,
+    read_operations,
+)
+from msbot.recording.replay.replay_excerpt import read_excerpt
+from msbot.recording.replay.replay_player import ReplayPlayer
 from msbot_agent.link import InprocHub
 from msbot_school.demo import DemoRobot
 from msbot_xrce.errors import ConfigError
@@ -49,16 +54,16 @@ def lesson(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def replay(
-    acts: RecordedActs, said: list[str], meanwhile: Scene | None = None, rest_s: float = 1.0
-) -> tuple[Scene, list[ActPlayer]]:
+    acts: RecordedOperations, said: list[str], meanwhile: Scene | None = None, rest_s: float = 1.0
+) -> tuple[Scene, list[OperationPlayer]]:
     """A scene in which acts are done again, and the player once it is there."""
-    players: list[ActPlayer] = []
+    players: list[OperationPlayer] = []
 
     async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
         async def ask(request: Mapping[str, object]) -> Mapping[str, object]:
             return await perform(operations, request)
 
-        players.append(ActPlayer(acts, ask, say=said.append))
+        players.append(OperationPlayer(acts, ask, say=said.append))
         async with asyncio.TaskGroup() as tasks:
             if meanwhile is not None:
                 tasks.create_task(_as_coroutine(meanwhile(robot, operations)))
@@ -87,7 +92,7 @@ def deeds(path: Path) -> list[tuple[int, object, object]]:
 
 
 def test_record_replay_record_gives_the_same_acts_and_the_same_robot(tmp_path: Path, lesson: Path) -> None:
-    acts = read_acts(lesson, from_s=0)
+    acts = read_operations(lesson, from_s=0)
     assert acts.left_out == {"undo": 1}
     said: list[str] = []
     scene, players = replay(acts, said)
@@ -116,7 +121,7 @@ def test_record_replay_record_gives_the_same_acts_and_the_same_robot(tmp_path: P
 
     # And once more: what was replayed is replayed to the same.
     (tmp_path / "c").mkdir()
-    scene, _ = replay(read_acts(tmp_path / "b.mcap", from_s=0), said)
+    scene, _ = replay(read_operations(tmp_path / "b.mcap", from_s=0), said)
     record_demo(tmp_path / "c", tmp_path / "c.mcap", scene, sample="rover")
     assert [act for _, act in told(tmp_path / "c.mcap", "/msbot/acts")] == [
         act for _, act in told(tmp_path / "b.mcap", "/msbot/acts")
@@ -124,7 +129,7 @@ def test_record_replay_record_gives_the_same_acts_and_the_same_robot(tmp_path: P
 
 
 def test_parts_and_acts_of_one_recording_keep_time_with_each_other(tmp_path: Path, lesson: Path) -> None:
-    piece, acts = read_piece(lesson, ["ear"]), read_acts(lesson)
+    piece, acts = read_excerpt(lesson, ["ear"]), read_operations(lesson)
     said: list[str] = []
 
     async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
@@ -133,10 +138,10 @@ def test_parts_and_acts_of_one_recording_keep_time_with_each_other(tmp_path: Pat
 
         hub = InprocHub()
         robot.master.add_link(hub.server)
-        player = Player(
+        player = ReplayPlayer(
             piece, say=said.append, warn=said.append, random=Random(7), is_own_stop=lambda: actor.holds_stop
         )
-        actor = ActPlayer(
+        actor = OperationPlayer(
             acts, ask, say=said.append, begin_ns=piece.begin_ns, may_go=lambda: player.is_going or player.ended
         )
         async with asyncio.TaskGroup() as tasks:
@@ -173,7 +178,7 @@ def test_a_stop_of_somebody_else_holds_the_replay_and_is_never_ended_by_it(tmp_p
         held.append(robot.master.stop.stopped)
         await operations.do("go", who="Dee")
 
-    scene, players = replay(read_acts(lesson), said, beside)
+    scene, players = replay(read_operations(lesson), said, beside)
     record_demo(tmp_path, tmp_path / "b.mcap", scene, sample="rover")
     assert held == [True]
     assert said == [
@@ -197,7 +202,7 @@ def test_what_does_not_fit_the_robot_is_refused_in_a_sentence(
     tmp_path: Path, operation: str, arguments: dict[str, object], sentence: str
 ) -> None:
     said: list[str] = []
-    acts = RecordedActs((RecordedAct(NS, "Ada", operation, arguments),), NS, {}, "")
+    acts = RecordedOperations((RecordedOperation(NS, "Ada", operation, arguments),), NS, {}, "")
     scene, players = replay(acts, said, rest_s=0.1)
     record_demo(tmp_path, tmp_path / "b.mcap", scene, sample="rover")
     (words,) = said
@@ -207,8 +212,8 @@ def test_what_does_not_fit_the_robot_is_refused_in_a_sentence(
 
 def test_a_piece_without_acts_is_refused(lesson: Path) -> None:
     with pytest.raises(ConfigError, match="nobody did anything in that time"):
-        read_acts(lesson, from_s=0.0, to_s=1.0)
-    assert read_acts(lesson, from_s=4.0).acts[0].operation == "unbind"
+        read_operations(lesson, from_s=0.0, to_s=1.0)
+    assert read_operations(lesson, from_s=4.0).acts[0].operation == "unbind"
 
 
 def test_a_stop_that_was_not_said_by_the_operation_is_an_act_too(tmp_path: Path) -> None:
@@ -222,7 +227,7 @@ def test_a_stop_that_was_not_said_by_the_operation_is_an_act_too(tmp_path: Path)
         await asyncio.sleep(1)
 
     record_demo(tmp_path, tmp_path / "a.mcap", scene, sample="rover")
-    acts = read_acts(tmp_path / "a.mcap").acts
+    acts = read_operations(tmp_path / "a.mcap").acts
     assert [(act.who, act.operation, act.arguments) for act in acts] == [
         ("Ada", "stop", {"reason": "a finger"}),
         ("Cy", "go", {}),

@@ -25,7 +25,7 @@ from msbot.recording.recorder.recording_file import (
 )
 from msbot.recording.recorder.storing import RETRY_S, Storing
 from msbot.recording.recordings.cutting import write_cut
-from msbot.recording.recordings.reading import RecordingReader, ended_ns
+from msbot.recording.recordings.mcap_reader import RecordingReader, ended_ns
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, channel, messages, sample, store
 

@@ -18,8 +18,8 @@ from msbot.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.connection import LocalWorldConnection
 from msbot.sim.arena.running_arena import RunningArena
+from msbot.sim.arena.world_connection import LocalWorldConnection
 from msbot.sim.arena.world_reader import open_world
 from msbot_agent.link import InprocHub, LinkInfo
 from msbot_school.demo import DemoRobot

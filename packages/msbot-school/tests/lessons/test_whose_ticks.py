@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.rights import Asker, Role
+from msbot.operations.rights import Principal, Role
 from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.doing import Doing
@@ -68,8 +68,8 @@ def test_a_question_waits_for_the_robot_only() -> None:
     assert done.ticked == {"1.1": 0.0, "1.2": 6.0, "2.1": 5.0}
 
 
-def pupil(stage: LessonStage, name: str) -> Asker:
-    return Asker(name, lambda _right: None, lambda right: right.least.value <= Role.STUDENT.value)
+def pupil(stage: LessonStage, name: str) -> Principal:
+    return Principal(name, lambda _right: None, lambda right: right.least.value <= Role.STUDENT.value)
 
 
 def play(stage: LessonStage, who: str, *, plugged: bool) -> None:

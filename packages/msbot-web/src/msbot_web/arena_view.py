@@ -12,7 +12,7 @@ from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.sim.arena.arena import Nearby
-    from msbot.sim.arena.robot import ArenaRobot
+    from msbot.sim.arena.arena_robot import ArenaRobot
     from msbot.sim.arena.running_arena import RunningArena
 
 
@@ -76,7 +76,7 @@ class ArenaView:
 
     def picture(self) -> str:
         """The world as it began, as SVG."""
-        from msbot.sim.arena.drawing import world_svg
+        from msbot.sim.arena.world_drawing import world_svg
 
         return world_svg(self._world.arena.plan)
 

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from msbot.config import Library
 from msbot.doctor.finding import PAGE_PORT, Examined
 from msbot.master import Master
-from msbot.metrics import Collecting, DatabaseFigures, MetricsSampler, MomentFigures, PageFigures
+from msbot.metrics import DatabaseFigures, MetricsCollector, MetricsSampler, MomentFigures, PageFigures
 from msbot.operations.blocking import known_object
 from msbot.operations.dispatch import RunningOperations
 from msbot.part import Message
@@ -129,7 +129,7 @@ class RobotPages:
         )
         self._noting = MetricsSampler(master.agent, master)
         self._is_noting = asyncio.Event()
-        self._collecting = Collecting(
+        self._collecting = MetricsCollector(
             master.agent,
             master=master,
             page=self.figures,

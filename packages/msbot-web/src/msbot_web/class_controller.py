@@ -7,7 +7,7 @@ from typing import Protocol
 
 from msbot.config import groups_by_slots
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.rights import Asker, Right, Role
+from msbot.operations.rights import Principal, Right, Role
 from msbot.registry import ProgramSource
 from msbot.registry.reserved_names import check_name
 from msbot_agent.text.sentence import counted, said
@@ -156,7 +156,7 @@ class ClassController:
 
     # Accounts and tickets
 
-    async def add(self, session: Session, text: str, days: int, who: Asker) -> list[PupilTicket]:
+    async def add(self, session: Session, text: str, days: int, who: Principal) -> list[PupilTicket]:
         """Make accounts from a list, a name on each line, after a semicolon the group: all of them, or none.
 
         Raises:
@@ -229,7 +229,7 @@ class ClassController:
         self.passes.turn_away(name)
         return ChangeResult(words=said("{name} is not let in", name=name))
 
-    async def make_groups(self, session: Session, who: Asker) -> ChangeResult:
+    async def make_groups(self, session: Session, who: Principal) -> ChangeResult:
         """Make the groups that the names of the slots tell; pupils stay where they are.
 
         Raises:

@@ -12,7 +12,7 @@ import jinja2
 from jinja2 import BaseLoader, Environment, StrictUndefined, Template, TemplateNotFound
 from markupsafe import Markup
 
-from msbot_agent.startup.bytecode_cache import kept_names
+from msbot_agent.startup.bytecode_cache import cached_definitions
 from msbot_web.root_path import root
 
 __all__ = ["Markup", "render"]
@@ -33,7 +33,7 @@ class _KeptTemplates(BaseLoader):
             return environment.compile(octets.decode(), name, str(path), raw=True, defer_init=True)
 
         try:
-            names = kept_names(path, to_python, f"Jinja {jinja2.__version__} {ways}")
+            names = cached_definitions(path, to_python, f"Jinja {jinja2.__version__} {ways}")
         except FileNotFoundError:
             raise TemplateNotFound(name) from None
         return environment.template_class.from_module_dict(environment, names, globals or {})

@@ -21,7 +21,7 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
-from msbot_agent.startup.bytecode_cache import kept_names
+from msbot_agent.startup.bytecode_cache import cached_definitions
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -146,7 +146,7 @@ def read_catalogue(entry: Traversable) -> Language:
         KeyError: its head does not say what the language is called, or how it writes numbers.
     """
     if isinstance(entry, Path):
-        kept = kept_names(entry, _po_to_python, "PO 1")
+        kept = cached_definitions(entry, _po_to_python, "PO 1")
         about, texts = kept["about"], kept["texts"]
     else:  # in an archive
         about, texts = _read_po(entry.read_text("utf-8"))

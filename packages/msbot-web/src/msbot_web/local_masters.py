@@ -1,6 +1,6 @@
 """The masters on this computer, for the class view: who is there, and one STOP for all.
 
-They are asked over STOP's own socket (`msbot.stop.asking`), all at once and in a thread, so that a master
+They are asked over STOP's own socket (`msbot.stop.stop_request`), all at once and in a thread, so that a master
 that hangs keeps no page waiting.
 """
 
@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from urllib.parse import urlsplit
 
-from msbot.stop.asking import SilentMaster, ask_masters
-from msbot_agent.text.given_file import told_count
+from msbot.stop.stop_request import SilentMaster, ask_masters
+from msbot_agent.text.untrusted_input import parse_count
 from msbot_xrce.lazy import dataclass
 
 MOST_TEXT = 4096
@@ -94,7 +94,7 @@ class LocalMasters:
         return StopForAll(
             told=tuple(str(answer.get("robot", "")) for answer in taken),
             confirmed=sum(len(found) for answer in taken if isinstance(found := answer.get("confirmed"), list)),
-            parts=sum(told_count(answer.get("told")) for answer in taken),
+            parts=sum(parse_count(answer.get("told")) for answer in taken),
             silent=len(silent) + len(answers) - len(taken),
             waiting=tuple(
                 f"{answer.get('robot', '')} ({', '.join(map(str, names))})"
@@ -114,8 +114,8 @@ def _neighbour(answer: Mapping[str, object]) -> LocalMaster:
         text("robot"),
         text("serial_number"),
         _link_to(text("page")),
-        told_count(answer.get("slots")),
-        told_count(answer.get("active")),
+        parse_count(answer.get("slots")),
+        parse_count(answer.get("active")),
         answer.get("stopped") is True,
         text("database"),
         text("version"),

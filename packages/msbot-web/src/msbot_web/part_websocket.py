@@ -14,7 +14,7 @@ from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from msbot.operations.rights import Right
-from msbot_agent.link import Visitor
+from msbot_agent.link import ConnectionUser
 from msbot_agent.link.net import PART_PATH, SocketPeer, WebSocketServerLink
 from msbot_agent.text.sentence import said
 from msbot_web.access.accounts import Accounts
@@ -63,7 +63,7 @@ class PartWebSocket:
             return
         try:
             address = socket.client.host if socket.client else ""
-            peer = self._link.join(Visitor(session.name, address, pupil))
+            peer = self._link.join(ConnectionUser(session.name, address, pupil))
         except LinkFull as error:
             await socket.close(REFUSED, _short(tell(str(error))))
             return

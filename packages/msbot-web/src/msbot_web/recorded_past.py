@@ -11,9 +11,9 @@ from typing import Final
 from msbot.config import Library
 from msbot.process.persistent_worker import PersistentWorker
 from msbot.process.worker_pool import TooMuchWork, WorkerPool, WorkLimits
-from msbot.recording.curves.reading import ReadCurves, read_curves, ring_files
+from msbot.recording.curves.curve_reader import ReadCurves, read_curves, ring_files
 from msbot.recording.recorder.recording_file import file_began_s
-from msbot.recording.recordings.reading import NS, RecordedMessage, RecordingReader
+from msbot.recording.recordings.mcap_reader import NS, RecordedMessage, RecordingReader
 from msbot_agent.text.sentence import said
 from msbot_web.recorded_snapshot import HISTORY_S, KnownEndpoint, RecordedSnapshot, SnapshotBuilder
 from msbot_xrce.errors import ConfigError

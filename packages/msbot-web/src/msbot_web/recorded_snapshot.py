@@ -12,20 +12,20 @@ from typing import Final
 
 from msbot.config import Binding, Blueprint, Direction, Library, RobotProfile, Scalar, Slot, SlotPort
 from msbot.part import Message
-from msbot.part.join.plug import Nature
+from msbot.part.join.pnp_messages import Nature
 from msbot.pnp import KnownObject, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopConfirmation, StopStatus
 from msbot.recording.curves.curve import number_of
 from msbot.recording.recorder.batch import BITRATE, BLUEPRINT, DATA_BITRATE, MEASURED, SHOWN
 from msbot.recording.recorder.recording_file import ENCAPSULATION
 from msbot.recording.recorder.schemas import FRAME
-from msbot.recording.recordings.reading import FRAMES, NS, OWN, RecordedMessage
+from msbot.recording.recordings.mcap_reader import FRAMES, NS, OWN, RecordedMessage
 from msbot.recording.recordings.summary import frame_of
 from msbot.sim import message_class
 from msbot_agent.link.can.protocol import busy_seconds
 from msbot_agent.space import MemorySpace, Sample
-from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import from_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_web.api.bus_models import BusFigures, FrameLine
 from msbot_web.api.models import Robot, SlotCard, TopicLine, WirePort
 from msbot_web.frame_ring import FrameRing, FrameRow

@@ -29,8 +29,8 @@ from starlette.staticfiles import StaticFiles
 from msbot_agent.link.net import WebSocketServerLink
 from msbot_agent.log import write_by_root_alone
 from msbot_agent.pace import ConnectionPace, ProtocolAcceptor
-from msbot_agent.text.given_file import LARGEST_PEM, read_given
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import LARGEST_PEM, read_input_file
 from msbot_web.access.access_middleware import ANY_ADDRESS, STOP_PATH, AccessMiddleware, cookie_names
 from msbot_web.access.reverse_proxies import ProxyHeadersMiddleware, TrustedProxies
 from msbot_web.access.sign_in_pages import make_forms
@@ -353,7 +353,7 @@ def _tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
     try:
         for file in (certificate, key):
             if file is not None:
-                read_given(file, LARGEST_PEM, "a PEM file")
+                read_input_file(file, LARGEST_PEM, "a PEM file")
         context.load_cert_chain(certificate, key, _no_password(key or certificate))
     except ssl.SSLError as error:
         raise ConfigError(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from msbot.metrics import MomentFigures
 from msbot.operations.dispatch import RunningOperations
 from msbot.operations.operation import Outcome
-from msbot.operations.rights import Asker, Right, role_named
+from msbot.operations.rights import Principal, Right, role_named
 from msbot.registry import EditRecord
 from msbot.sim.arena.running_arena import RunningArena
 from msbot_agent.text.sentence import counted, said
@@ -232,14 +232,14 @@ class Service:
 
     # Doing
 
-    def asker(self, session: Session) -> Asker:
+    def asker(self, session: Session) -> Principal:
         """Who asks for an operation: `operations.do` checks the right at that moment."""
         robot = self._robot()
         place = (
             said("a program with an API token") if session.is_program else said("the page of {robot}", robot=robot.name)
         )
         require, since_ns = partial(self.accounts.require, session), self.accounts.since_ns(session)
-        return Asker(session.name, require, session.may, place, since_ns)
+        return Principal(session.name, require, session.may, place, since_ns)
 
     # Doing: students
 

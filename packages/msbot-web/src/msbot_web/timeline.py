@@ -24,9 +24,9 @@ from msbot.recording.curves.curve import (
     port_curve,
     setting_curve,
 )
-from msbot.recording.curves.reading import units_of
+from msbot.recording.curves.curve_reader import units_of
 from msbot.recording.recorder.measuring import Acks, Beats, Lateness
-from msbot_agent.agent import Worst
+from msbot_agent.agent import Maximum
 from msbot_web.live_values import HISTORY_S, LiveValues
 from msbot_xrce.lazy import dataclass
 
@@ -148,7 +148,7 @@ class LiveCurves:
         self._frames = frames
         self._clock = clock
         self._lateness = Lateness()
-        self._latency = Worst()
+        self._latency = Maximum()
         master.agent.latency.on_delivery(self._latency.add)
         self._acks = Acks(master.agent)
         self._measured: dict[str, deque[Point]] = {}

@@ -14,10 +14,10 @@ from dataclasses import replace
 
 from msbot.config import Library
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.rights import Asker, Right
+from msbot.operations.rights import Principal, Right
 from msbot_agent.startup.extensions import own_version
-from msbot_agent.text.given_file import told_count
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import parse_count
 from msbot_school.classroom.class_robots import ClassRobot, database_mark
 from msbot_school.classroom.remote_masters import Answer
 from msbot_web.access.accounts import Accounts
@@ -61,7 +61,7 @@ class WholeClass:
         clock: Callable[[], float],
         neighbours: LocalMasters,
         library: Callable[[], Library],
-        asker: Callable[[Session], Asker],
+        asker: Callable[[Session], Principal],
         far: RemoteRobots | None = None,
     ) -> None:
         self._operations = operations
@@ -186,14 +186,14 @@ def is_in_class(tile: RobotTile, group: str, database: str) -> bool:
 def together(here: StopForAll, far: Sequence[RemoteStop]) -> StopForAll:
     """One STOP, here and elsewhere; who has not answered is named, and nothing is assumed of it."""
     taken = [(one.robot, one.answer) for one in far if one.answer is not None and one.answer.get("stopped")]
-    known = [(robot, answer, told_count(told)) for robot, answer in taken if (told := answer.get("told")) is not None]
+    known = [(robot, answer, parse_count(told)) for robot, answer in taken if (told := answer.get("told")) is not None]
     waiting = [f"{robot} ({_not_confirmed(answer)})" for robot, answer, _ in known if answer.get("not_confirmed")]
     return replace(
         here,
         told=(*here.told, *(robot for robot, _ in taken)),
         parts=here.parts + sum(told for *_, told in known),
         confirmed=here.confirmed
-        + sum(max(0, told - told_count(answer.get("not_confirmed"))) for _, answer, told in known),
+        + sum(max(0, told - parse_count(answer.get("not_confirmed"))) for _, answer, told in known),
         waiting=(*here.waiting, *waiting, *(robot for robot, answer in taken if answer.get("told") is None)),
         not_stored=(*here.not_stored, *(robot for robot, answer in taken if answer.get("stored") is False)),
         not_told=tuple(

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from msbot.part.join.plug import Nature
+from msbot.part.join.pnp_messages import Nature
 from msbot.pnp import PartInfo, PartState
 from msbot_web.html import render
 from msbot_web.slot_cards import part_line

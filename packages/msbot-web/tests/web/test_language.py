@@ -12,7 +12,7 @@ from starlette.requests import HTTPConnection
 
 from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
 from msbot.doctor import Finding
-from msbot.doctor.checks.robot import check_robot
+from msbot.doctor.checks.robot_checks import check_robot
 from msbot.registry.maintenance.upkeep import check_backup
 from msbot_agent.text.sentence import counted, said
 from msbot_web.api.models import JournalLine

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 
-from msbot.stop.asking import SilentMaster
+from msbot.stop.stop_request import SilentMaster
 from msbot_web.api.class_models import RobotTile
 from msbot_web.local_masters import LocalMaster, LocalMasters
 from msbot_web.pages.classroom import _for_visitor

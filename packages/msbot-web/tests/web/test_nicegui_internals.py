@@ -46,7 +46,7 @@ def test_only_the_folder_uses_what_is_inside_nicegui() -> None:
 
 def test_only_the_folder_changes_how_the_page_starts() -> None:
     package = Path(server.__file__).parent
-    words = ("gc.freeze", "setswitchinterval", "load_late(", 'leave_out("')
+    words = ("gc.freeze", "setswitchinterval", "load_lazily(", 'leave_out("')
     users = {path for path in package.rglob("*.py") for word in words if word in path.read_text()}
     assert users == {FOLDER / "startup.py"}
 

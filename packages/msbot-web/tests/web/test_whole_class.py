@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from msbot_agent.text.given_file import read_told
+from msbot_agent.text.untrusted_input import read_program_json
 from msbot_school.classroom.class_robots import ClassRobot, RemoteRobot, database_mark
 from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from msbot_web import remote_robots
@@ -155,7 +155,7 @@ def answering(answer: dict[str, object]) -> Ask:
 async def test_a_master_that_answers_nonsense_breaks_neither_the_class_nor_its_stop(odd: bytes) -> None:
     usual: dict[str, object] = {"robot": "R", "slots": 3, "stopped": True, "told": 2, "not_confirmed": 1}
     for name in SAID:
-        answer = read_told(json.dumps({**usual, name: "ODD"}).encode().replace(b'"ODD"', odd))
+        answer = read_program_json(json.dumps({**usual, name: "ODD"}).encode().replace(b'"ODD"', odd))
         masters = LocalMasters(answering(answer))
         tiles = with_neighbours([], await masters.look(), DATABASE)
         known = RemoteRobot(RemoteAccess(PAGE, "t", "R", "1"), answer)
@@ -172,4 +172,4 @@ async def test_a_master_that_answers_nonsense_breaks_neither_the_class_nor_its_s
 @pytest.mark.parametrize("octets", [b"[" * 900 + b"]" * 900, b"[" * 100_000], ids=["900", "without end"])
 def test_an_answer_is_no_deeper_than_can_be_read(octets: bytes) -> None:
     with pytest.raises(ValueError, match=r"nested too deeply|Expecting value"):
-        read_told(octets)
+        read_program_json(octets)

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import can
-from msbot.cli.bus.bus import command
+from msbot.cli.bus.bus_commands import command
 from msbot_agent.link.can.sim.python_can_interface import MsbotBus
 from msbot_xrce.errors import MsbotError
 

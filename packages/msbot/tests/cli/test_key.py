@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.key import command, qr_code
 from msbot.config import SAMPLES, load_blueprint, load_library, parse_blueprint, write_sample
-from msbot.part.join.keys import given_key, parse_key
+from msbot.part.join.part_keys import given_key, parse_key
 from msbot.part.join.uid import uid_on_board
 from msbot.pnp import Claim, PartEvent, PartState
 from msbot.registry import open_registry

@@ -11,7 +11,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from msbot_agent.cli.services import Beside, CommandService, ServedCommand, WantedService, wanted_services
+from msbot_agent.cli.command_services import Beside, CommandService, ServedCommand, WantedService, wanted_services
 from msbot_agent.startup.extensions import Extension, Extensions
 from msbot_xrce.errors import ConfigError
 

@@ -7,7 +7,7 @@ import pytest
 
 from msbot.config import PRESETS, SAMPLE_ROBOT_TOML, load_blueprint, load_library, standard_message_types
 from msbot.config.blueprint.check import RESERVED_TOPICS
-from msbot.config.library.library import _shipped
+from msbot.config.library.part_library import _shipped
 from msbot_agent.toml.table import Table
 from tests import ROOT
 

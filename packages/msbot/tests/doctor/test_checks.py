@@ -9,13 +9,13 @@ import pytest
 
 from msbot.config import NOBODY, Binding, Options, SlotPort
 from msbot.doctor import Finding, Unavailable
-from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
-from msbot.doctor.checks.installation import check_access, check_packages, check_python
-from msbot.doctor.checks.machine import check_clock, check_disk
-from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
-from msbot.doctor.checks.robot import check_robot, loops
-from msbot.doctor.checks.stop import check_stop
-from msbot.doctor.checks.storage import check_database
+from msbot.doctor.checks.bus_checks import check_can, check_i2c, check_serial
+from msbot.doctor.checks.installation_checks import check_access, check_packages, check_python
+from msbot.doctor.checks.machine_checks import check_clock, check_disk
+from msbot.doctor.checks.network_checks import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
+from msbot.doctor.checks.robot_checks import check_robot, loops
+from msbot.doctor.checks.stop_checks import check_stop
+from msbot.doctor.checks.storage_checks import check_database
 from msbot.doctor.facts import Device, NetInterface, OddFolder, PackageNeed, PartSeen, PortUse, ZenohFacts
 from msbot.operations.arguments import read_arguments
 from msbot.operations.table import OPERATIONS

@@ -18,19 +18,26 @@ from click.testing import CliRunner
 from msbot.cli.doctor import command
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.doctor import CHECKS, Check, Examined, Finding, examine
-from msbot.doctor.checks.installation import check_packages
-from msbot.doctor.checks.robot import check_robot
-from msbot.doctor.checks.stop import check_stop
+from msbot.doctor.checks.installation_checks import check_packages
+from msbot.doctor.checks.robot_checks import check_robot
+from msbot.doctor.checks.stop_checks import check_stop
+from msbot.doctor.collectors.installation_facts import packages
+from msbot.doctor.collectors.network_facts import (
+    bound_ports,
+    iptables_rules,
+    missing_files,
+    nft_rules,
+    ports,
+    ufw_ports,
+)
+from msbot.doctor.collectors.robot_facts import robot
+from msbot.doctor.collectors.stop_facts import stop
+from msbot.doctor.collectors.storage_facts import database, network_drive, newest_backup_s
 from msbot.doctor.facts import PackageNeed
 from msbot.doctor.finding import CannotSee, NotNeeded
-from msbot.doctor.gather.installation import packages
-from msbot.doctor.gather.network import bound_ports, iptables_rules, missing_files, nft_rules, ports, ufw_ports
-from msbot.doctor.gather.robot import robot
-from msbot.doctor.gather.stop import stop
-from msbot.doctor.gather.storage import database, network_drive, newest_backup_s
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
-from msbot.stop import places as stop_places
+from msbot.stop import socket_folders as stop_places
 from msbot_agent.space import parse_space
 from msbot_xrce.errors import ConfigError
 

@@ -7,8 +7,8 @@ from zlib import crc32
 from msbot.config import Blueprint, Library, SlotPort, load_blueprint, load_library
 from msbot.master import Master
 from msbot.part import Part
-from msbot.part.join.keys import prove
-from msbot.part.join.plug import ProfileMessage
+from msbot.part.join.part_keys import prove
+from msbot.part.join.pnp_messages import ProfileMessage
 from msbot.part.messages.standard import Switch
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, RobotRecord, open_registry
@@ -41,7 +41,7 @@ from msbot_agent.link.can.protocol.ids import (
 )
 from msbot_agent.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin, ComponentState, Joined
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
-from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimCanBus
 from msbot_xrce import compression as compact
 from msbot_xrce.compression import DICTIONARY
 from msbot_xrce.counting import Tally

@@ -19,7 +19,7 @@ from msbot.hardware.drivers.lcd1602 import character
 from msbot.hardware.drivers.light import bh1750_lux, colour_octet, tcs34725_lux
 from msbot.pnp import PartState
 from msbot_agent.link import Peer
-from msbot_agent.link.disturbed import DisturbedLink
+from msbot_agent.link.disturbed_link import DisturbedLink
 from tests.hardware.chips import Bus, Chip, bh1750, bmp280, ina219, mpu6050, tcs34725
 from tests.hardware.robot import Bench, machine_at, play
 from tests.sim.robot import LIBRARY

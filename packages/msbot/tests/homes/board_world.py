@@ -12,7 +12,7 @@ from typing import Any
 from msbot import Message
 from msbot.config import Direction, Options, Slot, load_library, scalar_text
 from msbot.part import Part
-from msbot.part.join.plug import safe_setting
+from msbot.part.join.pnp_messages import safe_setting
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.sim import message_class
 from tests.homes import runners

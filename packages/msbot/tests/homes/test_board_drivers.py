@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from msbot.config import BOARD_DRIVERS, Direction, FieldKind, ParameterKind, PartType, board_documents, wired_part
 from msbot.config.library.board_document import MOST_OCTETS, board_document
-from msbot.sim.simulated_world import World
+from msbot.sim.part_model import PartModel
 from msbot_xrce.errors import ConfigError
 from tests.homes import micro
 from tests.homes.board_world import LIBRARY
@@ -95,7 +95,7 @@ def test_its_model_says_what_that_of_a_computer_says(number: str, seed: int) -> 
     def fit(port: str, field: str, value: object) -> object:
         return generic.fit(_kind(fields[port][field]), value)
 
-    theirs = World(part_type, Random(1), ideal=True)
+    theirs = PartModel(part_type, Random(1), ideal=True)
     ours = micro.load("model").Model(document, fit)
     spec = part_type.driver.board
     measured = spec.sources[: BOARD_DRIVERS[spec.driver].measured]

@@ -14,23 +14,23 @@ from typing import Protocol
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.master import Master
 from msbot.part import Part
-from msbot.part.join.keys import prove, prove_sealed
-from msbot.part.join.plug import Refusal
+from msbot.part.join.part_keys import prove, prove_sealed
+from msbot.part.join.pnp_messages import Refusal
 from msbot.part.join.seal import Seal
 from msbot.part.join.uid import uid_on_board
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import run_virtual
-from msbot_agent.link import Visitor
+from msbot_agent.link import ConnectionUser
 from msbot_agent.link.byte_frames import SerialReceiver, encode_serial
 from msbot_agent.link.can import CanMasterLink, CanPartLink, Codec
 from msbot_agent.link.can.protocol.frames import Frame, FrameJoiner, split
 from msbot_agent.link.can.sim import SimBus, SimBusDriver
-from msbot_agent.link.can.sim.driver import SimCanBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimCanBus
 from msbot_agent.link.contract import Signal
 from msbot_agent.link.net import SocketPeer, WebSocketServerLink
 from msbot_agent.link.net.udp import UdpServerLink
-from msbot_agent.link.serial.lines import Line, LineServer
+from msbot_agent.link.serial.serial_line import SerialLine, SerialLineServer
 from msbot_xrce import compress, decompress
 from msbot_xrce.compression import DICTIONARY, FIXED
 from msbot_xrce.errors import LinkDown
@@ -253,7 +253,7 @@ class PagePeer:
     async def _carry(self) -> None:
         while True:
             try:
-                peer = self._link.join(Visitor("ann", "10.0.0.7"))
+                peer = self._link.join(ConnectionUser("ann", "10.0.0.7"))
             except LinkDown:
                 await asyncio.sleep(0.1)
                 continue
@@ -266,16 +266,16 @@ class PagePeer:
                     continue
 
 
-class MemoryLines(LineServer):
+class MemoryLines(SerialLineServer):
     """The master's end of a serial line whose other end is a program of ours; no terminal, so virtual time holds."""
 
     def __init__(self) -> None:
         super().__init__("line")
-        self.line: Line | None = None
+        self.line: SerialLine | None = None
         self.written: Callable[[bytes], None] = lambda _: None
 
     async def run(self) -> None:
-        self.line = Line(self, "wire")
+        self.line = SerialLine(self, "wire")
         # Not `self.written` itself: the program's end is put in its place later.
         self.line.connection_made(_Wire(self.line, lambda octets: self.written(octets)))  # noqa: PLW0108
         self._tell(Signal.LINK_UP, None, "open")
@@ -292,7 +292,7 @@ class MemoryLines(LineServer):
 
 
 class _Wire(asyncio.Transport):
-    def __init__(self, line: Line, written: Callable[[bytes], None]) -> None:
+    def __init__(self, line: SerialLine, written: Callable[[bytes], None]) -> None:
         super().__init__()
         self._line = line
         self._written = written

@@ -9,7 +9,7 @@ from random import Random
 
 from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.master import Master
-from msbot.master.fed_agent import AgentOfRemoteMaster
+from msbot.master.remote_agent import RemoteAgent
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartEvent, SlotBinding
 from msbot.process.virtual_time import run_virtual
@@ -25,7 +25,7 @@ HEARS = SlotBinding("hear", "topic", "HelloWorld", publishes=False)
 class FarAgent:
     """An agent, its bus, and its cable to the master."""
 
-    agent: AgentOfRemoteMaster
+    agent: RemoteAgent
     cable: LossyLink
     bus: SimBusDriver
     desk: InprocHub
@@ -109,9 +109,7 @@ def play(
                     return parts.server
                 return CanMasterLink(controller, profile_hash=profile_hash, random=Random(seed + 1))
 
-            made = FarAgent(
-                AgentOfRemoteMaster(open_parts, cable, name=name, say=said.append), cable, driver, parts, said
-            )
+            made = FarAgent(RemoteAgent(open_parts, cable, name=name, say=said.append), cable, driver, parts, said)
             serving = asyncio.create_task(made.agent.run())
             made.end = serving.cancel
             tasks.append(serving)

@@ -18,9 +18,9 @@ import pytest
 from msbot.master import StopSocket, stop_socket
 from msbot.master.stop_socket import MOST_LINES
 from msbot.pnp import StopStatus
-from msbot.stop.asking import ask_masters
-from msbot.stop.names import GROUP_VARIABLE
-from msbot.stop.places import IS_LINUX, IS_THERE, open_folder, own_user
+from msbot.stop.socket_folders import IS_LINUX, IS_THERE, open_folder, own_user
+from msbot.stop.socket_names import GROUP_VARIABLE
+from msbot.stop.stop_request import ask_masters
 from msbot_agent.process.end_signals import run_to_end
 from tests.runtime.stop_stage import PATIENCE_S, own_places
 

@@ -21,8 +21,8 @@ from msbot.master import Master
 from msbot.metrics import (
     AgentFigures,
     Buckets,
-    Collecting,
     DatabaseFigures,
+    MetricsCollector,
     MetricsSampler,
     MetricsServer,
     MomentFigures,
@@ -30,7 +30,7 @@ from msbot.metrics import (
     RobotFigures,
 )
 from msbot.metrics.figures import BusLoad, LinkFigures, meter_of
-from msbot.metrics.serving import exposition
+from msbot.metrics.metrics_server import exposition
 from msbot_agent.agent import Agent
 from msbot_agent.link import Link, LinkInfo
 from msbot_agent.link.can import CanBusInfo
@@ -108,12 +108,12 @@ async def test_the_bus_is_measured_without_a_page() -> None:
     assert meter is not None
     frame = Frame(0x101, bytes(8))
     bus.tap(9.5, "here", frame)
-    figures = Collecting(Agent(MemorySpace()), bus=meter)()
+    figures = MetricsCollector(Agent(MemorySpace()), bus=meter)()
     found = values(exposition(lambda: figures)[0])
     assert found["msbot_bus_load_ratio", ("can0",)] == pytest.approx(len(wire_bits(frame)) / 1000)
     assert found["msbot_bus_bitrate", ("can0",)] == 1000
     now[0] = 10.6
-    assert Collecting(Agent(MemorySpace()), bus=meter)().bus == BusLoad("can0", 0.0, 1000)
+    assert MetricsCollector(Agent(MemorySpace()), bus=meter)().bus == BusLoad("can0", 0.0, 1000)
 
 
 def test_the_page_names_every_figure_and_no_other() -> None:
@@ -188,7 +188,7 @@ def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last
 
 async def test_an_agent_is_read_without_looking_at_each_of_its_sessions() -> None:
     agent = Agent(MemorySpace(clock=asyncio.get_running_loop().time))
-    figures = Collecting(agent)()
+    figures = MetricsCollector(agent)()
     assert figures == MomentFigures(agent=AgentFigures((), {}, ()), tasks=1)
 
 
@@ -208,7 +208,7 @@ async def test_two_links_with_any_free_port_are_told_apart_and_each_has_its_sess
             client.connect(("127.0.0.1", two))
             client.send(login)
             await asyncio.get_running_loop().sock_recv(client, 1000)
-        figures = Collecting(agent)().agent
+        figures = MetricsCollector(agent)().agent
         task.cancel()
         await asyncio.wait([task])
     assert figures is not None

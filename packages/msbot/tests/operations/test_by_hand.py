@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from msbot.config import FieldKind
-from msbot.operations.by_hand import _value
+from msbot.operations.manual_control import _value
 from msbot_xrce.errors import ConfigError
 from tests.operations.stage import Stage, play
 

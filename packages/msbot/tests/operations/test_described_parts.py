@@ -11,7 +11,7 @@ from unittest import mock
 from msbot import Level, Light, Message, Part, float32
 from msbot.config import load_library
 from msbot.part.join.joining import JoinState
-from msbot.part.join.plug import DescriptionMessage
+from msbot.part.join.pnp_messages import DescriptionMessage
 from msbot_xrce.messages import STREAM_RELIABLE
 from tests.operations.stage import Stage, play
 

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from msbot.operations.pupils import MOST_HANDS, MOST_PUPILS
-from msbot.operations.rights import Asker, Right, Role
+from msbot.operations.class_operations import MOST_HANDS, MOST_PUPILS
+from msbot.operations.rights import Principal, Right, Role
 from msbot.pnp import Group
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
 RING = ("AA=DIAL", "BB=EFGH", "CC=WXYZ")
 
 
-def pupil(name: str) -> Asker:
+def pupil(name: str) -> Principal:
     """A student who is signed in."""
-    return Asker(name, lambda _: None, lambda right: right.least <= Role.STUDENT)
+    return Principal(name, lambda _: None, lambda right: right.least <= Role.STUDENT)
 
 
 def test_a_group_has_its_slots_for_itself(tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_hands_are_up_in_the_order_of_asking_and_bounded(tmp_path: Path) -> None
 def test_settings_that_ros_nodes_set_together_are_checked_too(tmp_path: Path, right: Right) -> None:
     async def scene(stage: Stage) -> None:
         await stage.do.group("Red", ["ada"], ["AA"], who="novak")
-        who = Asker("ben", lambda _: None, lambda one: one is right)
+        who = Principal("ben", lambda _: None, lambda one: one is right)
         deed = stage.operations.set_together("AA", {"period_s": "2"}, who=who)
         if right is Right.ARRANGE:
             assert (await deed).words

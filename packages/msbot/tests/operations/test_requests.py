@@ -11,7 +11,7 @@ import pytest
 
 from msbot.config import PartType
 from msbot.operations.dispatch import perform
-from msbot.operations.operation import Kept
+from msbot.operations.operation import EditLog
 from msbot.operations.table import OPERATIONS
 from msbot.sim.arena.arena import Arena
 from msbot.sim.arena.running_arena import RunningArena
@@ -190,7 +190,12 @@ def test_a_mistake_is_answered_with_a_sentence(request_: dict[str, object], word
     play(tmp_path, scene)
 
 
-STORED = {Kept.UNDOABLE: "undoable", Kept.CHANGE: "change", Kept.LINE: "line", Kept.NOTHING: ""}
+STORED = {
+    EditLog.UNDOABLE: "undoable",
+    EditLog.CHANGE: "change",
+    EditLog.LINE: "line",
+    EditLog.NOTHING: "",
+}
 
 
 def test_the_reference_has_the_table_of_operations() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from msbot.part.join.plug import Nature
+from msbot.part.join.pnp_messages import Nature
 from tests.operations.stage import Stage, play
 
 KNOB = ('[[slot]]\nname = "AA"', '[[slot]]\nname = "lamp"\npart = "LED"\n\n[[slot]]\nname = "AA"')

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli.change.change import verb
+from msbot.cli.change.change_commands import verb
 from msbot.operations.blocking import Blocking, StoredBlocking
 from msbot.operations.dispatch import RunningOperations
-from msbot.operations.operation import Kept, Where
+from msbot.operations.operation import EditLog, OperationScope
 from msbot.operations.placement import Placement
-from msbot.operations.settings import SlotSettings, Wires
+from msbot.operations.slot_configuration import SlotSettings, Wires
 from msbot.operations.stored_robot import StoredPlacement
 from msbot.operations.table import OPERATIONS
-from msbot.operations.undoing import StoredUndoing
+from msbot.operations.undo_operations import StoredUndoing
 from msbot.registry import EditKind
 from msbot.registry.records import UNDOABLE
 from msbot_agent.cli import COMMANDS
@@ -42,15 +42,15 @@ def test_every_operation_has_its_method_with_the_arguments_of_the_table(tmp_path
 def test_where_an_operation_can_act_is_what_the_table_says() -> None:
     groups = (SlotSettings, StoredUndoing, StoredPlacement, StoredBlocking, Wires)
     stored = {name for name in OPERATIONS if any(hasattr(group, name) for group in groups)}
-    assert stored == {name for name, row in OPERATIONS.items() if row.where is Where.ANYWHERE}
+    assert stored == {name for name, row in OPERATIONS.items() if row.where is OperationScope.ANYWHERE}
     assert {"swap", "block"} <= {name for name in OPERATIONS if hasattr(Placement, name) or hasattr(Blocking, name)}
 
 
 def test_the_journals_words_are_those_of_the_registry() -> None:
     words = {kind.value for kind in EditKind}
     for name, row in OPERATIONS.items():
-        assert (row.journal in words) == (row.kept is not Kept.NOTHING), name
-        assert (row.journal in UNDOABLE) == (row.kept is Kept.UNDOABLE), name
+        assert (row.journal in words) == (row.kept is not EditLog.NOTHING), name
+        assert (row.journal in UNDOABLE) == (row.kept is EditLog.UNDOABLE), name
 
 
 def test_the_path_of_a_call_names_arguments_of_its_operation() -> None:

@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.joining import ExpectedRobot, JoinState
 from msbot.part.messages.message import Message
 from msbot.part.messages.standard import HelloWorld
@@ -34,7 +34,7 @@ class Light(Message):
 class Room:
     """A small master and parts that can be plugged in."""
 
-    def __init__(self, bindings: dict[str, list[plug.PortBinding]]) -> None:
+    def __init__(self, bindings: dict[str, list[pnp_messages.PortBinding]]) -> None:
         self.master = SmallMaster(bindings)
         self.master.start()
         self.tasks: list[asyncio.Task[None]] = []
@@ -53,7 +53,7 @@ class Room:
 
 
 def play(
-    scenario: Callable[[Room], Awaitable[None]], bindings: dict[str, list[plug.PortBinding]] | None = None
+    scenario: Callable[[Room], Awaitable[None]], bindings: dict[str, list[pnp_messages.PortBinding]] | None = None
 ) -> None:
     async def main() -> None:
         room = Room(RING if bindings is None else bindings)
@@ -191,12 +191,12 @@ def test_an_unknown_part_hears_nothing_and_asks_again_every_half_second() -> Non
 
 def test_a_refusal_is_told_in_words() -> None:
     async def scenario(room: Room) -> None:
-        room.master.refuse = plug.Refusal.BLOCKED
+        room.master.refuse = pnp_messages.Refusal.BLOCKED
         part = make_part()
         room.plug(part)
         await asyncio.sleep(0.1)
         assert part.state is JoinState.REFUSED
-        assert part.reason == plug.Refusal.BLOCKED.words
+        assert part.reason == pnp_messages.Refusal.BLOCKED.words
         room.master.refuse = None
         await asyncio.sleep(2.1)
         assert part.state.value == "active"
@@ -308,7 +308,7 @@ def test_a_new_configuration_rebinds_ports_while_the_part_runs() -> None:
         await asyncio.sleep(0.55)
         assert got == [""] * 6
         room.master.bindings = {"ABCD": [publishes("out", "new")], "EFGH": [subscribes("in", "new", reliable=False)]}
-        room.master.settings = [plug.Setting(name="text", value="anew")]
+        room.master.settings = [pnp_messages.Setting(name="text", value="anew")]
         room.master.version = 2
         await asyncio.sleep(1.0)
         assert a.state is b.state is JoinState.ACTIVE

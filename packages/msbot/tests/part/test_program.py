@@ -7,9 +7,9 @@ import logging
 
 import pytest
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.joining import JoinState
-from msbot.part.join.keys import prove
+from msbot.part.join.part_keys import prove
 from msbot.part.messages.standard import HelloWorld
 from msbot.part.part import Part
 from msbot_xrce.errors import ConfigError
@@ -19,18 +19,20 @@ from tests.part.wire import publishes, subscribes
 KEY = bytes(range(16))
 
 
-def setting(name: str, value: str) -> plug.Setting:
-    return plug.Setting(name=name, value=value)
+def setting(name: str, value: str) -> pnp_messages.Setting:
+    return pnp_messages.Setting(name=name, value=value)
 
 
-def notice(kind: plug.NoticeKind, binding: int = plug.NO_BINDING, version: int = 1) -> plug.Notice:
-    return plug.Notice(number=version, binding=binding, kind=kind)
+def notice(
+    kind: pnp_messages.NoticeKind, binding: int = pnp_messages.NO_BINDING, version: int = 1
+) -> pnp_messages.Notice:
+    return pnp_messages.Notice(number=version, binding=binding, kind=kind)
 
 
 async def change(room: Room, number: str) -> None:
     """Have the master's next configuration fetched at once."""
     room.master.version += 1
-    room.master.say(number, plug.BeatReply(configuration_version=room.master.version))
+    room.master.say(number, pnp_messages.BeatReply(configuration_version=room.master.version))
     await asyncio.sleep(0.05)
 
 
@@ -135,7 +137,7 @@ def test_stop_lets_nothing_through_until_go_and_publishing_goes_on() -> None:
         room.plug(a)
         room.plug(b)
         await asyncio.sleep(1.05)
-        room.master.say("EFGH", notice(plug.NoticeKind.STOP))
+        room.master.say("EFGH", notice(pnp_messages.NoticeKind.STOP))
         await asyncio.sleep(0.01)
         assert b.stopped
         assert heard[-1] == "safe"
@@ -144,7 +146,7 @@ def test_stop_lets_nothing_through_until_go_and_publishing_goes_on() -> None:
         assert len(heard) == before
         assert b.counters.held == 10
         assert b.counters.messages_out == out + 10
-        room.master.say("EFGH", notice(plug.NoticeKind.GO))
+        room.master.say("EFGH", notice(pnp_messages.NoticeKind.GO))
         await asyncio.sleep(0.5)
         assert not b.stopped
         assert heard[before:] == ["go"] * 5
@@ -160,14 +162,14 @@ def test_a_part_that_was_stopped_and_joins_anew_is_stopped_until_go() -> None:
         part = make_part()
         room.plug(part)
         await asyncio.sleep(0.3)
-        room.master.say("ABCD", notice(plug.NoticeKind.STOP))
+        room.master.say("ABCD", notice(pnp_messages.NoticeKind.STOP))
         await asyncio.sleep(0.05)
         assert part.stopped
         room.master.parts.clear()
         await asyncio.sleep(2.0)
         assert part.state is JoinState.ACTIVE
         assert part.stopped
-        room.master.say("ABCD", notice(plug.NoticeKind.GO))
+        room.master.say("ABCD", notice(pnp_messages.NoticeKind.GO))
         await asyncio.sleep(0.05)
         assert not part.stopped
 
@@ -184,10 +186,10 @@ def test_a_lost_partner_puts_the_ports_it_fed_into_their_safe_state() -> None:
         room.master.settings = [setting("in.safe.message", "safe")]
         room.plug(part)
         await asyncio.sleep(0.3)
-        lost = plug.NoticeKind.PARTNER_LOST
+        lost = pnp_messages.NoticeKind.PARTNER_LOST
         room.master.say("EFGH", notice(lost, binding=1, version=99))
         room.master.say("EFGH", notice(lost, binding=7))
-        room.master.say("EFGH", notice(plug.NoticeKind.PARTNER_BACK, binding=1))
+        room.master.say("EFGH", notice(pnp_messages.NoticeKind.PARTNER_BACK, binding=1))
         await asyncio.sleep(0.05)
         assert story == []
         room.master.say("EFGH", notice(lost, binding=1))
@@ -221,7 +223,7 @@ def test_a_part_shows_itself_when_asked() -> None:
         part.on_identify(lambda: asked.append(1))
         room.plug(part)
         await asyncio.sleep(0.3)
-        room.master.say("ABCD", notice(plug.NoticeKind.IDENTIFY))
+        room.master.say("ABCD", notice(pnp_messages.NoticeKind.IDENTIFY))
         await asyncio.sleep(0.05)
         assert asked == [1]
 

@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from msbot.part.client.settings import ClientSettings
+from msbot.part.client.client_settings import ClientSettings
 from msbot.part.join.joining import TRANSITIONS, JoinEvent, JoinState
 from msbot.part.part import Part
 from msbot.part.program_runner import PartCounters

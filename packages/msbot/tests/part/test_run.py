@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.part import Part
 from msbot.part.run import run
 from msbot_agent.link.net import UdpServerLink
@@ -45,7 +45,7 @@ run(*parts)
 
 
 @asynccontextmanager
-async def master_on_udp(bindings: dict[str, list[plug.PortBinding]]) -> AsyncIterator[tuple[SmallMaster, str]]:
+async def master_on_udp(bindings: dict[str, list[pnp_messages.PortBinding]]) -> AsyncIterator[tuple[SmallMaster, str]]:
     server = UdpServerLink("127.0.0.1", 0)
     master = SmallMaster(bindings, server=server)
     master.start()

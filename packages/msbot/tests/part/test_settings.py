@@ -7,9 +7,9 @@ import logging
 import pytest
 
 from msbot.part.handler_guard import Guard
-from msbot.part.join.plug import Setting
+from msbot.part.join.pnp_messages import Setting
+from msbot.part.part_settings import DeclaredSettings, Settings, Value, read_value
 from msbot.part.program import Program
-from msbot.part.settings import DeclaredSettings, Settings, Value, read_value
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import ConfigError
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from random import Random
 
-from msbot.part.client.settings import ConnectionState
-from msbot.part.join import plug
+from msbot.part.client.client_settings import ConnectionState
+from msbot.part.join import pnp_messages
 from msbot.part.join.membership import INVENTORY
 from msbot.part.join.refusal import TroublePiece
 from msbot_agent.agent import Agent, Gate, OpenGate, client_key_of
@@ -165,7 +165,7 @@ class _Latching(OpenGate):
     """Newcomers get the profile at once, as in a real master."""
 
     def is_latched(self, topic: str) -> bool:
-        return topic == plug.PROFILE_TOPIC
+        return topic == pnp_messages.PROFILE_TOPIC
 
 
 class SmallMaster:
@@ -174,13 +174,13 @@ class SmallMaster:
     Parts come in at `hub`, or at the server link given. After `kill`, `start` begins anew with nothing remembered.
     """
 
-    def __init__(self, bindings: dict[str, list[plug.PortBinding]], *, server: Link | None = None) -> None:
+    def __init__(self, bindings: dict[str, list[pnp_messages.PortBinding]], *, server: Link | None = None) -> None:
         self.bindings = bindings
         self.profile = ("MSBOT_MASTER", "MSBOT_V1", "X100Y100Z100", "8-4-2021", "MASSEY")
-        self.refuse: plug.Refusal | None = None
+        self.refuse: pnp_messages.Refusal | None = None
         """Refuse claims, and say so."""
         self.version = 1
-        self.settings: list[plug.Setting] = []
+        self.settings: list[pnp_messages.Setting] = []
         self.beat_ms = 1000
         self.answers_beats = True
         self.requests: list[tuple[str, str]] = []
@@ -213,7 +213,7 @@ class SmallMaster:
         self.agent = agent
         self.client = HearingClient(own.connect(), key=0x4D000001, random=Random(1))
         participant = self.client.create_participant("master")
-        topic = self.client.create_topic(participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
+        topic = self.client.create_topic(participant, pnp_messages.PROFILE_TOPIC, pnp_messages.PROFILE_TYPE)
         publisher = self.client.create_publisher(participant)
         self._writer = self.client.create_writer(publisher, topic, EndpointQos(transient_local=True, depth=1))
         self._replier = self.client.create_replier(participant, INVENTORY)
@@ -229,14 +229,14 @@ class SmallMaster:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    def say(self, number: str, message: plug.Reply) -> None:
+    def say(self, number: str, message: pnp_messages.Reply) -> None:
         """Say something to a part that did not ask."""
         self.client.reply(self._replier, self.askers[number] + bytes(8), message.encode())
 
     def publish_profile(self) -> None:
         """Say who the robot is."""
         name, version, serial, released, make = self.profile
-        message = plug.ProfileMessage(index=1, message=name, name=version, id=serial, dof=released, make=make)
+        message = pnp_messages.ProfileMessage(index=1, message=name, name=version, id=serial, dof=released, make=make)
         self.client.write(self._writer, message.encode())
 
     def _connected(self, state: ConnectionState, _reason: str) -> None:
@@ -245,74 +245,88 @@ class SmallMaster:
 
     def _requested(self, _object_id: int, _request_id: int, identity: bytes, body: bytes) -> None:
         try:
-            request = plug.decode_request(body)
+            request = pnp_messages.decode_request(body)
         except RemoteProtocolError:
             self.requests.append(("rubbish", body.hex()))
             return
-        if isinstance(request, plug.ClaimMessage):
+        if isinstance(request, pnp_messages.ClaimMessage):
             self.askers[request.part_number] = identity[:16]
         answer = self._answer(request, client_key_of(identity[:16]))
         if answer is not None and self.client.has_room():
             self.client.reply(self._replier, identity, answer.encode())
 
-    def _answer(self, request: plug.Request, key: int) -> plug.Reply | None:
+    def _answer(self, request: pnp_messages.Request, key: int) -> pnp_messages.Reply | None:
         assert key
         match request:
-            case plug.ClaimMessage(part_number=number):
+            case pnp_messages.ClaimMessage(part_number=number):
                 self.requests.append(("claim", number))
-                return self._verdict(number) if self.nonce is None else plug.Challenge(nonce=self.nonce)
-            case plug.Proof(proof=proof) | plug.SealedProof(proof=proof):
+                return self._verdict(number) if self.nonce is None else pnp_messages.Challenge(nonce=self.nonce)
+            case pnp_messages.Proof(proof=proof) | pnp_messages.SealedProof(proof=proof):
                 self.requests.append(("proof", ""))
                 self.proofs.append(proof)
                 return self._verdict(next(iter(self.bindings)))
-            case plug.Beat(lease=lease) | plug.StoppedBeat(lease=lease):
+            case pnp_messages.Beat(lease=lease) | pnp_messages.StoppedBeat(lease=lease):
                 self.requests.append(("beat", self.parts.get(lease, "")))
                 known = lease in self.parts
                 return (
-                    plug.BeatReply(configuration_version=self.version if known else 0) if self.answers_beats else None
+                    pnp_messages.BeatReply(configuration_version=self.version if known else 0)
+                    if self.answers_beats
+                    else None
                 )
-            case plug.DescriptionMessage(text=text):
+            case pnp_messages.DescriptionMessage(text=text):
                 self.requests.append(("description", text.rstrip()))
                 return None
-            case plug.NatureMessage(lease=lease, nature=nature):
+            case pnp_messages.NatureMessage(lease=lease, nature=nature):
                 self.requests.append((f"nature {nature}", self.parts.get(lease, "")))
                 return None
             case TroublePiece(lease=lease, place=place):
                 self.requests.append((f"trouble {place}", self.parts.get(lease, "")))
                 return None
-            case plug.ConfigurationRequest(lease=lease):
+            case pnp_messages.ConfigurationRequest(lease=lease):
                 number = self.parts.get(lease, "")
                 self.requests.append(("configuration", number))
                 self.configured.add(key)
-                return plug.ConfigurationMessage(
+                return pnp_messages.ConfigurationMessage(
                     version=self.version,
                     slot=f"slot of {number}",
                     bindings=self.bindings[number],
                     settings=self.settings,
                 )
 
-    def _verdict(self, number: str) -> plug.VerdictMessage | None:
+    def _verdict(self, number: str) -> pnp_messages.VerdictMessage | None:
         if self.refuse is not None:
-            return plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=self.refuse)
+            return pnp_messages.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=self.refuse)
         if number not in self.bindings:
             return None
         lease = self._next_lease
         self._next_lease += 1
         self.parts[lease] = number
-        return plug.VerdictMessage(lease=lease, configuration_version=self.version, beat_period_ms=self.beat_ms)
+        return pnp_messages.VerdictMessage(lease=lease, configuration_version=self.version, beat_period_ms=self.beat_ms)
 
 
-def publishes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:
+def publishes(
+    port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True
+) -> pnp_messages.PortBinding:
     """A binding of a port that sends."""
-    return plug.PortBinding(
-        port=port, topic=topic, topic_type=type_name, direction=plug.BindingDirection.PUBLISH, reliable=int(reliable)
+    return pnp_messages.PortBinding(
+        port=port,
+        topic=topic,
+        topic_type=type_name,
+        direction=pnp_messages.BindingDirection.PUBLISH,
+        reliable=int(reliable),
     )
 
 
-def subscribes(port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True) -> plug.PortBinding:
+def subscribes(
+    port: str, topic: str, type_name: str = "HelloWorld", *, reliable: bool = True
+) -> pnp_messages.PortBinding:
     """A binding of a port that receives."""
-    return plug.PortBinding(
-        port=port, topic=topic, topic_type=type_name, direction=plug.BindingDirection.SUBSCRIBE, reliable=int(reliable)
+    return pnp_messages.PortBinding(
+        port=port,
+        topic=topic,
+        topic_type=type_name,
+        direction=pnp_messages.BindingDirection.SUBSCRIBE,
+        reliable=int(reliable),
     )
 
 

@@ -8,11 +8,10 @@ from functools import partial
 from random import Random
 
 from msbot.part import Client, ServiceNames
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import (
     PROFILE_TOPIC,
     PROFILE_TYPE,
-    Access,
     Inventory,
     InventoryService,
     Keys,
@@ -20,6 +19,7 @@ from msbot.pnp import (
     MemoryStore,
     PartState,
     Profile,
+    RobotGate,
 )
 from msbot.pnp import thesis_programs as compat
 from msbot_agent.agent import Agent
@@ -28,7 +28,9 @@ from msbot_agent.space import MemorySpace
 from msbot_xrce.messages import STREAM_BEST_EFFORT
 from tests.pnp.robot import uid
 
-INVENTORY = ServiceNames(plug.INVENTORY_SERVICE, plug.INVENTORY_REQUEST_TYPE, plug.INVENTORY_REPLY_TYPE)
+INVENTORY = ServiceNames(
+    pnp_messages.INVENTORY_SERVICE, pnp_messages.INVENTORY_REQUEST_TYPE, pnp_messages.INVENTORY_REPLY_TYPE
+)
 ORIGINAL = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
 
 
@@ -44,7 +46,7 @@ class Robot:
     ) -> None:
         loop = asyncio.get_running_loop()
         self.inventory = Inventory(store, random=Random(1), now=loop.time())
-        self.access = Access(self.inventory, clock=loop.time)
+        self.access = RobotGate(self.inventory, clock=loop.time)
         self.agent = Agent(MemorySpace(), gate=self.access, epoch_ns=epoch_ns, agent_id=b"agent-id")
         self.inventory.on_rights(self.agent.recheck)
         self.inventory.on_superseded(partial(self.agent.disconnect, reason="its part came back from another address"))
@@ -74,7 +76,7 @@ class Visitor:
             on_topic=self._sample,
             on_reply=lambda _object, _request, payload: self.replies.append(payload),
         )
-        self.profiles: list[tuple[float, plug.ProfileMessage]] = []
+        self.profiles: list[tuple[float, pnp_messages.ProfileMessage]] = []
         self.heard: list[bytes] = []
         self.replies: list[bytes] = []
         client = self.client
@@ -91,7 +93,7 @@ class Visitor:
 
     def _sample(self, object_id: int, _request_id: int, payload: bytes) -> None:
         if object_id == self.reader.object_id:
-            self.profiles.append((asyncio.get_running_loop().time(), plug.ProfileMessage.decode(payload)))
+            self.profiles.append((asyncio.get_running_loop().time(), pnp_messages.ProfileMessage.decode(payload)))
         else:
             self.heard.append(payload)
 
@@ -102,10 +104,10 @@ class Visitor:
         await asyncio.sleep(patience_s)
         return self.replies[-1] if self.replies else None
 
-    async def claim(self, number: str = "ABCD", serial: int = 1) -> plug.VerdictMessage | None:
-        message = plug.ClaimMessage(part_number=number, local_name="", uid=uid(serial), session_nonce=1)
+    async def claim(self, number: str = "ABCD", serial: int = 1) -> pnp_messages.VerdictMessage | None:
+        message = pnp_messages.ClaimMessage(part_number=number, local_name="", uid=uid(serial), session_nonce=1)
         reply = await self.ask(message.encode())
-        return None if reply is None else plug.VerdictMessage.decode(reply)
+        return None if reply is None else pnp_messages.VerdictMessage.decode(reply)
 
     def publish(self, payload: bytes) -> None:
         self.client.write(self.writer, payload)

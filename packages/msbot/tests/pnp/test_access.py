@@ -6,12 +6,18 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import PROFILE_TOPIC, Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
-from msbot.pnp.access import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, INVENTORY_SERVICE, RESERVED_TOPICS, Access
+from msbot.pnp.robot_gate import (
+    INVENTORY_REPLY_TOPIC,
+    INVENTORY_REQUEST_TOPIC,
+    INVENTORY_SERVICE,
+    RESERVED_TOPICS,
+    RobotGate,
+)
 from msbot_agent.agent.gate import ClientInfo, Gate
-from msbot_agent.link import Visitor
+from msbot_agent.link import ConnectionUser
 from msbot_agent.link.net.websocket_server import SocketPeer, WebSocketServerLink
 from tests.pnp.robot import Rig, sample_store
 
@@ -28,7 +34,7 @@ class Door:
 
     def __init__(self, *free: str) -> None:
         self.rig = Rig(sample_store())
-        self.access = Access(self.rig.inventory, clock=lambda: self.rig.now, free_topics=frozenset(free))
+        self.access = RobotGate(self.rig.inventory, clock=lambda: self.rig.now, free_topics=frozenset(free))
         self.rechecked: list[int] = []
         self.rig.inventory.on_rights(self.rechecked.append)
 
@@ -51,10 +57,10 @@ def test_access_has_the_shape_of_the_agents_gate() -> None:
 
 
 def test_names_are_those_that_parts_use() -> None:
-    assert INVENTORY_SERVICE == plug.INVENTORY_SERVICE
+    assert INVENTORY_SERVICE == pnp_messages.INVENTORY_SERVICE
     assert (INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC) == (
-        plug.INVENTORY_REQUEST_TOPIC,
-        plug.INVENTORY_REPLY_TOPIC,
+        pnp_messages.INVENTORY_REQUEST_TOPIC,
+        pnp_messages.INVENTORY_REPLY_TOPIC,
     )
 
 
@@ -278,7 +284,7 @@ def test_a_flood_is_noted_once_a_minute_and_anew_for_who_comes_back() -> None:
 @pytest.mark.parametrize("is_pupil", [True, False])
 def test_whose_browser_a_part_runs_in_is_known_of_pupils_alone(is_pupil: bool) -> None:
     door = Door()
-    visitor = Visitor("ada", "192.168.1.30", "ada" if is_pupil else "")
+    visitor = ConnectionUser("ada", "192.168.1.30", "ada" if is_pupil else "")
     door.access.joined(
         ClientInfo(7, "ws:", SocketPeer(WebSocketServerLink("ws:"), visitor, 0.0), "ada at 192.168.1.30")
     )

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.part import HelloWorld
-from msbot.part.join.plug import (
+from msbot.part.join.pnp_messages import (
     INVENTORY_REPLY_TOPIC,
     INVENTORY_REPLY_TYPE,
     INVENTORY_REQUEST_TOPIC,

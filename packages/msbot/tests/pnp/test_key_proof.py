@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.join import plug
-from msbot.part.join.keys import prove
+from msbot.part.join import pnp_messages
+from msbot.part.join.part_keys import prove
 from msbot.pnp import Claim, PartState, Refusal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import GOOD_FOR_S, MOST_PROOFS, UNANSWERED_S, Keys
@@ -32,16 +32,16 @@ class Counter:
         self.requests = RequestHandler(self.rig.inventory, explain=explain, keys=Keys(self.rig.store, Random(5)))
 
     def claim(self, number: str = "ABCD", serial: int = 1, key: int = SESSION, asker: bytes = b"") -> bytes | None:
-        message = plug.ClaimMessage(part_number=number, local_name="eye", uid=uid(serial), session_nonce=7)
+        message = pnp_messages.ClaimMessage(part_number=number, local_name="eye", uid=uid(serial), session_nonce=7)
         return self.requests.compact(message.encode(), key, self.rig.now, asker or key.to_bytes(16, "big"))
 
     def question(self, number: str = "ABCD", serial: int = 1, key: int = SESSION, asker: bytes = b"") -> bytes:
         answer = self.claim(number, serial, key, asker)
         assert answer is not None
-        return plug.Challenge.decode(answer).nonce
+        return pnp_messages.Challenge.decode(answer).nonce
 
     def show(self, proof: bytes, key: int = SESSION, asker: bytes = b"") -> bytes | None:
-        message = plug.Proof(proof=proof)
+        message = pnp_messages.Proof(proof=proof)
         return self.requests.compact(message.encode(), key, self.rig.now, asker or key.to_bytes(16, "big"))
 
     def join(self) -> bytes:
@@ -71,7 +71,7 @@ def test_a_part_that_proves_its_key_is_let_in() -> None:
     assert counter.rig.state(SESSION) is PartState.NEW
     verdict = counter.show(answer_to(nonce))
     assert verdict is not None
-    assert plug.VerdictMessage.decode(verdict).lease
+    assert pnp_messages.VerdictMessage.decode(verdict).lease
     part = counter.rig.part(SESSION)
     assert (part.state, part.slot, part.local_name, part.uid) == (PartState.ACTIVE, "AA", "eye", uid(1))
 
@@ -94,7 +94,7 @@ def test_a_wrong_key_is_refused_and_journalled(explain: bool) -> None:
     answer = counter.show(answer_to(counter.question(), key=OTHER_KEY))
     if explain:
         assert answer is not None
-        assert plug.VerdictMessage.decode(answer).reason == Refusal.WRONG_KEY
+        assert pnp_messages.VerdictMessage.decode(answer).reason == Refusal.WRONG_KEY
     else:
         assert answer is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
@@ -263,7 +263,7 @@ def test_a_proved_claim_still_has_to_match() -> None:
     counter = Counter(explain=True)
     answer = counter.show(answer_to(counter.question("NOPE"), number="NOPE"))
     assert answer is not None
-    assert plug.VerdictMessage.decode(answer).reason == Refusal.UNKNOWN_PART
+    assert pnp_messages.VerdictMessage.decode(answer).reason == Refusal.UNKNOWN_PART
 
 
 def test_a_registry_that_cannot_be_read_or_a_key_that_is_removed_lets_nobody_in(
@@ -289,7 +289,7 @@ def test_a_registry_that_cannot_be_read_or_a_key_that_is_removed_lets_nobody_in(
 def test_an_open_robot_takes_no_proofs() -> None:
     counter = Counter()
     handler = RequestHandler(counter.rig.inventory)
-    assert handler.compact(plug.Proof(proof=bytes(16)).encode(), SESSION, counter.rig.now) is None
+    assert handler.compact(pnp_messages.Proof(proof=bytes(16)).encode(), SESSION, counter.rig.now) is None
     assert handler.dropped == {"request: a proof that nobody asked for": 1}
 
 
@@ -329,7 +329,7 @@ def test_whatever_is_said_in_whatever_order_only_who_proved_it_holds_a_slot(step
                 counter.rig.join(session)
             answer = counter.claim(serial=1, key=session)
             if answer is not None and len(answer) == 16:
-                nonces[place] = plug.Challenge.decode(answer).nonce
+                nonces[place] = pnp_messages.Challenge.decode(answer).nonce
         elif place in nonces:
             nonce = nonces.pop(place)
             proof = (

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.part import HelloWorld
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.seal import SEAL_OCTETS, Seal
 from msbot.pnp import SessionListener
 from msbot.pnp.session_seals import AMBIGUOUS, ObservedSeals
@@ -59,26 +59,28 @@ def _forget_how_it_began(listener: SessionListener) -> None:
 
 
 def test_what_could_be_two_messages_is_not_taken_for_either() -> None:
-    beat = OF_A_PART.seal(0, plug.StoppedBeat(lease=7, number=1).encode())
+    beat = OF_A_PART.seal(0, pnp_messages.StoppedBeat(lease=7, number=1).encode())
     seals = ObservedSeals()
     with pytest.raises(RemoteProtocolError, match=AMBIGUOUS):
         seals.request(beat)
-    seals.request(OF_A_PART.seal(0, plug.Beat(lease=7).encode()))
-    assert seals.request(beat) == (plug.StoppedBeat(lease=7, number=1), 1)
+    seals.request(OF_A_PART.seal(0, pnp_messages.Beat(lease=7).encode()))
+    assert seals.request(beat) == (pnp_messages.StoppedBeat(lease=7, number=1), 1)
     seals.begin()
-    proof = plug.Proof(proof=bytes(16))
+    proof = pnp_messages.Proof(proof=bytes(16))
     assert seals.request(proof.encode()) == (proof, None)
 
 
 def test_claims_challenges_proofs_and_refusals_have_no_seal() -> None:
     seals = ObservedSeals()
     seals.begin()
-    refusal = plug.VerdictMessage(lease=0, reason=plug.Refusal.NO_KEY, beat_period_ms=0, configuration_version=0)
-    for reply in (plug.SealedChallenge(nonce=bytes(16)), refusal):
+    refusal = pnp_messages.VerdictMessage(
+        lease=0, reason=pnp_messages.Refusal.NO_KEY, beat_period_ms=0, configuration_version=0
+    )
+    for reply in (pnp_messages.SealedChallenge(nonce=bytes(16)), refusal):
         assert seals.reply(reply.encode()) == (reply, None)
-    proof = plug.SealedProof(proof=bytes(24))
+    proof = pnp_messages.SealedProof(proof=bytes(24))
     assert seals.request(proof.encode()) == (proof, None)
-    notice = plug.BeatReply(configuration_version=2)
+    notice = pnp_messages.BeatReply(configuration_version=2)
     assert seals.reply(OF_THE_ROBOT.seal(0, notice.encode())) == (notice, 1)
 
 
@@ -99,10 +101,10 @@ def test_whatever_is_heard_ends_in_a_message_or_in_no_sense(heard: list[tuple[bo
 
 
 def test_a_challenge_for_sealed_samples_tells_what_the_next_16_octets_are() -> None:
-    beat = plug.StoppedBeat(lease=7, number=1)
+    beat = pnp_messages.StoppedBeat(lease=7, number=1)
     for challenge, is_sealed in (
-        (plug.SealedChallenge(nonce=bytes(16)), True),
-        (plug.Challenge(nonce=bytes(16)), False),
+        (pnp_messages.SealedChallenge(nonce=bytes(16)), True),
+        (pnp_messages.Challenge(nonce=bytes(16)), False),
     ):
         seals = ObservedSeals()
         seals.begin()

@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 import pytest
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.refusal import TroublePiece
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
 from msbot_xrce.messages import Acknack, Submessage
@@ -25,11 +25,11 @@ def filled(kind: type[Any], **values: object) -> Any:
 @pytest.mark.parametrize(
     ("message", "sentence"),
     [
-        (filled(plug.ClaimMessage, part_number="N-1"), "knob shows its part number, N-1"),
-        (plug.BeatReply(configuration_version=0), "the master does not know knob any more"),
-        (plug.BeatReply(configuration_version=1), "the master has heard that knob is alive"),
-        (plug.BeatReply(configuration_version=2), "the master has heard that knob is alive"),
-        (filled(plug.ProfileMessage, message="Robo"), "knob hears which robot this is: Robo"),
+        (filled(pnp_messages.ClaimMessage, part_number="N-1"), "knob shows its part number, N-1"),
+        (pnp_messages.BeatReply(configuration_version=0), "the master does not know knob any more"),
+        (pnp_messages.BeatReply(configuration_version=1), "the master has heard that knob is alive"),
+        (pnp_messages.BeatReply(configuration_version=2), "the master has heard that knob is alive"),
+        (filled(pnp_messages.ProfileMessage, message="Robo"), "knob hears which robot this is: Robo"),
         ("a text", None),
     ],
 )
@@ -38,22 +38,28 @@ def test_what_a_part_and_the_inventory_say(message: object, sentence: str | None
 
 
 def test_every_message_of_the_inventory_has_a_sentence_of_its_own() -> None:
-    requests: set[type] = {*get_args(plug.Request), TroublePiece}
-    replies: set[type] = {*get_args(plug.Reply)} - {plug.Notice}
+    requests: set[type] = {*get_args(pnp_messages.Request), TroublePiece}
+    replies: set[type] = {*get_args(pnp_messages.Reply)} - {pnp_messages.Notice}
     told = {
         kind: inventory_sentence(filled(kind, configuration_version=1, part_number="N"), "knob")
         for kind in requests | replies
     }
-    told |= {kind: inventory_sentence(plug.Notice(number=1, binding=0, kind=kind), "knob") for kind in plug.NoticeKind}  # type: ignore[misc]
+    told |= {
+        kind: inventory_sentence(pnp_messages.Notice(number=1, binding=0, kind=kind), "knob")
+        for kind in pnp_messages.NoticeKind
+    }  # type: ignore[misc]
     assert None not in told.values()
-    alike: dict[type, type] = {plug.Proof: plug.SealedProof, plug.Challenge: plug.SealedChallenge}
+    alike: dict[type, type] = {
+        pnp_messages.Proof: pnp_messages.SealedProof,
+        pnp_messages.Challenge: pnp_messages.SealedChallenge,
+    }
     for one, other in alike.items():
         assert told.pop(other) == told[one]
     assert len(set(told.values())) == len(told)
     for kind, sentence in told.items():
         says = sentence is not None and sentence.startswith(UP)
         assert says is (kind in requests), kind
-    assert inventory_sentence(plug.Notice(number=1, binding=0, kind=200), "knob") is None
+    assert inventory_sentence(pnp_messages.Notice(number=1, binding=0, kind=200), "knob") is None
 
 
 @pytest.mark.parametrize(

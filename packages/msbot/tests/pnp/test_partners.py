@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from msbot.config import PartType, Slot
 from msbot.pnp import THESIS_TIMING, Configuration, PartState, SlotBinding
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.state_changes import Partners
+from msbot.pnp.state_changes import TopicIndex
 from tests.pnp.robot import Rig, sample_store
 
 AA, BB, CC, DD = 0xAA, 0xBB, 0xCC, 0xDD
@@ -143,7 +143,7 @@ TURNS = st.dictionaries(
 
 @given(st.lists(TURNS, min_size=2, max_size=6))
 def test_who_was_there_before_and_reads_is_told_what_has_changed_within_a_turn(turns: list[dict[int, Use]]) -> None:
-    partners = Partners()
+    partners = TopicIndex()
     records = {key: InventoryRecord(key, "peer", THESIS_TIMING, 0.0) for key in range(1, 5)}
     uses = dict.fromkeys(records, OUT)
     for turn in turns:

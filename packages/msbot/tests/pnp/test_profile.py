@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 
 
@@ -25,5 +25,5 @@ def test_date_and_manufacturer_are_not_part_of_the_identity() -> None:
 
 
 def test_topic_type_and_period_are_those_that_parts_know() -> None:
-    assert (PROFILE_TOPIC, PROFILE_TYPE) == (plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
-    assert PROFILE_PERIOD_S == plug.PROFILE_PERIOD_S
+    assert (PROFILE_TOPIC, PROFILE_TYPE) == (pnp_messages.PROFILE_TOPIC, pnp_messages.PROFILE_TYPE)
+    assert PROFILE_PERIOD_S == pnp_messages.PROFILE_PERIOD_S

@@ -6,7 +6,7 @@ import pytest
 
 from msbot.config import Slot
 from msbot.pnp import Claim, Configuration, Freeze, Group, PartState, Pupils, SlotBinding, TakeOverByTeacher
-from msbot.pnp.access import Access
+from msbot.pnp.robot_gate import RobotGate
 from tests.pnp.robot import Rig, configuration, sample_store
 
 RED, BLUE = Group("Red", ("ada", "ben"), ("BB",)), Group("Blue", ("cleo",), ("DD",))
@@ -132,7 +132,7 @@ def test_a_held_part_keeps_its_slot_and_uses_no_topic() -> None:
     robot = rig()
     told: list[tuple[int, str, bool]] = []
     robot.inventory.on_partner(lambda *news: told.append(news))
-    access = Access(robot.inventory, clock=lambda: robot.now, free_topics=frozenset({"chat"}))
+    access = RobotGate(robot.inventory, clock=lambda: robot.now, free_topics=frozenset({"chat"}))
     robot.join(1, pupil="ada")
     robot.claim(1, "ABCD")
     robot.claim(2, "EFGH", name="BB")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join import refusal as thesis_master
 from msbot.part.join.refusal import trouble_pieces
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
@@ -30,18 +30,23 @@ class Counter:
         self.requests = RequestHandler(self.rig.inventory, explain=explain)
 
     def ask(
-        self, message: plug.ClaimMessage | plug.Beat | plug.NatureMessage | plug.ConfigurationRequest, key: int = KEY
+        self,
+        message: pnp_messages.ClaimMessage
+        | pnp_messages.Beat
+        | pnp_messages.NatureMessage
+        | pnp_messages.ConfigurationRequest,
+        key: int = KEY,
     ) -> bytes | None:
         return self.requests.compact(message.encode(), key, self.rig.now)
 
-    def register(self) -> plug.VerdictMessage:
+    def register(self) -> pnp_messages.VerdictMessage:
         answer = self.ask(claim("ABCD"))
         assert answer is not None
-        return plug.VerdictMessage.decode(answer)
+        return pnp_messages.VerdictMessage.decode(answer)
 
 
-def claim(number: str) -> plug.ClaimMessage:
-    return plug.ClaimMessage(part_number=number, local_name="AA", uid=uid(1), session_nonce=7)
+def claim(number: str) -> pnp_messages.ClaimMessage:
+    return pnp_messages.ClaimMessage(part_number=number, local_name="AA", uid=uid(1), session_nonce=7)
 
 
 def test_a_listed_part_gets_lease_version_and_beat_period_and_nothing_more() -> None:
@@ -63,7 +68,7 @@ def test_a_stranger_hears_nothing() -> None:
 
 def test_who_only_asks_whether_this_is_the_thesis_own_master_is_no_newcomer() -> None:
     counter = Counter()
-    question = thesis_master.question("ABCD", "AA")
+    question = thesis_master.probe_request("ABCD", "AA")
     assert question is not None
     assert counter.requests.compat(question, KEY, counter.rig.now) is None
     assert counter.rig.part(KEY).part_number == "", "it has claimed nothing"
@@ -73,7 +78,7 @@ def test_a_robot_that_explains_tells_the_reason() -> None:
     counter = Counter(explain=True)
     answer = counter.ask(claim("NOPE"))
     assert answer is not None
-    verdict = plug.VerdictMessage.decode(answer)
+    verdict = pnp_messages.VerdictMessage.decode(answer)
     assert (verdict.lease, verdict.reason) == (0, Refusal.UNKNOWN_PART)
 
 
@@ -87,8 +92,8 @@ def test_a_contested_claim_is_not_answered_even_by_a_robot_that_explains() -> No
 def test_a_beat_is_answered_with_the_configurations_version_or_0() -> None:
     counter = Counter()
     lease = counter.register().lease
-    assert counter.ask(plug.Beat(lease=lease)) == plug.BeatReply(configuration_version=1).encode()
-    assert counter.ask(plug.Beat(lease=lease ^ 1)) == plug.BeatReply(configuration_version=0).encode()
+    assert counter.ask(pnp_messages.Beat(lease=lease)) == pnp_messages.BeatReply(configuration_version=1).encode()
+    assert counter.ask(pnp_messages.Beat(lease=lease ^ 1)) == pnp_messages.BeatReply(configuration_version=0).encode()
 
 
 @pytest.mark.parametrize(("number", "nature"), [(1, "real"), (2, "simulated"), (3, "replayed"), (0, ""), (77, "")])
@@ -96,31 +101,31 @@ def test_a_part_says_what_is_behind_its_ports(number: int, nature: str) -> None:
     counter = Counter()
     lease = counter.register().lease
     assert counter.rig.part(KEY).nature.word == ""
-    message = plug.NatureMessage(lease=lease, nature=number)
+    message = pnp_messages.NatureMessage(lease=lease, nature=number)
     assert len(message.encode()) == 5
     assert counter.ask(message) is None
     assert counter.rig.part(KEY).nature.word == nature
-    counter.ask(plug.NatureMessage(lease=lease ^ 1, nature=1))
+    counter.ask(pnp_messages.NatureMessage(lease=lease ^ 1, nature=1))
     assert counter.rig.part(KEY).nature.word == nature, "not by somebody without its lease"
 
 
 def test_the_configuration_travels_whole() -> None:
     counter = Counter()
     lease = counter.register().lease
-    answer = counter.ask(plug.ConfigurationRequest(lease=lease, have_version=0))
+    answer = counter.ask(pnp_messages.ConfigurationRequest(lease=lease, have_version=0))
     assert answer is not None
-    sent = plug.ConfigurationMessage.decode(answer)
+    sent = pnp_messages.ConfigurationMessage.decode(answer)
     ours = configuration("AA")
     assert (sent.version, sent.slot) == (ours.version, ours.slot)
     assert [(b.port, b.topic, b.topic_type, b.direction, b.reliable) for b in sent.bindings] == [
-        ("out", "HelloWorldTopic_1_to_2", "HelloWorld", plug.BindingDirection.PUBLISH, 1),
-        ("in", "HelloWorldTopic_3_to_1", "HelloWorld", plug.BindingDirection.SUBSCRIBE, 0),
+        ("out", "HelloWorldTopic_1_to_2", "HelloWorld", pnp_messages.BindingDirection.PUBLISH, 1),
+        ("in", "HelloWorldTopic_3_to_1", "HelloWorld", pnp_messages.BindingDirection.SUBSCRIBE, 0),
     ]
     assert [(s.name, s.value) for s in sent.settings] == [("period_s", "1.0")]
 
 
 def test_a_configuration_for_an_unknown_lease_is_not_answered() -> None:
-    assert Counter().ask(plug.ConfigurationRequest(lease=5, have_version=0)) is None
+    assert Counter().ask(pnp_messages.ConfigurationRequest(lease=5, have_version=0)) is None
 
 
 def test_a_configuration_that_cannot_be_encoded_is_counted_not_raised() -> None:
@@ -128,7 +133,7 @@ def test_a_configuration_that_cannot_be_encoded_is_counted_not_raised() -> None:
     binding = SlotBinding("p" * 300, "t", "T", publishes=True)
     counter.rig.store.configurations["AA"] = Configuration(1, "AA", (binding,))
     lease = counter.register().lease
-    assert counter.ask(plug.ConfigurationRequest(lease=lease, have_version=0)) is None
+    assert counter.ask(pnp_messages.ConfigurationRequest(lease=lease, have_version=0)) is None
     (reason,) = counter.requests.dropped
     assert reason.startswith("answer: ")
 
@@ -143,7 +148,7 @@ def test_an_original_program_gets_its_number_back_and_every_request_is_a_beat() 
 
 def test_a_claim_for_a_uid_of_zeros_is_that_of_a_part_without_uid() -> None:
     counter = Counter()
-    counter.ask(plug.ClaimMessage(part_number="ABCD", local_name="", uid=bytes(8), session_nonce=0))
+    counter.ask(pnp_messages.ClaimMessage(part_number="ABCD", local_name="", uid=bytes(8), session_nonce=0))
     assert counter.rig.part(KEY).uid == b""
 
 
@@ -181,16 +186,16 @@ def test_what_is_said_with_a_lease_is_taken_from_its_holder_alone(right: bool) -
     rig = counter.rig
     lease = counter.register().lease ^ (not right)
     now = rig.now
-    said: list[plug.Request] = [
-        plug.NatureMessage(lease=lease, nature=2),
+    said: list[pnp_messages.Request] = [
+        pnp_messages.NatureMessage(lease=lease, nature=2),
         *trouble_pieces(lease, "the sensor is not there"),
-        plug.ConfigurationRequest(lease=lease, have_version=0),
-        plug.Beat(lease=lease),
-        plug.StoppedBeat(lease=lease, number=1),
-        plug.Proof(proof=bytes(16)),
+        pnp_messages.ConfigurationRequest(lease=lease, have_version=0),
+        pnp_messages.Beat(lease=lease),
+        pnp_messages.StoppedBeat(lease=lease, number=1),
+        pnp_messages.Proof(proof=bytes(16)),
     ]
     answers = [counter.requests.answer(one, KEY, now) for one in said]
-    version = plug.BeatReply(configuration_version=int(right))
+    version = pnp_messages.BeatReply(configuration_version=int(right))
     assert [type(one).__name__ for one in answers if one not in (None, version)] == ["ConfigurationMessage"] * right
     assert answers.count(version) == 2
     assert (rig.part(KEY).nature.word, rig.part(KEY).beats) == (("simulated", 2) if right else ("", 0))
@@ -205,9 +210,9 @@ def test_what_is_said_with_a_lease_is_taken_from_its_holder_alone(right: bool) -
 
 def test_an_answer_that_cannot_be_encoded_is_counted_and_not_sent() -> None:
     counter = Counter()
-    too_long = plug.ConfigurationMessage(version=1, slot="AA", bindings=[], settings=[])
-    binding = plug.PortBinding(port="p", topic="t", topic_type="T", direction=0, reliable=1)
-    too_long.bindings.extend([binding] * (plug.MOST_BINDINGS + 1))
+    too_long = pnp_messages.ConfigurationMessage(version=1, slot="AA", bindings=[], settings=[])
+    binding = pnp_messages.PortBinding(port="p", topic="t", topic_type="T", direction=0, reliable=1)
+    too_long.bindings.extend([binding] * (pnp_messages.MOST_BINDINGS + 1))
     assert counter.requests.encode(too_long, KEY) is None
     assert counter.requests.encode(None, KEY) is None
     ((reason, count),) = counter.requests.dropped.items()
@@ -219,10 +224,12 @@ def test_a_claim_without_a_key_on_file_is_refused_and_explained_where_that_is_do
     counter = Counter(explain=explain)
     counter.requests = RequestHandler(counter.rig.inventory, explain=explain, keys=Keys(counter.rig.store, Random(1)))
     answer = counter.ask(claim("ABCD"))
-    refused = plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=1000, reason=Refusal.NO_KEY).encode()
+    refused = pnp_messages.VerdictMessage(
+        lease=0, configuration_version=0, beat_period_ms=1000, reason=Refusal.NO_KEY
+    ).encode()
     assert answer == (refused if explain else None)
     assert counter.rig.part(KEY).refusal is Refusal.NO_KEY
     counter.rig.store.keys[uid(1)] = bytes(16)
     question = counter.ask(claim("ABCD"))
     assert question is not None
-    assert len(plug.Challenge.decode(question).nonce) == 16
+    assert len(pnp_messages.Challenge.decode(question).nonce) == 16

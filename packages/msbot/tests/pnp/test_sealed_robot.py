@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from msbot.part import HelloWorld, Part
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.joining import JoinState
 from msbot.part.join.seal import SEAL_OCTETS, Seal
 from msbot.pnp import Keys, PartState, Refusal
@@ -181,7 +181,9 @@ def test_a_go_that_was_recorded_ends_no_later_stop(sealed: bool) -> None:
         scene.robot.service.stop_all("ann", "", 0)
         await asyncio.sleep(1.5)
         assert scene.bb.stopped
-        notice = plug.Notice(number=9, binding=plug.NO_BINDING, kind=plug.NoticeKind.GO).encode()
+        notice = pnp_messages.Notice(
+            number=9, binding=pnp_messages.NO_BINDING, kind=pnp_messages.NoticeKind.GO
+        ).encode()
         wire.spoof(requester, bytes(4) + notice, up=False)
         for object_id, payload in wire.recorded(up=False):
             if object_id == requester:

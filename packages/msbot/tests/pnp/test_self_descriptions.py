@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.part.join import keys, plug
+from msbot.part.join import part_keys, pnp_messages
 from msbot.pnp import Keys, Refusal, SelfDescription
 from msbot.pnp.requests import RequestHandler
 from msbot_xrce.errors import RemoteProtocolError
@@ -16,8 +16,8 @@ from tests.pnp.robot import Rig, sample_store, uid
 
 KEY, OTHER = 0xAAAAAAAA, bytes(range(16))
 SECRET = bytes(range(16, 32))
-STRANGER = plug.ClaimMessage(part_number="NEW-1", local_name="eye", uid=uid(1), session_nonce=7)
-WORDS = "number = 'NEW-1'".ljust(plug.LEAST_DESCRIPTION)
+STRANGER = pnp_messages.ClaimMessage(part_number="NEW-1", local_name="eye", uid=uid(1), session_nonce=7)
+WORDS = "number = 'NEW-1'".ljust(pnp_messages.LEAST_DESCRIPTION)
 
 
 class Desk:
@@ -34,15 +34,15 @@ class Desk:
         self.handed: list[tuple[int, str, SelfDescription]] = []
         self.rig.inventory.descriptions.on_described(lambda *what: self.handed.append(what))
 
-    def ask(self, request: plug.Request) -> plug.Reply | None:
+    def ask(self, request: pnp_messages.Request) -> pnp_messages.Reply | None:
         return self.requests.answer(request, KEY, self.rig.now, b"asker")
 
-    def is_asked(self, request: plug.Request) -> bool:
+    def is_asked(self, request: pnp_messages.Request) -> bool:
         self.ask(request)
         return self.requests.asks_what(request, KEY)
 
     def says(self, text: str = WORDS) -> SelfDescription | None:
-        octets = plug.DescriptionMessage(text=text).encode()
+        octets = pnp_messages.DescriptionMessage(text=text).encode()
         assert self.requests.compact(octets, KEY, self.rig.now) is None
         return self.rig.part(KEY).says
 
@@ -53,7 +53,7 @@ def test_a_stranger_is_asked_three_times_and_its_first_answer_is_kept() -> None:
     says = desk.says()
     assert says == SelfDescription(WORDS)
     assert desk.handed == [(KEY, "NEW-1", says)]
-    desk.says("another".ljust(plug.LEAST_DESCRIPTION))
+    desk.says("another".ljust(pnp_messages.LEAST_DESCRIPTION))
     assert desk.rig.part(KEY).says is says
     assert desk.rig.inventory.dropped == {"description that nobody asked for": 1}
 
@@ -104,7 +104,7 @@ def test_what_cannot_be_read_is_refused_with_the_reason_in_why(octets: int | byt
 
 def test_a_part_of_a_known_number_or_another_refusal_is_not_asked() -> None:
     desk = Desk()
-    known = plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7)
+    known = pnp_messages.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7)
     assert not desk.is_asked(known)
     assert desk.says() is None
     assert desk.handed == []
@@ -117,17 +117,17 @@ def test_a_silent_robot_asks_nobody() -> None:
 def test_with_keys_it_counts_only_after_the_proof() -> None:
     desk = Desk(explain=False, with_keys=True)
     challenge = desk.ask(STRANGER)
-    assert isinstance(challenge, plug.Challenge)
+    assert isinstance(challenge, pnp_messages.Challenge)
     assert not desk.requests.asks_what(STRANGER, KEY)
     assert desk.says() is None
-    wrong = keys.prove(OTHER, challenge.nonce, uid(1), part_number="NEW-1", local_name="eye", session_key=KEY)
-    assert not desk.is_asked(plug.Proof(proof=wrong))
+    wrong = part_keys.prove(OTHER, challenge.nonce, uid(1), part_number="NEW-1", local_name="eye", session_key=KEY)
+    assert not desk.is_asked(pnp_messages.Proof(proof=wrong))
     assert desk.rig.part(KEY).refusal is Refusal.WRONG_KEY
     assert desk.says() is None
     challenge = desk.ask(STRANGER)
-    assert isinstance(challenge, plug.Challenge)
-    right = keys.prove(SECRET, challenge.nonce, uid(1), part_number="NEW-1", local_name="eye", session_key=KEY)
-    assert desk.is_asked(plug.Proof(proof=right))
+    assert isinstance(challenge, pnp_messages.Challenge)
+    right = part_keys.prove(SECRET, challenge.nonce, uid(1), part_number="NEW-1", local_name="eye", session_key=KEY)
+    assert desk.is_asked(pnp_messages.Proof(proof=right))
     assert desk.says() == SelfDescription(WORDS)
 
 
@@ -135,18 +135,18 @@ def test_a_part_that_claims_another_number_has_said_nothing() -> None:
     desk = Desk()
     desk.is_asked(STRANGER)
     assert desk.says() is not None
-    desk.is_asked(plug.ClaimMessage(part_number="NEW-2", local_name="eye", uid=uid(1), session_nonce=7))
+    desk.is_asked(pnp_messages.ClaimMessage(part_number="NEW-2", local_name="eye", uid=uid(1), session_nonce=7))
     assert desk.rig.part(KEY).says is None
 
 
 def test_no_claim_is_as_long_as_a_description() -> None:
-    text = "x" * plug.TEXT_OCTETS
-    longest = plug.ClaimMessage(part_number=text, local_name=text, uid=uid(1), session_nonce=1).encode()
-    assert len(longest) + 3 == plug.LONGEST_CLAIM_OCTETS
-    shortest = plug.DescriptionMessage(text="x" * plug.LEAST_DESCRIPTION).encode()
-    assert len(shortest) > plug.LONGEST_CLAIM_OCTETS
-    assert isinstance(plug.decode_request(longest), plug.ClaimMessage)
-    assert isinstance(plug.decode_request(shortest), plug.DescriptionMessage)
+    text = "x" * pnp_messages.TEXT_OCTETS
+    longest = pnp_messages.ClaimMessage(part_number=text, local_name=text, uid=uid(1), session_nonce=1).encode()
+    assert len(longest) + 3 == pnp_messages.LONGEST_CLAIM_OCTETS
+    shortest = pnp_messages.DescriptionMessage(text="x" * pnp_messages.LEAST_DESCRIPTION).encode()
+    assert len(shortest) > pnp_messages.LONGEST_CLAIM_OCTETS
+    assert isinstance(pnp_messages.decode_request(longest), pnp_messages.ClaimMessage)
+    assert isinstance(pnp_messages.decode_request(shortest), pnp_messages.DescriptionMessage)
 
 
 def test_a_description_that_is_too_large_is_counted() -> None:
@@ -160,16 +160,19 @@ def test_a_description_that_is_too_large_is_counted() -> None:
 @given(st.binary(max_size=64).map(lambda octets: octets.ljust(600, b"\0")) | st.binary(min_size=530, max_size=5000))
 def test_any_long_octets_are_a_description_or_refused(octets: bytes) -> None:
     try:
-        request = plug.decode_request(octets)
+        request = pnp_messages.decode_request(octets)
     except RemoteProtocolError:
         return
-    assert isinstance(request, plug.DescriptionMessage | plug.ClaimMessage)
-    assert not isinstance(request, plug.DescriptionMessage) or len(request.text.encode()) <= plug.MOST_DESCRIPTION
+    assert isinstance(request, pnp_messages.DescriptionMessage | pnp_messages.ClaimMessage)
+    assert (
+        not isinstance(request, pnp_messages.DescriptionMessage)
+        or len(request.text.encode()) <= pnp_messages.MOST_DESCRIPTION
+    )
 
 
 @pytest.mark.parametrize("octets", [4, 5, 6, 8, 16, 24, 28, 535, 536, 4101])
 def test_what_is_sealed_follows_from_the_length(octets: int) -> None:
-    assert plug.is_sealed_request(octets) == (octets in (4, 5, 6, 8, 16) or octets >= 536)
+    assert pnp_messages.is_sealed_request(octets) == (octets in (4, 5, 6, 8, 16) or octets >= 536)
 
 
 def test_what_nobody_asked_for_is_counted_by_reason_and_noted_once() -> None:
@@ -185,7 +188,7 @@ def test_what_nobody_asked_for_is_counted_by_reason_and_noted_once() -> None:
     inventory.profile_asked(KEY, desk.rig.now)
     desk.says()
     assert (inventory.dropped, noted) == ({no_claim: 3}, [])
-    desk.ask(plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7))
+    desk.ask(pnp_messages.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=7))
     for _ in range(3):
         desk.says()
     assert (inventory.dropped, noted) == ({no_claim: 3, unasked: 3}, [note])
@@ -210,7 +213,7 @@ def test_what_is_refused_or_checked_is_announced_at_once(more: int) -> None:
     desk.rig.inventory.on_event(lambda event: announced.append(event.reason))
     desk.is_asked(STRANGER)
     announced.clear()
-    desk.rig.inventory.descriptions.unreadable(KEY, plug.MOST_DESCRIPTION + more, "a fault", desk.rig.now)
+    desk.rig.inventory.descriptions.unreadable(KEY, pnp_messages.MOST_DESCRIPTION + more, "a fault", desk.rig.now)
     fault = "it is longer than 4096 octets" if more else "its octets cannot be read: a fault"
     assert announced == [f"what it says of itself is refused: {fault}"]
     says = desk.rig.part(KEY).says

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 
 from msbot.part import Client, Entity
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import Configuration, InventoryService, MasterService, Profile, SlotBinding
 from msbot.pnp.master_service import profile_message
 from msbot.process.virtual_time import run_virtual
@@ -79,11 +79,11 @@ def test_a_part_registers_beats_and_fetches_its_configuration_through_the_agent(
             verdict = await visitor.claim()
             assert verdict is not None
             assert verdict.lease
-            beat = plug.Beat(lease=verdict.lease).encode()
-            assert await visitor.ask(beat) == plug.BeatReply(configuration_version=1).encode()
-            reply = await visitor.ask(plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
+            beat = pnp_messages.Beat(lease=verdict.lease).encode()
+            assert await visitor.ask(beat) == pnp_messages.BeatReply(configuration_version=1).encode()
+            reply = await visitor.ask(pnp_messages.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
             assert reply is not None
-            assert plug.ConfigurationMessage.decode(reply).slot == "AA"
+            assert pnp_messages.ConfigurationMessage.decode(reply).slot == "AA"
             (part,) = robot.inventory.view(0.0)
             assert (part.client_key, part.address, part.beats) == (0xA1, "in-process client 1", 1)
 
@@ -103,9 +103,9 @@ def test_a_configuration_longer_than_a_packet_arrives_whole() -> None:
         async def play() -> None:
             verdict = await visitor.claim()
             assert verdict is not None
-            reply = await visitor.ask(plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
+            reply = await visitor.ask(pnp_messages.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
             assert reply is not None
-            assert len(plug.ConfigurationMessage.decode(reply).bindings) == 100
+            assert len(pnp_messages.ConfigurationMessage.decode(reply).bindings) == 100
 
         await with_robot(robot, visitor, play=play)
 

@@ -8,11 +8,11 @@ from functools import partial
 import pytest
 
 from msbot.part import Client, Entity
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import Claim, Configuration, InventoryService, PartEvent, PartState
 from msbot.pnp import thesis_programs as compat
+from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT
 from msbot.pnp.life_status import TRANSITIONS
-from msbot.pnp.services import LONGEST_BEST_EFFORT
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocHub
 from msbot_xrce.errors import LinkFull
@@ -20,7 +20,7 @@ from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from tests.pnp.robot import Rig, configuration, uid
 from tests.pnp.scene import epoch_ns
 
-Said = tuple[int, bool, plug.Reply | str, int]
+Said = tuple[int, bool, pnp_messages.Reply | str, int]
 """To whom, whether it answers a request, what, and on which stream."""
 
 
@@ -67,7 +67,7 @@ class Desk:
         found: list[Said] = []
         for object_id, identity, payload, stream in self.mouth.sent:
             key, number = int.from_bytes(identity[8:12], "big"), int.from_bytes(identity[16:], "big")
-            reply = plug.decode_reply(payload) if object_id == self.compact else compat.decode_reply(payload)
+            reply = pnp_messages.decode_reply(payload) if object_id == self.compact else compat.decode_reply(payload)
             assert (object_id == self.compat) is isinstance(reply, str)
             assert len(identity) == 24
             assert number in (0, 77)
@@ -75,7 +75,7 @@ class Desk:
         self.mouth.sent.clear()
         return found
 
-    def ask(self, key: int, message: plug.Request | bytes, *, requester: int = 1) -> list[Said]:
+    def ask(self, key: int, message: pnp_messages.Request | bytes, *, requester: int = 1) -> list[Said]:
         """A client of the agent asks."""
         self.rig.now = asyncio.get_running_loop().time()
         body = message if isinstance(message, bytes) else message.encode()
@@ -87,7 +87,9 @@ class Desk:
         return self.said()
 
     def claim(self, key: int, number: str, *, nonce: int = 1, serial: int = 0, requester: int = 1) -> list[Said]:
-        message = plug.ClaimMessage(part_number=number, local_name="", uid=uid(serial or key), session_nonce=nonce)
+        message = pnp_messages.ClaimMessage(
+            part_number=number, local_name="", uid=uid(serial or key), session_nonce=nonce
+        )
         return self.ask(key, message, requester=requester)
 
     def join(self, key: int, number: str) -> int:
@@ -95,7 +97,7 @@ class Desk:
         self.rig.join(key)
         ((_, is_answer, verdict, _),) = self.claim(key, number)
         assert is_answer
-        assert isinstance(verdict, plug.VerdictMessage)
+        assert isinstance(verdict, pnp_messages.VerdictMessage)
         return verdict.lease
 
     def stopped(self) -> tuple[list[str], tuple[str, ...]]:
@@ -104,12 +106,12 @@ class Desk:
         return [one.part for one in status.confirmed], status.silent
 
 
-def unasked(key: int, kind: plug.NoticeKind, number: int = 0, binding: int = 0xFFFF) -> Said:
+def unasked(key: int, kind: pnp_messages.NoticeKind, number: int = 0, binding: int = 0xFFFF) -> Said:
     """A notice, as docs/reference/messages.md describes it."""
-    return (key, False, plug.Notice(number=number, binding=binding, kind=kind), STREAM_BEST_EFFORT)
+    return (key, False, pnp_messages.Notice(number=number, binding=binding, kind=kind), STREAM_BEST_EFFORT)
 
 
-def answer(key: int, reply: plug.Reply | str) -> Said:
+def answer(key: int, reply: pnp_messages.Reply | str) -> Said:
     return (key, True, reply, STREAM_BEST_EFFORT)
 
 
@@ -118,14 +120,14 @@ def test_a_part_that_waited_is_answered_once_when_its_own_claim_brings_it_in() -
         desk = Desk(explain=True)
         desk.rig.join(1)
         desk.rig.store.blocks[uid(1)] = "broken"
-        refused = plug.VerdictMessage(
-            lease=0, configuration_version=0, beat_period_ms=1000, reason=plug.Refusal.BLOCKED
+        refused = pnp_messages.VerdictMessage(
+            lease=0, configuration_version=0, beat_period_ms=1000, reason=pnp_messages.Refusal.BLOCKED
         )
         assert desk.claim(1, "ABCD") == [answer(1, refused)]
         del desk.rig.store.blocks[uid(1)]
         ((key, is_answer, verdict, _),) = desk.claim(1, "ABCD")
         assert (key, is_answer) == (1, True)
-        assert isinstance(verdict, plug.VerdictMessage)
+        assert isinstance(verdict, pnp_messages.VerdictMessage)
         assert verdict.lease
         assert desk.service.told_unasked == 0
 
@@ -137,10 +139,10 @@ def test_a_stranger_is_asked_what_it_is_where_strangers_are_answered() -> None:
         for explain in (False, True):
             desk = Desk(explain=explain)
             desk.rig.join(1)
-            refused = plug.VerdictMessage(
-                lease=0, configuration_version=0, beat_period_ms=1000, reason=plug.Refusal.UNKNOWN_PART
+            refused = pnp_messages.VerdictMessage(
+                lease=0, configuration_version=0, beat_period_ms=1000, reason=pnp_messages.Refusal.UNKNOWN_PART
             )
-            asked = [unasked(1, plug.NoticeKind.DESCRIBE), answer(1, refused)]
+            asked = [unasked(1, pnp_messages.NoticeKind.DESCRIBE), answer(1, refused)]
             assert desk.claim(1, "NOPE") == (asked if explain else [])
             assert desk.service.told_unasked == int(explain)
             assert desk.ask(1, b"abc") == []
@@ -155,16 +157,16 @@ def test_a_stranger_is_asked_what_it_is_where_strangers_are_answered() -> None:
 def test_a_long_answer_goes_reliably_so_that_it_can_be_split(more: int) -> None:
     async def scene() -> None:
         desk = Desk()
-        request = plug.ConfigurationRequest(lease=desk.join(1, "ABCD"), have_version=0)
+        request = pnp_messages.ConfigurationRequest(lease=desk.join(1, "ABCD"), have_version=0)
         size = len(
-            plug.ConfigurationMessage(
-                version=1, slot="AA", bindings=[], settings=[plug.Setting(name="n", value="")]
+            pnp_messages.ConfigurationMessage(
+                version=1, slot="AA", bindings=[], settings=[pnp_messages.Setting(name="n", value="")]
             ).encode()
         )
         value = "v" * (LONGEST_BEST_EFFORT - size + more)
         desk.rig.store.configurations["AA"] = Configuration(1, "AA", settings=(("n", value),))
         desk.rig.inventory.configuration_changed("AA")
-        assert desk.said() == [(1, False, plug.BeatReply(configuration_version=1), STREAM_BEST_EFFORT)]
+        assert desk.said() == [(1, False, pnp_messages.BeatReply(configuration_version=1), STREAM_BEST_EFFORT)]
         ((_, _, reply, stream),) = desk.ask(1, request)
         assert len(reply.encode()) == LONGEST_BEST_EFFORT + more
         assert stream == (STREAM_RELIABLE if more else STREAM_BEST_EFFORT)
@@ -176,19 +178,21 @@ def test_a_part_that_joins_while_stop_holds_hears_of_it_with_its_configuration()
     async def scene() -> None:
         desk = Desk()
         lease = desk.join(1, "ABCD")
-        request = plug.ConfigurationRequest(lease=lease, have_version=0)
+        request = pnp_messages.ConfigurationRequest(lease=lease, have_version=0)
         ((_, _, open_robot, _),) = desk.ask(1, request)
-        assert isinstance(open_robot, plug.ConfigurationMessage)
+        assert isinstance(open_robot, pnp_messages.ConfigurationMessage)
         desk.service.stop_all("ann", "", 0)
-        stop = unasked(1, plug.NoticeKind.STOP, 1)
+        stop = unasked(1, pnp_messages.NoticeKind.STOP, 1)
         assert desk.said() == [stop]
         (held, notice) = desk.ask(1, request)
         assert notice == stop
-        assert isinstance(held[2], plug.ConfigurationMessage)
-        open_robot.settings.append(plug.Setting(name=".stop", value="1"))  # docs/reference/messages.md, `Setting`
+        assert isinstance(held[2], pnp_messages.ConfigurationMessage)
+        open_robot.settings.append(
+            pnp_messages.Setting(name=".stop", value="1")
+        )  # docs/reference/messages.md, `Setting`
         assert held[:3] == (1, True, open_robot)
         assert desk.service.go_all("ann") == 1
-        assert desk.said() == [unasked(1, plug.NoticeKind.GO, 1)]
+        assert desk.said() == [unasked(1, pnp_messages.NoticeKind.GO, 1)]
 
     run_virtual(scene())
 
@@ -203,7 +207,7 @@ def test_what_a_change_of_state_means_for_the_stop_that_holds(
         lease = desk.join(1, "ABCD")
         if holds:
             desk.service.stop_all("ann", "", 0)
-            desk.ask(1, plug.StoppedBeat(lease=lease, number=1))
+            desk.ask(1, pnp_messages.StoppedBeat(lease=lease, number=1))
             assert desk.stopped() == (["AA"], ())
         event = PartEvent(0.0, "AA", "AA", before, after, "because", identity=uid(1))
         for handler in desk.rig.inventory._changes.event_handlers:
@@ -222,10 +226,10 @@ def test_go_is_said_with_three_more_beats_and_of_another_requester_nothing_is_re
     async def scene() -> None:
         desk = Desk()
         lease = desk.join(1, "ABCD")
-        beat, answered = plug.Beat(lease=lease), answer(1, plug.BeatReply(configuration_version=1))
-        go = unasked(1, plug.NoticeKind.GO, 1)
+        beat, answered = pnp_messages.Beat(lease=lease), answer(1, pnp_messages.BeatReply(configuration_version=1))
+        go = unasked(1, pnp_messages.NoticeKind.GO, 1)
         desk.service.stop_all("ann", "", 0)
-        desk.ask(1, plug.StoppedBeat(lease=lease, number=1))
+        desk.ask(1, pnp_messages.StoppedBeat(lease=lease, number=1))
         assert desk.stopped() == (["AA"], ())
         assert desk.claim(1, "ABCD", requester=2)[0][1], "the same part, whose program speaks through another requester"
         assert desk.stopped() == ([], ("AA",))
@@ -234,10 +238,10 @@ def test_go_is_said_with_three_more_beats_and_of_another_requester_nothing_is_re
         assert [desk.ask(1, beat, requester=2) for _ in range(4)] == [[answered, go]] * 3 + [[answered]]
         desk.rig.store.configurations["AA"] = configuration("AA", version=2)
         desk.rig.inventory.configuration_changed("AA")
-        assert desk.said() == [(1, False, plug.BeatReply(configuration_version=2), STREAM_BEST_EFFORT)]
+        assert desk.said() == [(1, False, pnp_messages.BeatReply(configuration_version=2), STREAM_BEST_EFFORT)]
         desk.ask(1, beat, requester=3)
         desk.rig.inventory.configuration_changed("AA")
-        verdict = plug.VerdictMessage(lease=lease, configuration_version=2, beat_period_ms=1000)
+        verdict = pnp_messages.VerdictMessage(lease=lease, configuration_version=2, beat_period_ms=1000)
         assert desk.said() == [(1, False, verdict, STREAM_BEST_EFFORT)], "it was not told its lease yet"
 
     run_virtual(scene())
@@ -257,7 +261,7 @@ def test_whose_session_was_opened_anew_is_forgotten_with_all_that_it_was_to_be_t
         assert not desk.service.identify(1)
         desk.said()
         assert desk.service.identify(2)
-        assert desk.said() == [unasked(2, plug.NoticeKind.IDENTIFY)]
+        assert desk.said() == [unasked(2, pnp_messages.NoticeKind.IDENTIFY)]
 
     run_virtual(scene())
 
@@ -268,10 +272,12 @@ def test_what_finds_no_room_was_not_said() -> None:
         lease = desk.join(1, "ABCD")
         desk.mouth.is_full = True
         assert not desk.service.identify(1)
-        assert desk.ask(1, plug.Beat(lease=lease)) == []
+        assert desk.ask(1, pnp_messages.Beat(lease=lease)) == []
         assert desk.service.requests.dropped == {"answer: the stream is full": 2}
         desk.mouth.is_full = False
-        assert desk.ask(1, plug.Beat(lease=lease)) == [answer(1, plug.BeatReply(configuration_version=1))]
+        assert desk.ask(1, pnp_messages.Beat(lease=lease)) == [
+            answer(1, pnp_messages.BeatReply(configuration_version=1))
+        ]
 
     run_virtual(scene())
 
@@ -286,10 +292,10 @@ def test_a_request_from_elsewhere_is_answered_like_one_from_here() -> None:
         assert desk.said() == [answer(9, "ABCD")]
         assert desk.rig.part(1).local_name == "eye"
         desk.rig.join(2)
-        claim = plug.ClaimMessage(part_number="EFGH", local_name="", uid=uid(2), session_nonce=1)
+        claim = pnp_messages.ClaimMessage(part_number="EFGH", local_name="", uid=uid(2), session_nonce=1)
         desk.service.request_from_elsewhere(2, in_compat=False, identity=identity, body=claim.encode())
         ((key, is_answer, verdict, _),) = desk.said()
-        assert (key, is_answer, type(verdict)) == (9, True, plug.VerdictMessage)
+        assert (key, is_answer, type(verdict)) == (9, True, pnp_messages.VerdictMessage)
 
     run_virtual(scene())
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import Configuration, PartState, SlotBinding
 from msbot.pnp import thesis_programs as compat
 from msbot.process.virtual_time import run_virtual
@@ -17,11 +17,11 @@ from tests.pnp.scene import ORIGINAL, Robot, Visitor, with_robot
 SOON_S = 0.05
 
 
-async def told(visitor: Visitor) -> list[plug.Reply]:
+async def told(visitor: Visitor) -> list[pnp_messages.Reply]:
     """What the part is told in the next moment."""
     visitor.replies.clear()
     await asyncio.sleep(SOON_S)
-    return [plug.decode_reply(payload) for payload in visitor.replies]
+    return [pnp_messages.decode_reply(payload) for payload in visitor.replies]
 
 
 def test_a_changed_configuration_is_pushed_at_once() -> None:
@@ -36,7 +36,7 @@ def test_a_changed_configuration_is_pushed_at_once() -> None:
             store.configurations["AA"] = configuration("AA", version=2)
             other.replies.clear()
             robot.inventory.configuration_changed("AA")
-            assert await told(part) == [plug.BeatReply(configuration_version=2)]
+            assert await told(part) == [pnp_messages.BeatReply(configuration_version=2)]
             assert other.replies == []
             assert robot.service.told_unasked == 1
 
@@ -54,16 +54,16 @@ def test_a_spare_is_told_its_new_lease_at_once_and_its_beats_are_answered() -> N
             await first.claim("ABCD", 1)
             refused = await spare.claim("ABCD", 2)
             assert refused is not None
-            assert (refused.lease, refused.reason) == (0, plug.Refusal.NO_SLOT)
+            assert (refused.lease, refused.reason) == (0, pnp_messages.Refusal.NO_SLOT)
             spare.replies.clear()
             await first.client.close()
             await asyncio.sleep(SOON_S)
-            (verdict,) = [plug.decode_reply(payload) for payload in spare.replies]
-            assert isinstance(verdict, plug.VerdictMessage)
+            (verdict,) = [pnp_messages.decode_reply(payload) for payload in spare.replies]
+            assert isinstance(verdict, pnp_messages.VerdictMessage)
             assert verdict.lease
             assert verdict.beat_period_ms == 1000
-            answer = await spare.ask(plug.Beat(lease=verdict.lease).encode())
-            assert answer == plug.BeatReply(configuration_version=1).encode()
+            answer = await spare.ask(pnp_messages.Beat(lease=verdict.lease).encode())
+            assert answer == pnp_messages.BeatReply(configuration_version=1).encode()
             assert robot.state(0xA2) is PartState.ACTIVE
 
         await with_robot(robot, first, spare, play=play)
@@ -81,7 +81,7 @@ def test_a_part_that_is_put_out_is_told_to_claim_again() -> None:
             await part.claim("ABCD", 1)
             store.blocks[uid(1)] = "broken"
             robot.inventory.blocks_changed(asyncio.get_running_loop().time())
-            assert await told(part) == [plug.BeatReply(configuration_version=0)]
+            assert await told(part) == [pnp_messages.BeatReply(configuration_version=0)]
             del store.blocks[uid(1)]
             assert await part.claim("ABCD", 1) is not None
 
@@ -100,13 +100,15 @@ def test_a_part_hears_when_its_partner_is_lost_and_when_one_is_back() -> None:
             await receiver.claim("EFGH", 2)
             receiver.replies.clear()
             assert robot.agent.disconnect(0xA1, "pulled out")
-            assert await told(receiver) == [plug.Notice(number=1, binding=1, kind=plug.NoticeKind.PARTNER_LOST)]
+            assert await told(receiver) == [
+                pnp_messages.Notice(number=1, binding=1, kind=pnp_messages.NoticeKind.PARTNER_LOST)
+            ]
             await asyncio.sleep(4.0)
             await receiver.claim("EFGH", 2)
             receiver.replies.clear()
             assert await sender.claim("ABCD", 1) is not None
-            assert [plug.decode_reply(payload) for payload in receiver.replies] == [
-                plug.Notice(number=1, binding=1, kind=plug.NoticeKind.PARTNER_BACK)
+            assert [pnp_messages.decode_reply(payload) for payload in receiver.replies] == [
+                pnp_messages.Notice(number=1, binding=1, kind=pnp_messages.NoticeKind.PARTNER_BACK)
             ]
 
         await with_robot(robot, sender, receiver, play=play)
@@ -130,7 +132,9 @@ def test_a_part_hears_only_of_the_port_whose_partner_is_lost() -> None:
             await part.claim("EFGH", 2)
             part.replies.clear()
             robot.service._partner_changed(0xB1, "HelloWorldTopic_1_to_2", is_there=False)
-            assert await told(part) == [plug.Notice(number=7, binding=2, kind=plug.NoticeKind.PARTNER_LOST)]
+            assert await told(part) == [
+                pnp_messages.Notice(number=7, binding=2, kind=pnp_messages.NoticeKind.PARTNER_LOST)
+            ]
 
         await with_robot(robot, part, play=play)
 
@@ -168,8 +172,8 @@ def test_parts_at_an_agent_elsewhere_hear_of_stop_by_that_agent_and_the_rest_by_
             robot.service.use_elsewhere(elsewhere)
             robot.service.stop_all("ada", "", 0)
             (stop,) = await told(here)
-            assert isinstance(stop, plug.Notice)
-            assert stop.kind == plug.NoticeKind.STOP
+            assert isinstance(stop, pnp_messages.Notice)
+            assert stop.kind == pnp_messages.NoticeKind.STOP
             assert await told(there) == []
             assert elsewhere.told == ["stop"]
             assert robot.service.identify(0xA1)
@@ -190,7 +194,7 @@ def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
     async def scene() -> None:
         robot = Robot(sample_store())
         early, late = Visitor(robot, 0xA1), Visitor(robot, 0xB1)
-        stop = plug.Notice(number=1, binding=plug.NO_BINDING, kind=plug.NoticeKind.STOP)
+        stop = pnp_messages.Notice(number=1, binding=pnp_messages.NO_BINDING, kind=pnp_messages.NoticeKind.STOP)
 
         async def play() -> None:
             await early.claim("ABCD", 1)
@@ -199,13 +203,15 @@ def test_stop_reaches_all_parts_and_those_that_come_in_until_go() -> None:
             assert await told(early) == [stop]
             verdict = await late.claim("EFGH", 2)
             assert verdict is not None
-            late.client.write(late.requester, plug.ConfigurationRequest(lease=verdict.lease, have_version=0).encode())
+            late.client.write(
+                late.requester, pnp_messages.ConfigurationRequest(lease=verdict.lease, have_version=0).encode()
+            )
             assert stop in await told(late)
             early.replies.clear()
             assert robot.service.go_all("ann") == 2
-            go = replace_kind(stop, plug.NoticeKind.GO)
+            go = replace_kind(stop, pnp_messages.NoticeKind.GO)
             assert await told(late) == [go]
-            assert [plug.decode_reply(payload) for payload in early.replies] == [go]
+            assert [pnp_messages.decode_reply(payload) for payload in early.replies] == [go]
             assert not robot.service.stop.holds
 
         await with_robot(robot, early, late, play=play)
@@ -222,7 +228,7 @@ def test_a_part_that_restarts_while_stop_holds_has_to_confirm_again() -> None:
             verdict = await part.claim("ABCD", 1)
             assert verdict is not None
             robot.service.stop_all("ann", "", 0)
-            await part.ask(plug.StoppedBeat(lease=verdict.lease, number=1).encode())
+            await part.ask(pnp_messages.StoppedBeat(lease=verdict.lease, number=1).encode())
 
             def confirmed_and_silent() -> tuple[list[str], tuple[str, ...]]:
                 status = robot.service.stop.status()
@@ -233,7 +239,7 @@ def test_a_part_that_restarts_while_stop_holds_has_to_confirm_again() -> None:
             assert again is not None
             assert again.lease == verdict.lease, "it only says again who it is"
             assert confirmed_and_silent() == (["AA"], ())
-            claim = plug.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=2)
+            claim = pnp_messages.ClaimMessage(part_number="ABCD", local_name="", uid=uid(1), session_nonce=2)
             reply = await part.ask(claim.encode())
             assert reply is not None
             assert confirmed_and_silent() == ([], ("AA",))
@@ -251,38 +257,38 @@ def test_stop_is_repeated_with_every_beat_and_go_with_the_next_three() -> None:
         async def play() -> None:
             verdict = await part.claim("ABCD", 1)
             assert verdict is not None
-            beat = plug.Beat(lease=verdict.lease).encode()
+            beat = pnp_messages.Beat(lease=verdict.lease).encode()
 
             async def kinds() -> list[int]:
                 await part.ask(beat)
-                replies = [plug.decode_reply(payload) for payload in part.replies]
-                return [reply.kind for reply in replies if isinstance(reply, plug.Notice)]
+                replies = [pnp_messages.decode_reply(payload) for payload in part.replies]
+                return [reply.kind for reply in replies if isinstance(reply, pnp_messages.Notice)]
 
             assert await kinds() == []
             robot.service.stop_all("ann", "", 0)
-            assert plug.NoticeKind.STOP in await kinds()
-            assert await kinds() == await kinds() == [plug.NoticeKind.STOP], (
+            assert pnp_messages.NoticeKind.STOP in await kinds()
+            assert await kinds() == await kinds() == [pnp_messages.NoticeKind.STOP], (
                 "a beat without its number confirms nothing"
             )
             assert robot.service.stop.status().silent == ("AA",)
-            beat = plug.StoppedBeat(lease=verdict.lease, number=2).encode()
-            assert await kinds() == [plug.NoticeKind.STOP], "another STOP"
-            beat = plug.StoppedBeat(lease=verdict.lease, number=1).encode()
+            beat = pnp_messages.StoppedBeat(lease=verdict.lease, number=2).encode()
+            assert await kinds() == [pnp_messages.NoticeKind.STOP], "another STOP"
+            beat = pnp_messages.StoppedBeat(lease=verdict.lease, number=1).encode()
             assert await kinds() == []
             assert [one.part for one in robot.service.stop.status().confirmed] == ["AA"]
             robot.service.go_all("ann")
-            assert plug.NoticeKind.GO in await kinds()
-            assert await kinds() == [plug.NoticeKind.GO], "it has not heard of GO, as its beats say"
-            beat = plug.Beat(lease=verdict.lease).encode()
-            assert [await kinds() for _ in range(4)] == [[plug.NoticeKind.GO]] * 3 + [[]]
+            assert pnp_messages.NoticeKind.GO in await kinds()
+            assert await kinds() == [pnp_messages.NoticeKind.GO], "it has not heard of GO, as its beats say"
+            beat = pnp_messages.Beat(lease=verdict.lease).encode()
+            assert [await kinds() for _ in range(4)] == [[pnp_messages.NoticeKind.GO]] * 3 + [[]]
 
         await with_robot(robot, part, play=play)
 
     run_virtual(scene())
 
 
-def replace_kind(notice: plug.Notice, kind: plug.NoticeKind) -> plug.Notice:
-    return plug.Notice(number=notice.number, binding=notice.binding, kind=kind)
+def replace_kind(notice: pnp_messages.Notice, kind: pnp_messages.NoticeKind) -> pnp_messages.Notice:
+    return pnp_messages.Notice(number=notice.number, binding=notice.binding, kind=kind)
 
 
 def test_one_part_is_asked_to_show_itself_and_a_stranger_cannot_be() -> None:
@@ -293,8 +299,8 @@ def test_one_part_is_asked_to_show_itself_and_a_stranger_cannot_be() -> None:
         async def play() -> None:
             await part.claim("ABCD", 1)
             assert robot.service.identify(0xA1)
-            assert [reply.kind for reply in await told(part) if isinstance(reply, plug.Notice)] == [
-                plug.NoticeKind.IDENTIFY
+            assert [reply.kind for reply in await told(part) if isinstance(reply, pnp_messages.Notice)] == [
+                pnp_messages.NoticeKind.IDENTIFY
             ]
             assert not robot.service.identify(0x77)
 
@@ -349,7 +355,7 @@ def test_nobody_but_the_part_itself_is_told_and_a_session_opened_anew_asks_first
 
 
 def test_who_can_be_told_is_bounded_and_the_others_find_out_with_their_beats(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msbot.pnp.services.MOST_ASKERS", 1)
+    monkeypatch.setattr("msbot.pnp.inventory_service.MOST_ASKERS", 1)
 
     async def scene() -> None:
         store = sample_store()
@@ -365,8 +371,8 @@ def test_who_can_be_told_is_bounded_and_the_others_find_out_with_their_beats(mon
             store.configurations["AA"] = configuration("AA", version=2)
             robot.inventory.configuration_changed("AA")
             assert await told(first) == []
-            answer = await first.ask(plug.Beat(lease=verdict.lease).encode())
-            assert answer == plug.BeatReply(configuration_version=2).encode()
+            answer = await first.ask(pnp_messages.Beat(lease=verdict.lease).encode())
+            assert answer == pnp_messages.BeatReply(configuration_version=2).encode()
 
         await with_robot(robot, first, second, play=play)
 

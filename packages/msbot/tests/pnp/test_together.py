@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from msbot.part import Client
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp import PartState
 from msbot.pnp import thesis_programs as compat
 from msbot.process.virtual_time import run_virtual
@@ -182,7 +182,7 @@ def test_nobody_overhears_the_inventorys_answers_to_others() -> None:
             on_topic=lambda _object, _request, payload: overheard.append(payload),
         )
         participant = spy.create_participant()
-        topic = spy.create_topic(participant, plug.INVENTORY_REPLY_TOPIC, plug.INVENTORY_REPLY_TYPE)
+        topic = spy.create_topic(participant, pnp_messages.INVENTORY_REPLY_TOPIC, pnp_messages.INVENTORY_REPLY_TYPE)
         spy.read(spy.create_reader(spy.create_subscriber(participant), topic))
 
         async def play() -> None:

@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
-from msbot.stop import asking as stop_asking
-from msbot.stop import listening as stop_abstract
-from msbot.stop import places as stop_places
-from msbot.stop.listening import StopListener, listen
-from msbot.stop.names import new_name
+from msbot.stop import socket_folders as stop_places
+from msbot.stop import stop_listener as stop_abstract
+from msbot.stop import stop_request as stop_asking
+from msbot.stop.socket_names import new_name
+from msbot.stop.stop_listener import StopListener, listen
 
 PATIENCE_S = 60.0
 """How long a test waits for what comes at once; the machine may be busy."""
@@ -33,7 +33,7 @@ def own_places(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(stop_places, "SHARED_FOLDER", str(shared))
     monkeypatch.setattr(stop_abstract, "PREFIX", f"msbot-stop-test{os.getpid()}-")
     monkeypatch.setattr(stop_places, "users_meant", lambda: [stop_places.own_user()])
-    monkeypatch.setattr("msbot.stop.asking.users_meant", lambda: [stop_places.own_user()])
+    monkeypatch.setattr("msbot.stop.stop_request.users_meant", lambda: [stop_places.own_user()])
     return shared
 
 
@@ -92,7 +92,7 @@ class StopsWhen:
         self.tries = 0
         self.got = 0
         real_answer = stop_asking.answer_in
-        real_step = stop_asking._Asking._go_on
+        real_step = stop_asking._StopRequest._go_on
 
         def answer_in(octets: bytes, word: str) -> dict[str, object] | None:
             found = real_answer(octets, word)
@@ -108,6 +108,6 @@ class StopsWhen:
             return time.monotonic() + 2 * PATIENCE_S * over
 
         monkeypatch.setattr(stop_asking, "answer_in", answer_in)
-        monkeypatch.setattr(stop_asking._Asking, "_go_on", step)
+        monkeypatch.setattr(stop_asking._StopRequest, "_go_on", step)
         monkeypatch.setattr(stop_asking, "time", type("Clock", (), {"monotonic": staticmethod(monotonic)}))
         monkeypatch.setattr(stop_asking, "AGAIN_S", 0.001)

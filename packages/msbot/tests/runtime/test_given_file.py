@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli.board.board import _Program
+from msbot.cli.board.board_commands import _Program
+from msbot_agent.idl.definitions_reader import read_definitions
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl
-from msbot_agent.idl.reader import read_definitions
 from msbot_agent.space.network_options import TlsFiles
-from msbot_agent.space.zenoh.connection import context
-from msbot_agent.text.given_file import read_given
+from msbot_agent.space.zenoh.router_connection import context
+from msbot_agent.text.untrusted_input import read_input_file
 from msbot_web.server import _tls_context
 from msbot_xrce.errors import ConfigError
 
@@ -24,12 +24,12 @@ needs_zero = pytest.mark.skipif(not ZERO.exists(), reason="there is no /dev/zero
 def test_a_file_is_read_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "part.py"
     path.write_bytes(b"12345")
-    assert read_given(path, 5, "a program") == b"12345"
+    assert read_input_file(path, 5, "a program") == b"12345"
     with pytest.raises(ConfigError) as refused:
-        read_given(path, 4, "a program")
+        read_input_file(path, 4, "a program")
     assert str(refused.value) == (f"{path} is larger than 4 octets, or has no end: a program is not; name another file")
     with pytest.raises(FileNotFoundError):
-        read_given(tmp_path / "nothing", 4, "a program")
+        read_input_file(tmp_path / "nothing", 4, "a program")
 
 
 @needs_zero

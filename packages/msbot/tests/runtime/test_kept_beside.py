@@ -13,7 +13,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from msbot_agent.startup.bytecode_cache import carried_toml, kept_names
+from msbot_agent.startup.bytecode_cache import cached_definitions, carried_toml
 
 CARRIED = sorted(Path(str(files("msbot"))).rglob("*.toml"))
 
@@ -45,7 +45,11 @@ def words(tmp_path: Path) -> Path:
 @pytest.mark.usefixtures("byte_code")
 def test_it_is_made_once(words: Path) -> None:
     maker = Maker()
-    assert kept_names(words, maker, "a")["words"] == kept_names(words, maker, "a")["words"] == ["one", "two"]
+    assert (
+        cached_definitions(words, maker, "a")["words"]
+        == cached_definitions(words, maker, "a")["words"]
+        == ["one", "two"]
+    )
     assert maker.asked == 1
 
 
@@ -68,9 +72,9 @@ def other_mark(_path: Path) -> str:
 @pytest.mark.parametrize("change", [other_size, other_time, other_mark])
 def test_it_is_made_anew_when_something_is_another(words: Path, change: Callable[[Path], str]) -> None:
     maker = Maker()
-    kept_names(words, maker, "a")
+    cached_definitions(words, maker, "a")
     mark = change(words)
-    assert kept_names(words, maker, mark)["words"] == words.read_text().split()
+    assert cached_definitions(words, maker, mark)["words"] == words.read_text().split()
     assert maker.asked == 2
 
 
@@ -78,7 +82,7 @@ def test_nothing_is_kept_where_python_must_not_write(words: Path, monkeypatch: p
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     maker = Maker()
     for _ in range(2):
-        assert kept_names(words, maker, "a")["words"] == ["one", "two"]
+        assert cached_definitions(words, maker, "a")["words"] == ["one", "two"]
     assert maker.asked == 2
     assert [path.name for path in words.parent.iterdir()] == ["words.text"]
 

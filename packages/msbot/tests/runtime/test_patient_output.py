@@ -14,7 +14,7 @@ from typing import TextIO
 
 import pytest
 
-from msbot_agent.process.patient_output import MOST_WAITING, patient_output
+from msbot_agent.process.nonblocking_output import MOST_WAITING, nonblocking_output
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def test_who_writes_into_a_full_pipe_does_not_wait_and_what_is_left_out_is_count
 ) -> None:
     line = "x" * 99 + "\n"
     with output_to_a_pipe(monkeypatch) as reading:
-        with patient_output(patience_s=0.0):
+        with nonblocking_output(patience_s=0.0):
             for _ in range(10 * MOST_WAITING // len(line)):
                 print(line, end="")  # without the thread this would never end: nobody reads
             seen = b""
@@ -54,7 +54,7 @@ def test_everything_is_there_in_its_order_when_it_ends_and_streams_are_as_before
         handler = logging.StreamHandler(sys.stderr)
         logging.getLogger().addHandler(handler)
         try:
-            with patient_output():
+            with nonblocking_output():
                 print("one ä")
                 logging.getLogger("test").warning("two")
                 print("three", file=sys.stderr)
@@ -69,7 +69,7 @@ def test_everything_is_there_in_its_order_when_it_ends_and_streams_are_as_before
 
 def test_a_reader_that_has_gone_ends_nobody_and_is_told_once_on_the_other_stream() -> None:
     program = (
-        "from msbot_agent.process.patient_output import patient_output\n"
+        "from msbot_agent.process.nonblocking_output import patient_output\n"
         "with patient_output():\n"
         "    print('line')\n"
         "    input()\n"
@@ -112,8 +112,8 @@ def test_what_a_full_disk_did_not_take_is_counted_and_told_before_the_next_line(
     with open(os.devnull, "w") as output, open(os.devnull, "w") as errors, monkeypatch.context() as changed:
         changed.setattr(sys, "stdout", output)
         changed.setattr(sys, "stderr", errors)
-        changed.setattr("msbot_agent.process.patient_output._write", write)
-        with patient_output():
+        changed.setattr("msbot_agent.process.nonblocking_output._write", write)
+        with nonblocking_output():
             say("1\n", sys.stdout)
             full["out"] = True
             say("2\n3\n", sys.stdout, tries=2)  # the second is what the other stream tells
@@ -140,7 +140,7 @@ def test_what_a_full_disk_did_not_take_is_counted_and_told_before_the_next_line(
 
 def test_a_stream_that_is_none_of_the_system_stays(capsys: pytest.CaptureFixture[str]) -> None:
     before = sys.stdout
-    with patient_output():
+    with nonblocking_output():
         assert sys.stdout is before
         print("seen")
     assert capsys.readouterr().out == "seen\n"

@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 
-from msbot.stop import asking as stop_asking
-from msbot.stop import listening as stop_abstract
-from msbot.stop import places as stop_places
-from msbot.stop.asking import MOST_AT_ONCE, ask_masters
-from msbot.stop.listening import listen
-from msbot.stop.names import GROUP_VARIABLE, group_to_stop, name_in, new_name
-from msbot.stop.places import IS_LINUX, IS_THERE, own_folder
+from msbot.stop import socket_folders as stop_places
+from msbot.stop import stop_listener as stop_abstract
+from msbot.stop import stop_request as stop_asking
+from msbot.stop.socket_folders import IS_LINUX, IS_THERE, own_folder
+from msbot.stop.socket_names import GROUP_VARIABLE, group_to_stop, name_in, new_name
+from msbot.stop.stop_listener import listen
+from msbot.stop.stop_request import MOST_AT_ONCE, ask_masters
 from msbot_xrce.errors import ConfigError
 from tests.runtime.stop_stage import PATIENCE_S, StopsWhen, master, own_places, stuck_master, taken
 
@@ -249,7 +249,7 @@ def test_a_full_disk_leaves_nothing_half_made(shared: Path, monkeypatch: pytest.
     def full(*_args: object, **_names: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("msbot.stop.listening.os.rename", full)
+    monkeypatch.setattr("msbot.stop.stop_listener.os.rename", full)
     group = f"g{os.getpid()}"
     if IS_LINUX:
         with stuck_master(group=group) as listener:

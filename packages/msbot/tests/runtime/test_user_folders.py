@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_agent.agent.status_files import find_files, leave_word, status_folder
+from msbot_agent.agent.status_files import find_status_files, status_folder, write_status_file
 from msbot_agent.process.user_folders import (
     check_owner,
     is_running,
@@ -48,8 +48,8 @@ def test_a_squatted_folder_blinds_nobody(
             squatted.symlink_to(tmp_path)
         place = running_folder()
         assert place.parent == tmp_path / "home/.local/state/msbot"
-        file = leave_word(status_folder(), 4711)
-        assert [one.path for one in find_files(status_folder())] == [file.path]
+        file = write_status_file(status_folder(), 4711)
+        assert [one.path for one in find_status_files(status_folder())] == [file.path]
         if kind == "a folder":
             squatted.rmdir()
         else:

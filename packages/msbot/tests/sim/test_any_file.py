@@ -10,9 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msbot.config import Control, ControlKind, Direction, PartType, Scalar, standard_message_types
-from msbot.config.library.reader import open_library_file, read_part_type
+from msbot.config.library.part_file_reader import open_library_file, read_part_type
 from msbot.sim import message_class
-from msbot.sim.simulated_world import World
+from msbot.sim.part_model import PartModel
 from msbot_agent.toml.document import parse_document
 from msbot_agent.toml.problems import Problems
 from tests.effort import tries
@@ -64,7 +64,7 @@ def values_of(control: Control) -> list[Scalar]:
 def play_with(part_type: PartType) -> None:
     """Do everything one can do to a simulated part, as fast and as slowly as can be."""
     assert part_type.simulator is not None
-    world = World(part_type, Random(1))
+    world = PartModel(part_type, Random(1))
     now = 100.0
     world.start_at(now)
     world.join(now)

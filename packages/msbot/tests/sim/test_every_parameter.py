@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from msbot.config import ControlKind, Direction, FieldKind, Parameter, PartType, Scalar
-from msbot.sim.simulated_world import World
+from msbot.sim.part_model import PartModel
 from tests.sim.robot import LIBRARY
 
 PLAYED_S = 30.0
@@ -35,7 +35,7 @@ def other_values(parameter: Parameter) -> list[Scalar]:
 
 def played(part_type: PartType, settings: dict[str, Scalar]) -> list[object]:
     """What the part shows and says while somebody plays with all of it; the same game every time."""
-    world, random = World(part_type, Random(1)), Random(7)
+    world, random = PartModel(part_type, Random(1)), Random(7)
     world.start_at(0.0)
     for name, value in settings.items():
         world.set(name, value, 0.0)
@@ -50,7 +50,7 @@ def played(part_type: PartType, settings: dict[str, Scalar]) -> list[object]:
     return seen
 
 
-def play_once(part_type: PartType, world: World, random: Random, now: float) -> None:
+def play_once(part_type: PartType, world: PartModel, random: Random, now: float) -> None:
     for control in part_type.simulator.controls if part_type.simulator else ():
         match control.kind:
             case ControlKind.BOOL:
@@ -86,7 +86,7 @@ def test_a_parameter_changes_what_the_part_shows_or_says(part_type: PartType, pa
     assert any(played(part_type, {parameter.name: value}) != usual for value in other_values(parameter))
 
 
-def said(world: World, until: float, begin: float = 0.0) -> list[float]:
+def said(world: PartModel, until: float, begin: float = 0.0) -> list[float]:
     values = []
     for step in range(1, round((until - begin) / STEP_S) + 1):
         now = round(begin + step * STEP_S, 6)
@@ -96,7 +96,7 @@ def said(world: World, until: float, begin: float = 0.0) -> list[float]:
 
 
 def test_a_knob_does_not_tell_movements_smaller_than_its_change() -> None:
-    world = World(LIBRARY.require("POT-10K"), Random(1))
+    world = PartModel(LIBRARY.require("POT-10K"), Random(1))
     world.start_at(0.0)
     world.set("change", 5.0, 0.0)
     world.join(0.0)
@@ -110,7 +110,7 @@ def test_a_knob_does_not_tell_movements_smaller_than_its_change() -> None:
 
 
 def test_a_knob_that_nobody_turns_goes_on_saying_where_it_stands() -> None:
-    world = World(LIBRARY.require("POT-10K"), Random(1))
+    world = PartModel(LIBRARY.require("POT-10K"), Random(1))
     world.start_at(0.0)
     world.join(0.0)
     assert len(said(world, 5.0)) >= 45

@@ -10,7 +10,7 @@ import pytest
 
 from msbot.config import PartType, Scalar, load_library
 from msbot.part import JoinState
-from msbot.part.join.plug import Setting
+from msbot.part.join.pnp_messages import Setting
 from msbot.part.messages.standard import Level
 from msbot.process.virtual_time import run_virtual
 from msbot.sim import make_simulator

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.config import Reading, Scalar
-from msbot.sim.simulated_reading import Gauge, as_number, number
+from msbot.sim.simulated_reading import SimulatedReading, as_number, number
 
 
 class Follower:
     """A gauge and its sources."""
 
     def __init__(self, reading: Reading, **values: Scalar) -> None:
-        self.gauge = Gauge(reading, Random(1))
+        self.gauge = SimulatedReading(reading, Random(1))
         self.values: dict[str, Scalar] = {"source": 0.0, **values}
         self.now = 0.0
         self.came_at: float | None = None

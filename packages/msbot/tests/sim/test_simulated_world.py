@@ -22,7 +22,7 @@ from msbot.config import (
     Simulator,
     standard_message_types,
 )
-from msbot.sim.simulated_world import MOST_WAITING, World, fit
+from msbot.sim.part_model import MOST_WAITING, PartModel, fit
 
 TYPES = standard_message_types()
 LEVEL, SWITCH, HELLO = TYPES["Level"], TYPES["Switch"], TYPES["HelloWorld"]
@@ -32,13 +32,13 @@ OUT = Port("out", Direction.PUBLISH, "Level", message=LEVEL)
 IN = Port("in", Direction.SUBSCRIBE, "Level", safe={"percent": 5.0}, message=LEVEL)
 
 
-def world(*outputs: Output, ports: tuple[Port, ...] = (OUT, IN), readings: tuple[Reading, ...] = ()) -> World:
+def world(*outputs: Output, ports: tuple[Port, ...] = (OUT, IN), readings: tuple[Reading, ...] = ()) -> PartModel:
     parameters = (Parameter("period_s", ParameterKind.FLOAT, 1.0),)
     simulator = Simulator((KNOB, PRESS), readings, outputs)
-    return World(PartType("X", "x", ports=ports, parameters=parameters, simulator=simulator), Random(1))
+    return PartModel(PartType("X", "x", ports=ports, parameters=parameters, simulator=simulator), Random(1))
 
 
-def said(found: World, now: float) -> list[Scalar]:
+def said(found: PartModel, now: float) -> list[Scalar]:
     """The one field of everything that is said at that moment."""
     found.advance(now)
     return [next(iter(fields.values())) for _, fields in found.say(now)]
@@ -177,7 +177,7 @@ def test_a_value_is_made_to_fit_its_field(kind: FieldKind, value: Scalar, result
 
 def test_a_part_without_a_simulator_is_a_quiet_world() -> None:
     port = Port("in", Direction.SUBSCRIBE, "Own", message=MessageType("Own", {"a": FieldKind.INT8}))
-    found = World(PartType("X", "x", ports=(port,)), Random(1))
+    found = PartModel(PartType("X", "x", ports=(port,)), Random(1))
     found.receive("in", {"a": 1}, 0.0)
     found.advance(1.0)
     assert found.readings() == {}

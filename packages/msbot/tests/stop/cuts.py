@@ -12,7 +12,7 @@ from random import Random
 
 from msbot import Level
 from msbot.master import Master
-from msbot.master.fed_agent import AgentOfRemoteMaster
+from msbot.master.remote_agent import RemoteAgent
 from msbot.part import JoinState, Part
 from msbot_agent.link import InprocHub, Link, LinkInfo, LossyLink
 from msbot_agent.link.can import CanMasterLink
@@ -83,11 +83,11 @@ class FarWorld(World):
             master.add_link(hub.server)
         self._cable = LossyLink(cable.connect(), random=Random(5))
 
-    def _far_end(self) -> AgentOfRemoteMaster | PartsRelay:
+    def _far_end(self) -> RemoteAgent | PartsRelay:
         self._controller = self.driver.attach("far end")
         if self._way == RELAY:
             return PartsRelay(self._open_parts, self._cable, name="pi", say=lambda _: None)
-        agent = AgentOfRemoteMaster(self._open_parts, self._cable, name="pi", say=lambda _: None)
+        agent = RemoteAgent(self._open_parts, self._cable, name="pi", say=lambda _: None)
         self.oracle.watch(agent.agent)
         return agent
 

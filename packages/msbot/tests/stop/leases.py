@@ -15,7 +15,7 @@ from unittest import mock
 from sqlalchemy import text
 
 from msbot.registry.database.engine import make_lease_engine, parse_address
-from msbot.stop.asking import ask_masters
+from msbot.stop.stop_request import ask_masters
 from tests.e2e.processes import Process, running
 from tests.e2e.two_masters import prefer
 from tests.hostile.robot import until

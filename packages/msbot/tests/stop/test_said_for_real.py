@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.stop.asking import ask_masters
+from msbot.stop.stop_request import ask_masters
 from tests.e2e.processes import run
 from tests.hostile.robot import PATIENCE_S
 from tests.stop.real_robots import RealRobot, Trial

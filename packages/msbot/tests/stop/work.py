@@ -11,7 +11,7 @@ from unittest import mock
 
 from msbot.operations.dispatch import perform
 from msbot.part import Part
-from msbot.recording.replay.acts import ActPlayer, RecordedAct, RecordedActs
+from msbot.recording.replay.recorded_operations import OperationPlayer, RecordedOperation, RecordedOperations
 from msbot_xrce.errors import MsbotError
 from tests.lab.fault_stage import FaultStage, fault_scene
 from tests.lab.test_missions import OWN, Played
@@ -105,12 +105,12 @@ async def _replay(stage: FaultStage, _folder: Path) -> None:
         return await perform(stage.operations, request)
 
     deeds = [
-        RecordedAct(
+        RecordedOperation(
             step * 1_000_000_000, "Ben", "publish", {"port": "fan.power", "values": ["percent=70"], "seconds": 2.0}
         )
         for step in range(12)
     ]
-    player = ActPlayer(RecordedActs(tuple(deeds), 0, {}, ""), ask, say=lambda _: None)
+    player = OperationPlayer(RecordedOperations(tuple(deeds), 0, {}, ""), ask, say=lambda _: None)
     _REPLAYS.append(asyncio.create_task(player.run()))
 
 

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from msbot_agent.agent.statistics import (
         Acknowledgements,
         ClientView,
+        Maximum,
         ObjectView,
         SessionFaultCounts,
         StreamView,
-        Worst,
     )
     from msbot_agent.agent.status_reader import (
         MASTER,
@@ -51,7 +51,7 @@ _NAMES = {
         "ObjectView",
         "SessionFaultCounts",
         "StreamView",
-        "Worst",
+        "Maximum",
     ),
     "msbot_agent.agent.reply_routing": ("client_key_of",),
     "msbot_agent.agent.server": (
@@ -88,13 +88,13 @@ __all__ = [
     "DiscoveryResponder",
     "Gate",
     "LinkView",
+    "Maximum",
     "ObjectView",
     "OpenGate",
     "RunningProcess",
     "SessionFaultCounts",
     "StatusServer",
     "StreamView",
-    "Worst",
     "client_key_in",
     "client_key_of",
     "host_ipv6_addresses",

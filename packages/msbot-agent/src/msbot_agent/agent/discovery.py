@@ -14,7 +14,7 @@ import struct
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from msbot_agent.text.given_file import read_of_system
+from msbot_agent.text.untrusted_input import read_system_file
 from msbot_xrce.errors import LinkDown, RemoteProtocolError
 from msbot_xrce.messages import (
     SESSION_NONE,
@@ -89,7 +89,7 @@ def _came_in_at(ancillary: Sequence[tuple[int, int, bytes]]) -> str | None:
 def host_ipv6_addresses() -> list[str]:
     """The IPv6 addresses of this machine without link-local ones; loopback if it has no other."""
     try:
-        lines = read_of_system("/proc/net/if_inet6").splitlines()
+        lines = read_system_file("/proc/net/if_inet6").splitlines()
         found = [socket.inet_ntop(socket.AF_INET6, bytes.fromhex(line.split()[0])) for line in lines]
     except OSError:  # not Linux
         found = [str(entry[4][0]) for entry in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET6)]

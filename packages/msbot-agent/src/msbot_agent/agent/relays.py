@@ -16,7 +16,7 @@ from typing import Final
 from msbot_agent.agent.client_table import ServedLink
 from msbot_agent.agent.fair_share import SessionlessLimiter
 from msbot_agent.agent.gate import Gate
-from msbot_agent.link import Link, Peer, PriorityLink, pupil_behind
+from msbot_agent.link import Link, Peer, PriorityLink, pupil_of_connection
 from msbot_agent.link.relay import Bye, Hello, Message, Refused, RelayedLink, RelayGreeting, Who, decode, encode
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LinkDown, LinkFull, RemoteProtocolError
@@ -96,7 +96,7 @@ class Relays:
         return True
 
     def _greet(self, hello: Hello, way: Link, peer: Peer, now: float) -> None:
-        whose = pupil_behind(peer)
+        whose = pupil_of_connection(peer)
         found = next((link for link in self._links if (link.hello.boot, link.owner) == (hello.boot, whose)), None)
         if found is None:
             refusal = self._make_room(hello, way, peer)
@@ -116,7 +116,7 @@ class Relays:
 
     def _make_room(self, hello: Hello, way: Link, peer: Peer) -> str:
         """Why there is no room for one more relay; empty when there is."""
-        origin, whose = (way.info.name, way.origin(peer)), pupil_behind(peer)
+        origin, whose = (way.info.name, way.origin(peer)), pupil_of_connection(peer)
         for link in self._links:
             if (link.hello.name, link.hello.carried, link.owner) == (hello.name, hello.carried, whose):
                 if not link.is_silent and link.origin(None) != origin:

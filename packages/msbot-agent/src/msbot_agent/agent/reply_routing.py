@@ -20,13 +20,13 @@ class ReplyExchange:
 
     def __init__(self, space: Space) -> None:
         self._space = space
-        self._desks: dict[Topic, _Desk] = {}
+        self._desks: dict[Topic, _ReplyTopic] = {}
 
     def reader(self, topic: Topic, guid: Guid, deliver: Deliver) -> Reader:
         """A reader of the replies to the requests of one writer; a reply that `deliver` does not take is lost."""
         desk = self._desks.get(topic)
         if desk is None:
-            desk = self._desks[topic] = _Desk(self._space, topic)
+            desk = self._desks[topic] = _ReplyTopic(self._space, topic)
         reader = desk.askers[guid] = _ReplyReader(self, topic, guid, deliver)
         return reader
 
@@ -43,7 +43,7 @@ class ReplyExchange:
             desk.reader.close()
 
 
-class _Desk:
+class _ReplyTopic:
     """One reply topic."""
 
     __slots__ = ("askers", "reader")

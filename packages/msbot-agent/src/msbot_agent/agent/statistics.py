@@ -135,11 +135,11 @@ class SessionFaultCounts:
 # How long messages take: through the agent, and from the agent to a client and back; both are measured now and then.
 #
 # Through the agent. The next sample, request or reply that a client writes is marked, at most once in `EVERY_S`,
-# however many come: its octets become `TimedOctets`, which know when the agent took them up. The mark travels with
-# them through this process' data space, and through the history of a reader that cannot take them yet. The time ends
-# when the agent has given the packet to the reader's link; what the link has no room for at once, a CAN bus that is
-# busy for instance, has waited in the reader's history until then. Samples from other programs have no mark, and what
-# a writer had kept for a reader that came later does not count. While nobody listens, nothing is marked.
+# however many come: its octets become `TimestampedPayload`, which know when the agent took them up. The mark travels
+# with them through this process' data space, and through the history of a reader that cannot take them yet. The time
+# ends when the agent has given the packet to the reader's link; what the link has no room for at once, a CAN bus that
+# is busy for instance, has waited in the reader's history until then. Samples from other programs have no mark, and
+# what a writer had kept for a reader that came later does not count. While nobody listens, nothing is marked.
 #
 # To a client and back. A reliable stream measures, for its own use, how long its latest message took from the link's
 # taking it to the client's acknowledgement (one message at a time; not one that was sent twice). `Acknowledgements`
@@ -154,7 +154,7 @@ Heard = Callable[[float], object]
 """Takes seconds."""
 
 
-class TimedOctets(bytes):
+class TimestampedPayload(bytes):
     """A marked payload."""
 
     began: float
@@ -184,11 +184,11 @@ class Transit:
         """The payload, marked; the next one is due in a while."""
         self.is_due = False
         asyncio.get_running_loop().call_later(EVERY_S, self._be_due)
-        timed = TimedOctets(payload)
+        timed = TimestampedPayload(payload)
         timed.began = self._clock()
         return timed
 
-    def book(self, payload: TimedOctets, reader_since: float) -> None:
+    def book(self, payload: TimestampedPayload, reader_since: float) -> None:
         """A marked sample was booked for a reader's link."""
         if payload.began >= reader_since and len(self.booked) < MOST_READERS:
             self.booked.append(payload.began)
@@ -237,7 +237,7 @@ class Latency:
                 yield client.key, count, seconds
 
 
-class Worst:
+class Maximum:
     """The greatest of what it is told."""
 
     def __init__(self) -> None:

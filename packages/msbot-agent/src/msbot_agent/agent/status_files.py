@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from msbot_agent.process.user_folders import check_owner, is_running, running_folder
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -44,7 +44,7 @@ def status_folder() -> Path:
     return running_folder()
 
 
-def leave_word(folder: Path, port: int) -> StatusFile:
+def write_status_file(folder: Path, port: int) -> StatusFile:
     """Write the file of this process, and remove those of dead ones.
 
     Raises:
@@ -55,14 +55,14 @@ def leave_word(folder: Path, port: int) -> StatusFile:
     )
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        list(find_files(folder))  # finding the files also removes dead ones
+        list(find_status_files(folder))  # finding the files also removes dead ones
         _write(file)
     except OSError as error:
         raise ConfigError(f"cannot write {file.path} ({error.strerror})") from error
     return file
 
 
-def put_back(file: StatusFile) -> None:
+def restore_status_file(file: StatusFile) -> None:
     """Write the file of this process again if somebody has removed it.
 
     Systems clean their temporary folders, and a process that sees other processes or another network than this one
@@ -86,7 +86,7 @@ def _write(file: StatusFile) -> None:
         stream.write(json.dumps({"port": file.port, "token": file.token, "pid": file.pid}))
 
 
-def find_files(folder: Path) -> Iterator[StatusFile]:
+def find_status_files(folder: Path) -> Iterator[StatusFile]:
     """The files of processes that still run, oldest first; those of dead ones are removed.
 
     Raises:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from msbot_agent.agent.statistics import ClientView, ObjectView, StreamView
-from msbot_agent.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_files, status_folder
-from msbot_agent.text.given_file import read_told
+from msbot_agent.agent.status_files import DESCRIBE, FORMAT, StatusFile, find_status_files, status_folder
+from msbot_agent.text.untrusted_input import read_program_json
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -92,7 +92,7 @@ def running_processes(folder: Path | None = None) -> Iterator[RunningProcess]:
     Raises:
         ConfigError: the folder with their files is not the user's own.
     """
-    for file in find_files(folder or status_folder()):
+    for file in find_status_files(folder or status_folder()):
         try:
             head = _ask(file, {"do": DESCRIBE})
             if head.get("format") != FORMAT:
@@ -114,7 +114,7 @@ def read_statuses(folder: Path | None = None) -> list[AgentStatus]:
         ConfigError: the folder with their files is not the user's own.
     """
     statuses = []
-    for file in find_files(folder or status_folder()):
+    for file in find_status_files(folder or status_folder()):
         try:
             statuses.append(_read(file))
         except ConnectionRefusedError:
@@ -129,7 +129,7 @@ def _ask(file: StatusFile, request: Mapping[str, object], patience_s: float = AN
     with socket.create_connection(("127.0.0.1", file.port), timeout=patience_s) as connection:
         connection.sendall(line)
         with connection.makefile("rb") as stream:
-            answer = read_told(stream.readline() or b"null")
+            answer = read_program_json(stream.readline() or b"null")
     if not isinstance(answer, dict):
         raise ValueError("it gave no answer")
     return answer
@@ -152,7 +152,7 @@ def status_in(pid: int, answer: Iterable[bytes]) -> AgentStatus:
     Raises:
         ValueError, KeyError, TypeError, AttributeError: it is none.
     """
-    lines = [read_told(line) for line in answer]
+    lines = [read_program_json(line) for line in answer]
     if not lines or lines[0].get("format") != FORMAT:
         raise ValueError("it is of another version, or no agent")
     if lines[-1] != {"end": len(lines) - 2}:

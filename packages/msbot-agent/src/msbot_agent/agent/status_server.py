@@ -18,10 +18,10 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 
 from msbot_agent.agent.server import Agent
-from msbot_agent.agent.status_files import DESCRIBE, FORMAT, leave_word, put_back, status_folder
+from msbot_agent.agent.status_files import DESCRIBE, FORMAT, restore_status_file, status_folder, write_status_file
 from msbot_agent.link import bound_name
 from msbot_agent.pace import Acceptor
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import ConfigError
 
@@ -99,13 +99,13 @@ class StatusServer:
         loop = asyncio.get_running_loop()
         acceptor = Acceptor(listening, self._take, self._dropped)
         try:
-            file = leave_word(self._folder, listening.getsockname()[1])
+            file = write_status_file(self._folder, listening.getsockname()[1])
             self._token, self._since, self.path = file.token.encode(), loop.time(), file.path
             looking: asyncio.Future[None] | None = None
             try:
                 while True:
                     await asyncio.sleep(LOOK_AFTER_S)
-                    looking = asyncio.ensure_future(asyncio.to_thread(put_back, file))
+                    looking = asyncio.ensure_future(asyncio.to_thread(restore_status_file, file))
                     await asyncio.shield(looking)
             finally:
                 self.path = None

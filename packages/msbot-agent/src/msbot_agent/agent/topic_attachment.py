@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from msbot_agent.agent.reply_routing import ReplyExchange
-from msbot_agent.agent.statistics import PUSHED_OUT, TimedOctets, TopicTraffic, Transit
+from msbot_agent.agent.statistics import PUSHED_OUT, TimestampedPayload, TopicTraffic, Transit
 from msbot_agent.pace import TokenBucket
 from msbot_agent.space import Deliver, Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
 from msbot_xrce.counting import Tally
@@ -346,7 +346,7 @@ class ReadSide:
             return False
         if shape is not None:
             shape.sent(sample)
-        if type(sample.payload) is TimedOctets:
+        if type(sample.payload) is TimestampedPayload:
             self._host.transit.book(sample.payload, self._since)
         if read.limited:
             self._account(read, len(payload))

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from msbot_agent.cli import first_page
+from msbot_agent.cli import help_page
 from msbot_agent.startup.extensions import extensions
 
 if TYPE_CHECKING:
@@ -95,11 +95,11 @@ _HELP = (["-h"], ["--help"])
 def main() -> None:
     """Entry point: a user's mistake is one message on stderr and exit status 2, never a traceback."""
     if sys.stdin is None or sys.stdout is None or sys.stderr is None:
-        from msbot_agent.process.patient_output import fill_closed_streams
+        from msbot_agent.process.nonblocking_output import fill_closed_streams
 
         fill_closed_streams()
     if sys.argv[1:] in _HELP and "_MSBOT_COMPLETE" not in os.environ:
-        first_page.show(command_lines())
+        help_page.show(command_lines())
         return
     from msbot_agent.cli.group import run
 

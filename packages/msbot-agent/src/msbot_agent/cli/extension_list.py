@@ -46,7 +46,7 @@ def command(*, as_json: bool) -> None:
 
 def _load_all() -> None:
     """Have everything loaded as it is when it is used."""
-    from msbot_agent.cli.services import CommandService
+    from msbot_agent.cli.command_services import CommandService
     from msbot_agent.link import link_kinds
     from msbot_agent.space import brought_kinds
 

@@ -15,8 +15,8 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, package_of
-from msbot_agent.cli.first_page import SUMMARY, leave_output
-from msbot_agent.startup.bytecode_cache import made_to_stay
+from msbot_agent.cli.help_page import SUMMARY, leave_output
+from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import printable, whole
 from msbot_xrce.errors import MsbotError
@@ -39,7 +39,7 @@ class LazyGroup(click.Group):
         """Import and return one command, or None when there is no such name."""
         if cmd_name not in COMMANDS:
             return extensions().get("commands", cmd_name, click.Command)
-        with made_to_stay():
+        with without_garbage_collection():
             if cmd_name in BUILT_IN:
                 command = importlib.import_module(f"msbot_agent.cli.{BUILT_IN[cmd_name]}").command
             else:

@@ -16,7 +16,7 @@ from msbot_agent.link.can import CanSettings, Codec
 from msbot_agent.link.relay import PartsRelay
 from msbot_agent.log import TerminalHandler
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_xrce import compress, decompress, is_whole
 
 _CAN = CanSettings(codec=Codec(compress, decompress), is_whole=is_whole)
@@ -44,7 +44,7 @@ def command(parts: str, master: str, name: str) -> None:
         return open_link(parts, serve=True, can=replace(_CAN, profile_hash=profile_hash))
 
     open_parts(0)  # report mistakes before anything runs
-    with contextlib.suppress(KeyboardInterrupt), patient_output():
+    with contextlib.suppress(KeyboardInterrupt), nonblocking_output():
         run_to_end(_main(open_parts, open_link(master), name))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from msbot_agent.link.can.protocol import Frame
-from msbot_agent.text.given_file import open_given
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -52,7 +52,7 @@ def read_capture(path: Path) -> Iterator[Datagram | CapturedFrame]:
     except ImportError:
         raise ConfigError(f"captures of networks need the package dpkt: {REMEDY}") from None
     try:
-        with open_given(path) as stream:
+        with open_input_file(path) as stream:
             reader = dpkt.pcap.UniversalReader(stream)
             kind = reader.datalink()
             for at, octets in reader:

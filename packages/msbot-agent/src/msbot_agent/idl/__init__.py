@@ -1,9 +1,9 @@
 """Message definitions of others: OMG IDL and ROS 2 interface files in, Python, C or IDL out (`msbot idl`)."""
 
 from msbot_agent.idl.c_writer import to_c
+from msbot_agent.idl.definitions_reader import read_definitions
 from msbot_agent.idl.idl_writer import to_idl
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.python_writer import to_python
-from msbot_agent.idl.reader import read_definitions
 
 __all__ = ["Definitions", "read_definitions", "to_c", "to_idl", "to_python"]

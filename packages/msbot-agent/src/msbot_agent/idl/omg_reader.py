@@ -21,7 +21,7 @@ from msbot_agent.idl.model import (
     Type,
     Value,
 )
-from msbot_agent.text.given_file import read_given
+from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError
 
 DEEPEST = 32
@@ -117,7 +117,7 @@ class _Reader:
         if path in self._seen:
             return
         try:
-            text = read_given(path, LARGEST_FILE, "a file with message definitions").decode("utf-8")
+            text = read_input_file(path, LARGEST_FILE, "a file with message definitions").decode("utf-8")
         except (OSError, UnicodeDecodeError, ConfigError) as error:
             raise word.place.error(f"{path} cannot be read: {error}") from None
         _Reader(text, str(path), self._into, is_ros=self._is_ros, typedefs=self._typedefs, seen=self._seen).read()

@@ -23,7 +23,7 @@ from msbot_agent.idl.model import (
     Type,
     Value,
 )
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.lazy import dataclass
 
 Finder = Callable[[Name, SourceLocation], None]

@@ -9,6 +9,7 @@ from msbot_xrce.lazy import lazy_face
 if TYPE_CHECKING:
     from msbot_agent.link.base import BaseLink
     from msbot_agent.link.contract import (
+        ConnectionUser,
         KnownPeers,
         Link,
         LinkCounters,
@@ -20,11 +21,10 @@ if TYPE_CHECKING:
         Signal,
         SignalHandler,
         Tap,
-        Visitor,
-        pupil_behind,
-        visitor_behind,
+        pupil_of_connection,
+        user_of_connection,
     )
-    from msbot_agent.link.disturbed import Disturbance, DisturbedLink, LossyLink, Treatment
+    from msbot_agent.link.disturbed_link import Disturbance, DisturbedLink, LossyLink, Treatment
     from msbot_agent.link.in_process import InprocEnd, InprocHub, inproc_pair
     from msbot_agent.link.link_schemes import Scheme, bound_name, link_kinds, open_link, parse_host_and_port
 
@@ -42,11 +42,11 @@ _NAMES = {
         "Signal",
         "SignalHandler",
         "Tap",
-        "Visitor",
-        "pupil_behind",
-        "visitor_behind",
+        "ConnectionUser",
+        "pupil_of_connection",
+        "user_of_connection",
     ),
-    "msbot_agent.link.disturbed": (
+    "msbot_agent.link.disturbed_link": (
         "Disturbance",
         "DisturbedLink",
         "LossyLink",
@@ -70,6 +70,7 @@ __getattr__ = lazy_face(__name__, _NAMES)
 
 __all__ = [
     "BaseLink",
+    "ConnectionUser",
     "Disturbance",
     "DisturbedLink",
     "InprocEnd",
@@ -88,12 +89,11 @@ __all__ = [
     "SignalHandler",
     "Tap",
     "Treatment",
-    "Visitor",
     "bound_name",
     "inproc_pair",
     "link_kinds",
     "open_link",
     "parse_host_and_port",
-    "pupil_behind",
-    "visitor_behind",
+    "pupil_of_connection",
+    "user_of_connection",
 ]

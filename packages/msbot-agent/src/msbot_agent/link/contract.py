@@ -162,7 +162,7 @@ class Link(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Visitor:
+class ConnectionUser:
     """The person behind a connection."""
 
     person: str
@@ -172,13 +172,13 @@ class Visitor:
     """The pupil whose rights everything from there has, whom a teacher may hold; empty: it is no pupil's."""
 
 
-def visitor_behind(peer: Peer) -> Visitor | None:
+def user_of_connection(peer: Peer) -> ConnectionUser | None:
     """The person behind a peer; None: nobody has asked."""
     visitor = getattr(peer, "visitor", None)
-    return visitor if isinstance(visitor, Visitor) else None
+    return visitor if isinstance(visitor, ConnectionUser) else None
 
 
-def pupil_behind(peer: Peer) -> str:
+def pupil_of_connection(peer: Peer) -> str:
     """The pupil behind a peer; empty: it is somewhere else, or somebody else's."""
-    visitor = visitor_behind(peer)
+    visitor = user_of_connection(peer)
     return "" if visitor is None else visitor.pupil

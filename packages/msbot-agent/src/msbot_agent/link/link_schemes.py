@@ -26,9 +26,9 @@ from msbot_agent.link.failover_link import FailoverLink
 from msbot_agent.link.net.tcp import TcpClientLink, TcpServerLink
 from msbot_agent.link.net.udp import UdpClientLink, UdpServerLink
 from msbot_agent.link.net.websocket_client import open_websocket
-from msbot_agent.link.serial.lines import CLIENT_ADDRESS
-from msbot_agent.link.serial.port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
 from msbot_agent.link.serial.pty import PtyServerLink
+from msbot_agent.link.serial.serial_line import CLIENT_ADDRESS
+from msbot_agent.link.serial.serial_port import AUTO, DEFAULT_BAUDRATE, SerialClientLink, SerialServerLink
 from msbot_agent.startup.extensions import extensions
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass

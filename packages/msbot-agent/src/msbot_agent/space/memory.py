@@ -45,8 +45,8 @@ class MemorySpace:
             clock: seconds, for lifespans, deadlines and time-based filters.
         """
         self.words: str | None = None
-        self._meetings: dict[Topic, _Meeting] = {}
-        self._by_name: dict[tuple[str, int], list[_Meeting]] = {}
+        self._meetings: dict[Topic, _TopicEndpoints] = {}
+        self._by_name: dict[tuple[str, int], list[_TopicEndpoints]] = {}
         self._store = Store(max_octets)
         self._clock = clock
 
@@ -77,7 +77,7 @@ class MemorySpace:
         reader.catch_up(meeting.kept_for(reader))
         return reader
 
-    def _meeting(self, topic: Topic) -> _Meeting:
+    def _meeting(self, topic: Topic) -> _TopicEndpoints:
         meeting = self._meetings.get(topic)
         if meeting is None:
             namesakes = self._by_name.setdefault((topic.name, topic.domain), [])
@@ -88,11 +88,11 @@ class MemorySpace:
                     other.topic.type_name,
                     topic.type_name,
                 )
-            meeting = self._meetings[topic] = _Meeting(topic, namesakes, self._close)
+            meeting = self._meetings[topic] = _TopicEndpoints(topic, namesakes, self._close)
             namesakes.append(meeting)
         return meeting
 
-    def _close(self, meeting: _Meeting) -> None:
+    def _close(self, meeting: _TopicEndpoints) -> None:
         topic = meeting.topic
         del self._meetings[topic]
         namesakes = self._by_name[topic.name, topic.domain]
@@ -120,7 +120,7 @@ class MemoryWriter:
     )
 
     def __init__(  # noqa: PLR0917 - made by MemorySpace only
-        self, topic: Topic, qos: Qos, guid: Guid, meeting: _Meeting, store: Store, clock: Clock
+        self, topic: Topic, qos: Qos, guid: Guid, meeting: _TopicEndpoints, store: Store, clock: Clock
     ) -> None:
         self.guid = guid
         self.topic = topic
@@ -216,12 +216,14 @@ class _Route:
             self.accepts = tuple(self._readers.values())
 
 
-class _Meeting:
+class _TopicEndpoints:
     """The writers and readers of one topic, in the order they came."""
 
     __slots__ = ("_close", "_namesakes", "_routes", "readers", "topic", "writers")
 
-    def __init__(self, topic: Topic, namesakes: list[_Meeting], close: Callable[[_Meeting], None]) -> None:
+    def __init__(
+        self, topic: Topic, namesakes: list[_TopicEndpoints], close: Callable[[_TopicEndpoints], None]
+    ) -> None:
         self.topic = topic
         self.writers: dict[MemoryWriter, None] = {}
         self.readers: dict[MemoryReader, None] = {}
@@ -289,7 +291,7 @@ class _Meeting:
         reasons = [mismatch(writer.qos, reader.qos) for reader in self.readers]
         return self._sentences(reasons, (len(meeting.readers) for meeting in self._others()), "read")
 
-    def _others(self) -> list[_Meeting]:
+    def _others(self) -> list[_TopicEndpoints]:
         return [meeting for meeting in self._namesakes if meeting is not self]
 
     def _sentences(self, reasons: Iterable[str | None], others: Iterator[int], verb: str) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ class History:
 Clock = Callable[[], float]
 
 
-class ReadersMeeting(Protocol):
+class TopicEndpoints(Protocol):
     """What a reader needs from the place where it meets writers."""
 
     def leave(self, endpoint: MemoryReader) -> None:
@@ -101,7 +101,7 @@ class MemoryReader:
     )
 
     def __init__(  # noqa: PLR0917 - made by MemorySpace only
-        self, topic: Topic, qos: Qos, deliver: Deliver, store: Store, meeting: ReadersMeeting, clock: Clock
+        self, topic: Topic, qos: Qos, deliver: Deliver, store: Store, meeting: TopicEndpoints, clock: Clock
     ) -> None:
         self.topic = topic
         self.qos = qos
@@ -175,7 +175,7 @@ class SelectiveReader(MemoryReader):
     __slots__ = ("_last_at", "_owner", "missed", "strengths")
 
     def __init__(  # noqa: PLR0917 - made by MemorySpace only
-        self, topic: Topic, qos: Qos, deliver: Deliver, store: Store, meeting: ReadersMeeting, clock: Clock
+        self, topic: Topic, qos: Qos, deliver: Deliver, store: Store, meeting: TopicEndpoints, clock: Clock
     ) -> None:
         super().__init__(topic, qos, deliver, store, meeting, clock)
         self.strengths: dict[Guid, int] = {}

@@ -20,7 +20,7 @@ from typing import Any
 from zlib import crc32
 
 
-def kept_names(path: Path, to_python: Callable[[bytes], str], mark: str) -> dict[str, Any]:
+def cached_definitions(path: Path, to_python: Callable[[bytes], str], mark: str) -> dict[str, Any]:
     """The names that a Python text defines.
 
     Args:
@@ -46,7 +46,7 @@ def carried_toml(entry: Traversable) -> Mapping[str, Any]:
     """
     if not isinstance(entry, Path):  # in an archive
         return tomllib.loads(entry.read_text("utf-8"))
-    values: Mapping[str, Any] = kept_names(entry, _toml_to_python, "TOML 1")["values"]
+    values: Mapping[str, Any] = cached_definitions(entry, _toml_to_python, "TOML 1")["values"]
     return values
 
 
@@ -76,7 +76,7 @@ class _Loader(SourceFileLoader):
 
 
 @contextmanager
-def made_to_stay() -> Iterator[None]:
+def without_garbage_collection() -> Iterator[None]:
     """Suspend garbage collection while something large is loaded, and exempt all that is there from it for good.
 
     This saves a sixth of the time to start, and long pauses later while the robot runs.

@@ -9,8 +9,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from msbot_agent.startup.bytecode_cache import carried_toml
-from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_agent.toml.line_numbers import key_lines
 from msbot_agent.toml.problems import KeyPath, Problems, TextLocation
 from msbot_xrce.lazy import dataclass
@@ -185,7 +185,7 @@ def carried_document(entry: Traversable, file: str) -> Document:
 
 def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:
     try:
-        with open_given(path) as stream:
+        with open_input_file(path) as stream:
             octets = stream.read(MOST_BYTES + 1) or b""
     except (OSError, ValueError) as error:
         problems.add(TextLocation(str(path)), _unreadable(path, error, if_missing))

@@ -155,7 +155,7 @@ LOOK_S = 2.0
 logger = logging.getLogger(__name__)
 
 
-class _Way:
+class _TopicCrossing:
     """One topic in one direction."""
 
     def __init__(self, crossing: BridgedTopic, words: str, reader_qos: Qos, writer_qos: Qos) -> None:
@@ -187,7 +187,7 @@ class Gateway:
             addresses: of both.
             crossings: what crosses.
         """
-        self._ways: list[_Way] = []
+        self._ways: list[_TopicCrossing] = []
         self._told: set[str] = set()
         self._own: set[Guid] = set()
         """Our writers: what comes from them has just crossed."""
@@ -196,7 +196,7 @@ class Gateway:
             for direction, (here, there) in ((BridgeDirection.OUT, sides), (BridgeDirection.IN, sides[::-1])):
                 if crossing.direction in (direction, BridgeDirection.BOTH):
                     self._open(
-                        _Way(crossing, direction, crossing.qos_in(here[1]), crossing.qos_in(there[1])),
+                        _TopicCrossing(crossing, direction, crossing.qos_in(here[1]), crossing.qos_in(there[1])),
                         here[0],
                         there[0],
                     )
@@ -233,14 +233,14 @@ class Gateway:
                 if end is not None:
                     end.close()
 
-    def _open(self, way: _Way, here: Space, there: Space) -> None:
+    def _open(self, way: _TopicCrossing, here: Space, there: Space) -> None:
         topic = way.crossing.topic
         way.writer = there.writer(topic, way.writer_qos, os.urandom(16))
         self._own.add(way.writer.guid)
         self._ways.append(way)
         way.reader = here.reader(topic, way.reader_qos, partial(self._carry, way))
 
-    def _carry(self, way: _Way, sample: Sample) -> bool:
+    def _carry(self, way: _TopicCrossing, sample: Sample) -> bool:
         if way.writer is None or sample.writer in self._own:
             return True
         try:

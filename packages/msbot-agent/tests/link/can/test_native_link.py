@@ -27,8 +27,8 @@ from msbot_agent.link.can.protocol.ids import (
     read_join,
 )
 from msbot_agent.link.can.protocol.join_master import HEARD_S, LISTEN_S
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
 from msbot_xrce import compress, decompress
 from msbot_xrce.errors import ConfigError
 from tests.effort import tries

@@ -8,7 +8,7 @@ import pytest
 
 from msbot_agent.link import LinkCounters
 from msbot_agent.link.can.controller import CanBusInfo
-from msbot_agent.link.can.legacy_link import CanWire, Codec, _repeat_s
+from msbot_agent.link.can.legacy_link import Codec, PeerFraming, _repeat_s
 from msbot_agent.link.can.protocol.frames import REPEATED
 from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION
 from msbot_xrce.errors import RemoteProtocolError
@@ -23,9 +23,9 @@ CODEC = Codec(lambda packet: packet[1:], lambda message: b"!" + message)
 
 def wire(
     use: int = 0, *, data_rate: int | None = None, rate: int | None = 6400, codec: Codec | None = CODEC
-) -> CanWire:
+) -> PeerFraming:
     info = CanBusInfo("can:x", rate, data_rate, fd=bool(use & CAN_FD))
-    return CanWire(0x105, use=use, info=info, mtu=1000, counters=LinkCounters(), codec=codec)
+    return PeerFraming(0x105, use=use, info=info, mtu=1000, counters=LinkCounters(), codec=codec)
 
 
 def test_frames_are_of_the_kind_that_was_agreed_on() -> None:

@@ -10,7 +10,7 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Signal
 from msbot_agent.link.byte_frames import MAX_PACKET
-from msbot_agent.link.contract import Visitor
+from msbot_agent.link.contract import ConnectionUser
 from msbot_agent.link.net.connection_budget import PACKETS_S
 from msbot_agent.link.net.websocket_server import (
     FIRST_PACKET_S,
@@ -25,7 +25,7 @@ from msbot_agent.link.net.websocket_server import (
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End, running
 
-ANN = Visitor("ann", "192.168.1.30")
+ANN = ConnectionUser("ann", "192.168.1.30")
 
 
 def play(scene: Callable[[WebSocketServerLink, End], Awaitable[None]]) -> None:
@@ -160,18 +160,23 @@ def test_who_sends_too_much_is_read_later_and_told_so_now_and_then() -> None:
 @pytest.mark.parametrize(
     ("most", "visitor", "other", "words"),
     [
-        (MOST_OF_PERSON, lambda n: Visitor("ann", f"10.0.0.{n}"), Visitor("bob", "10.0.0.1"), "ann has 32 parts"),
+        (
+            MOST_OF_PERSON,
+            lambda n: ConnectionUser("ann", f"10.0.0.{n}"),
+            ConnectionUser("bob", "10.0.0.1"),
+            "ann has 32 parts",
+        ),
         (
             MOST_OF_ADDRESS,
-            lambda n: Visitor(f"pupil{n}", "10.0.0.1"),
-            Visitor("pupil0", "10.0.0.2"),
+            lambda n: ConnectionUser(f"pupil{n}", "10.0.0.1"),
+            ConnectionUser("pupil0", "10.0.0.2"),
             "10.0.0.1 has 128 parts",
         ),
-        (MOST, lambda n: Visitor(f"pupil{n}", f"10.0.0.{n}"), None, "the robot has 256 parts"),
+        (MOST, lambda n: ConnectionUser(f"pupil{n}", f"10.0.0.{n}"), None, "the robot has 256 parts"),
     ],
 )
 def test_so_many_and_not_one_more(
-    most: int, visitor: Callable[[int], Visitor], other: Visitor | None, words: str
+    most: int, visitor: Callable[[int], ConnectionUser], other: ConnectionUser | None, words: str
 ) -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         peers = [link.join(visitor(number)) for number in range(most)]

@@ -22,7 +22,7 @@ from msbot_agent.link.relay.forwarder import (
     StopSaid,
     Welcomed,
 )
-from msbot_agent.link.relay.messages import (
+from msbot_agent.link.relay.relay_messages import (
     Bye,
     Down,
     Event,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msbot_agent.link.relay.messages import (
+from msbot_agent.link.relay.relay_messages import (
     Bye,
     Down,
     Event,

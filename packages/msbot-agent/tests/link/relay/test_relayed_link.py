@@ -11,7 +11,7 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import BaseLink, LinkInfo, Peer, Signal
 from msbot_agent.link.relay.forwarder import COUNTS, SILENT_S, STOP_TIMES
-from msbot_agent.link.relay.messages import (
+from msbot_agent.link.relay.relay_messages import (
     Down,
     Event,
     Heard,
@@ -24,13 +24,13 @@ from msbot_agent.link.relay.messages import (
     Welcome,
     decode,
 )
-from msbot_agent.link.relay.relayed_link import FORGOTTEN_S, STALE_S, WINDOW, Behind, RelayedLink, RelayGreeting
+from msbot_agent.link.relay.relayed_link import FORGOTTEN_S, STALE_S, WINDOW, RelayedLink, RelayedPeer, RelayGreeting
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End
 
 BOOT = b"boot 123"
 HELLO = Hello(BOOT, "pi", "can:can0", 4096, 0, shared_bus=True, compresses=True)
-FIRST = Behind("pi", 1)
+FIRST = RelayedPeer("pi", 1)
 
 
 class Way(BaseLink):
@@ -107,18 +107,18 @@ def test_packets_go_both_ways_and_are_counted_for_each_part() -> None:
         assert stage.end.packets.get_nowait() == (b"up", FIRST)
         assert link.was_used
         assert link.describe(FIRST) == "node 3 behind relay pi"
-        assert link.describe(Behind("pi", 2)) == "part 2 behind relay pi"
+        assert link.describe(RelayedPeer("pi", 2)) == "part 2 behind relay pi"
         stage.hear(Up(1, "", b"again"))
         assert link.describe(FIRST) == "node 3 behind relay pi"
         stage.hear(Up(1, "node 4", b"again"))
         assert link.describe(FIRST) == "node 4 behind relay pi"
         link.send(b"one", FIRST)
         link.send(b"two", FIRST)
-        link.send(b"three", Behind("pi", 2))
+        link.send(b"three", RelayedPeer("pi", 2))
         assert stage.way.taken() == [Down(1, 1, b"one"), Down(1, 2, b"two"), Down(2, 1, b"three")]
         assert link.counters.packets_out == 3
         assert not link.has_room(("10.0.0.1", 5))
-        assert not link.has_room(Behind("pi", 3))
+        assert not link.has_room(RelayedPeer("pi", 3))
 
     play(scene)
 
@@ -127,7 +127,7 @@ def test_one_packet_is_use_and_the_relay_answers_for_all_its_parts() -> None:
     async def scene(stage: Stage) -> None:
         stage.hear(Up(1, "", b"up"))
         assert stage.link.was_used
-        assert stage.link.origin(FIRST) == stage.link.origin(Behind("pi", 2)) == ("udp:1", ("10.0.0.2", 5))
+        assert stage.link.origin(FIRST) == stage.link.origin(RelayedPeer("pi", 2)) == ("udp:1", ("10.0.0.2", 5))
         stage.link.room_on_the_way()
         assert stage.end.room.get_nowait() is None
         stage.link.send_stop()

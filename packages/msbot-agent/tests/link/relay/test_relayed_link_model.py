@@ -11,8 +11,18 @@ import pytest
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Peer, Signal
 from msbot_agent.link.relay import relayed_link
-from msbot_agent.link.relay.messages import Down, Event, Heard, Message, RelayBeat, RelayEventKind, Room, Up, Welcome
-from msbot_agent.link.relay.relayed_link import Behind, RelayedLink, RelayGreeting
+from msbot_agent.link.relay.relay_messages import (
+    Down,
+    Event,
+    Heard,
+    Message,
+    RelayBeat,
+    RelayEventKind,
+    Room,
+    Up,
+    Welcome,
+)
+from msbot_agent.link.relay.relayed_link import RelayedLink, RelayedPeer, RelayGreeting
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 from tests.link.relay.test_relayed_link import BOOT, HELLO, Way
@@ -66,7 +76,7 @@ class PlainLink:
         self.parts = [*(one for one in self.parts if one is not part), part][-KNOWN:]
 
     def signal(self, signal: Signal, number: int, words: str, now: float) -> None:
-        self.told.append((signal, Behind("pi", number), words, now))
+        self.told.append((signal, RelayedPeer("pi", number), words, now))
 
     def heard(self, now: float) -> None:
         self.heard_at = now
@@ -81,7 +91,7 @@ class PlainLink:
         if isinstance(message, Up):
             if message.words or self.find(message.number) is None:
                 self.note(message.number, message.words)
-            self.told.append((message.packet, Behind("pi", message.number), now))
+            self.told.append((message.packet, RelayedPeer("pi", message.number), now))
         elif isinstance(message, Room):
             for number, count in message.handled:
                 self.report(number, count)
@@ -102,7 +112,7 @@ class PlainLink:
         if part is not None and meant:
             was_full, part.handled = part.is_full, meant[0]
             if was_full:
-                self.told.append(("room", Behind("pi", number)))
+                self.told.append(("room", RelayedPeer("pi", number)))
 
     def look(self, now: float) -> None:
         silence = now - self.heard_at
@@ -115,7 +125,7 @@ class PlainLink:
         for part in self.parts:
             if part.is_full and now >= part.stale_at:
                 part.handled = part.sent
-                self.told.append(("room", Behind("pi", part.number)))
+                self.told.append(("room", RelayedPeer("pi", part.number)))
 
     def send(self, number: int, packet: bytes, now: float) -> type[Exception] | None:
         part = self.find(number)
@@ -157,7 +167,7 @@ async def story(seed: int) -> None:
     link.attach(signal=lambda *what: told.append(what))
     link.attach(room=lambda peer: told.append(("room", peer)))
     running = asyncio.ensure_future(link.run())
-    assert not link.has_room(Behind("pi", 1))
+    assert not link.has_room(RelayedPeer("pi", 1))
     await asyncio.sleep(0)
     plain.told.append((Signal.LINK_UP, None, "from 10.0.0.2", 0.0))
     for step in range(300):
@@ -175,7 +185,7 @@ async def story(seed: int) -> None:
                 stops = plain.stops_said + random.choice((0, 0, 1))
                 message = RelayBeat(step, random.choice((0, stops)), f"no {step}", (event,) * random.randrange(2))
             case "s":
-                assert attempt(link, packet, Behind("pi", number)) == plain.send(number, packet, now)
+                assert attempt(link, packet, RelayedPeer("pi", number)) == plain.send(number, packet, now)
                 continue
             case "w":
                 link.welcome(way, "a", now)
@@ -200,9 +210,9 @@ async def story(seed: int) -> None:
         for one in range(1, 7):
             part = plain.find(one)
             can_go = part is not None and not part.is_full and not plain.silent
-            assert link.has_room(Behind("pi", one)) == can_go
+            assert link.has_room(RelayedPeer("pi", one)) == can_go
             place = part.words if part is not None and part.words else f"part {one}"
-            assert link.describe(Behind("pi", one)) == f"{place} behind relay pi"
+            assert link.describe(RelayedPeer("pi", one)) == f"{place} behind relay pi"
     assert way.taken() == plain.said
     plain.heard_at = loop.time()
     link.receive(Room(()), loop.time())
@@ -210,7 +220,7 @@ async def story(seed: int) -> None:
     assert (plain.over, running.done()) == (False, False)
     await let_pass(3, plain)
     assert (plain.over, running.done()) == (True, True)
-    assert not link.has_room(Behind("pi", 1))
+    assert not link.has_room(RelayedPeer("pi", 1))
 
 
 @pytest.mark.parametrize("seed", range(tries(14, 1000)))

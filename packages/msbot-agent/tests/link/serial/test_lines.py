@@ -6,21 +6,21 @@ import pytest
 
 from msbot_agent.link import Signal
 from msbot_agent.link.byte_frames import encode_serial
-from msbot_agent.link.serial.lines import WRITE_LIMIT, Line, LineServer
+from msbot_agent.link.serial.serial_line import WRITE_LIMIT, SerialLine, SerialLineServer
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.link.ends import End
 from tests.link.transports import FakeTransport
 
 
-class Lines(LineServer):
+class Lines(SerialLineServer):
     """Lines that the test opens."""
 
     async def run(self) -> None:
         raise NotImplementedError
 
 
-async def opened(link: LineServer, port: str = "tty") -> tuple[Line, FakeTransport]:
-    line = Line(link, port)
+async def opened(link: SerialLineServer, port: str = "tty") -> tuple[SerialLine, FakeTransport]:
+    line = SerialLine(link, port)
     return line, FakeTransport(line)
 
 

@@ -13,8 +13,8 @@ import pytest
 
 from msbot_agent.link import Signal
 from msbot_agent.link.serial import SerialClientLink, SerialServerLink
-from msbot_agent.link.serial import port as serial
-from msbot_agent.link.serial.port import OTHER_SOURCE, check_baudrate, why_not
+from msbot_agent.link.serial import serial_port as serial
+from msbot_agent.link.serial.serial_port import OTHER_SOURCE, check_baudrate, why_not
 from msbot_xrce.errors import ConfigError, LinkDown
 from tests.link.ends import End, running
 from tests.link.ports import Board
@@ -131,9 +131,9 @@ async def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path: Path, caplog
     board = Board(tmp_path / "ttyLATE")
     async with serving(board) as (link, end):
         assert link.open_ports == []
-        assert [record.message for record in caplog.records if record.name == "msbot_agent.link.serial.port"] == [
-            f"serial port {board.port} is not there: it will be used as soon as it is plugged in"
-        ]
+        assert [
+            record.message for record in caplog.records if record.name == "msbot_agent.link.serial.serial_port"
+        ] == [f"serial port {board.port} is not there: it will be used as soon as it is plugged in"]
         board.plug()
         await opened(link, board)
         board.say(b"here I am")
@@ -177,7 +177,7 @@ async def test_a_usb_port_that_cannot_be_used_does_not_disturb_the_others(
     async with running(SerialServerLink(rescan_s=QUICK_S)):
         for _ in range(3):
             await looks.get()
-    said = [record.message for record in caplog.records if record.name == "msbot_agent.link.serial.port"]
+    said = [record.message for record in caplog.records if record.name == "msbot_agent.link.serial.serial_port"]
     assert len(said) == 1
     assert "cannot use serial port /dev/null: it is not a serial port" in said[0]
 

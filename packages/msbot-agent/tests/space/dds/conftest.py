@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot_agent.space.dds.library import load
+from msbot_agent.space.dds.libddsc import load
 from msbot_xrce.errors import ConfigError
 from tests.space.dds.foreign_programs import refuse
 from tests.space.own_network import own_network

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.space import parse_space
-from msbot_agent.space.dds import DdsSpace, library
-from msbot_agent.space.dds.network import NetworkInterface, choose
+from msbot_agent.space.dds import DdsSpace, libddsc
+from msbot_agent.space.dds.dds_network import NetworkInterface, choose
 from msbot_xrce.errors import ConfigError
 from tests.space.dds.foreign_programs import refuse
 
@@ -50,7 +50,7 @@ async def test_no_libddsc(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
     with pytest.raises(ConfigError, match=re.escape(words)):
         DdsSpace()
     monkeypatch.delenv("CYCLONEDDS_HOME")
-    monkeypatch.setattr(library, "places", lambda: iter(()))
+    monkeypatch.setattr(libddsc, "places", lambda: iter(()))
     with pytest.raises(ConfigError, match=r"DDS needs libddsc, the library of Cyclone DDS, and it is not here: pip"):
         DdsSpace()
 

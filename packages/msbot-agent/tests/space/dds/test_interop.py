@@ -9,8 +9,8 @@ import pytest
 
 from msbot_agent.space import Qos, Reader, Topic
 from msbot_agent.space.dds import DdsSpace
-from msbot_agent.space.dds.library import Matched
-from msbot_agent.space.dds.reader import DdsReader
+from msbot_agent.space.dds.dds_reader import DdsReader
+from msbot_agent.space.dds.libddsc import Matched
 from tests.space.dds.foreign_programs import KINDS, TYPE, Command, command_of, message
 from tests.space.dds.peers import Inbox, program, until
 

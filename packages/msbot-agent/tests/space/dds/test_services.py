@@ -14,7 +14,7 @@ from msbot.part import ServiceNames
 from msbot_agent.agent import Agent
 from msbot_agent.link import InprocHub
 from msbot_agent.space import Qos, Topic
-from msbot_agent.space.dds import DdsSpace, services
+from msbot_agent.space.dds import DdsSpace, dds_services
 from tests.hearing_client import HearingClient
 from tests.space.dds.foreign_programs import SOURCES, TYPE, command_of
 from tests.space.dds.peers import Inbox, program, until
@@ -31,12 +31,12 @@ NODE = (sys.executable, str(SOURCES / "ros_service.py"))
 
 @given(st.binary(min_size=8, max_size=8), st.integers(-(1 << 63), (1 << 63) - 1), st.binary(max_size=40))
 def test_the_header_is_put_in_front_and_taken_off(requester: bytes, number: int, body: bytes) -> None:
-    assert services.split(services.with_header(requester, number, body)) == (requester, number, body)
+    assert dds_services.split(dds_services.with_header(requester, number, body)) == (requester, number, body)
 
 
 def test_what_is_too_short_has_no_header() -> None:
-    assert services.split(bytes(15)) is None
-    assert services.split(bytes(16)) == (bytes(8), 0, b"")
+    assert dds_services.split(bytes(15)) is None
+    assert dds_services.split(bytes(16)) == (bytes(8), 0, b"")
 
 
 async def connected(hub: InprocHub, tasks: asyncio.TaskGroup, key: int) -> tuple[HearingClient, asyncio.Task[None]]:

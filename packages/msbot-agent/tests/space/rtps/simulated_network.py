@@ -7,11 +7,11 @@ from collections.abc import Callable
 from random import Random
 
 from msbot_agent.space.contract import Guid, Qos
-from msbot_agent.space.rtps import wire
+from msbot_agent.space.rtps import rtps_messages
 from msbot_agent.space.rtps.descriptions import Address
 from msbot_agent.space.rtps.participant import RtpsParticipant
-from msbot_agent.space.rtps.wire import Inline, RtpsData
-from msbot_agent.space.rtps.writer import RtpsEndpoint, RtpsSample
+from msbot_agent.space.rtps.reliable_writer import RtpsEndpoint, RtpsSample
+from msbot_agent.space.rtps.rtps_messages import Inline, RtpsData
 
 GROUP = ("239.255.0.1", 7400)
 
@@ -27,7 +27,7 @@ class Network:
         self._members: dict[Address, RtpsParticipant] = {}
         self._under_way: list[tuple[float, int, bytes, Address, Address]] = []
 
-    def join(self, number: int, vendor: bytes = wire.VENDOR) -> RtpsParticipant:
+    def join(self, number: int, vendor: bytes = rtps_messages.VENDOR) -> RtpsParticipant:
         """A participant more."""
         address = (f"10.0.0.{number}", 7410)
         prefix = vendor + bytes((number,)) * 10

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from msbot_agent.space.contract import Qos
 from msbot_agent.space.rtps import participant as room
-from msbot_agent.space.rtps import peers, wire, wire_reader
+from msbot_agent.space.rtps import peers, rtps_message_reader, rtps_messages
 from msbot_agent.space.rtps.descriptions import read_endpoint, read_participant
 from msbot_agent.space.rtps.participant import CYCLONE
 from msbot_agent.space.rtps.peers import MAX_OUTBOX
-from msbot_agent.space.rtps.wire import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
-from msbot_agent.space.rtps.writer import RtpsEndpoint
+from msbot_agent.space.rtps.reliable_writer import RtpsEndpoint
+from msbot_agent.space.rtps.rtps_messages import AckNack, Gap, NackFrag, NumberSet, RtpsData, RtpsHeartbeat
 from tests.space.rtps.simulated_network import Inbox, Network, reader, write, writer
 
 
@@ -279,7 +279,7 @@ def test_octets_of_strangers_never_raise(data: st.DataObject) -> None:
 def test_no_octets_are_too_odd_to_read(octets: bytes) -> None:
     from msbot_xrce.errors import RemoteProtocolError
 
-    for read in (wire_reader.read, read_participant, read_endpoint):
+    for read in (rtps_message_reader.read, read_participant, read_endpoint):
         for front in (b"", b"RTPS\x02\x03\x00\x00" + bytes(12), b"\x00\x03\x00\x00"):
             try:
                 read(front + octets)
@@ -302,19 +302,19 @@ def test_submessages_are_read_as_they_were_written(
     near = NumberSet(base & 0xFFFF, tuple((base & 0xFFFF) + offset for offset in sorted(offsets)))
     nack = NackFrag(one, other, base, near, count)
     octets = (
-        wire.header(b"p" * 12)
-        + wire.acknack(ack)
-        + wire.heartbeat(beat)
-        + wire.nack_frag(nack)
-        + wire.gap(one, other, base, base, said.set)
-        + b"".join(wire.data(one, other, base, wire.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"))
+        rtps_messages.header(b"p" * 12)
+        + rtps_messages.acknack(ack)
+        + rtps_messages.heartbeat(beat)
+        + rtps_messages.nack_frag(nack)
+        + rtps_messages.gap(one, other, base, base, said.set)
+        + b"".join(rtps_messages.data(one, other, base, rtps_messages.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"))
     )
-    sender, found = wire_reader.read(octets)
+    sender, found = rtps_message_reader.read(octets)
     assert sender == b"p" * 12
     assert [what for _, _, what in found] == [
         ack,
         beat,
         nack,
         Gap(one, other, base, said),
-        RtpsData(one, other, base, wire.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"),
+        RtpsData(one, other, base, rtps_messages.Inline((b"g" * 16, base)), b"\x00\x01\x00\x00"),
     ]

@@ -14,7 +14,7 @@ import pytest
 
 from msbot_agent.space import TlsFiles
 from msbot_agent.space.zenoh import Router
-from msbot_agent.space.zenoh.library import load
+from msbot_agent.space.zenoh.zenoh_library import load
 from msbot_xrce.errors import ConfigError
 from tests import ROOT
 from tests.space.dds.foreign_programs import refuse

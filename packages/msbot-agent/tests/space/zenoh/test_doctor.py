@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msbot.doctor.checks.network import check_zenoh
+from msbot.doctor.checks.network_checks import check_zenoh
+from msbot.doctor.collectors.network_facts import zenoh
 from msbot.doctor.finding import Examined
-from msbot.doctor.gather.network import zenoh
 from msbot_agent.space import parse_space
 from msbot_agent.space.zenoh import Router
 from tests.space.zenoh.sites import HERE, SECURE

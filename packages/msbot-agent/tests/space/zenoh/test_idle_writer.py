@@ -6,8 +6,8 @@ import asyncio
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.space import Qos
-from msbot_agent.space.zenoh.envelope import read_envelope
-from msbot_agent.space.zenoh.writer import LibraryWriter
+from msbot_agent.space.zenoh.sample_envelope import read_envelope
+from msbot_agent.space.zenoh.zenoh_writer import LibraryWriter
 
 
 def sent_by(

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot_agent.space import Qos, SpaceAddress, parse_space
-from msbot_agent.space.zenoh.envelope import Sealer, read_envelope
-from msbot_agent.space.zenoh.keys import data_key, endpoint_of, has_wildcards, partition_of, token_key
-from msbot_agent.space.zenoh.library import load
+from msbot_agent.space.zenoh.key_expressions import data_key, endpoint_of, has_wildcards, partition_of, token_key
+from msbot_agent.space.zenoh.sample_envelope import EnvelopeWriter, read_envelope
+from msbot_agent.space.zenoh.zenoh_library import load
 from msbot_xrce.errors import ConfigError
 
 NAMES = st.text(min_size=1, max_size=20)
@@ -53,7 +53,7 @@ def test_tokens_of_others_never_raise(text: str) -> None:
 
 @given(QOS, st.integers(1, 2**64 - 1), st.none() | st.tuples(st.binary(min_size=16, max_size=16), st.integers(0, 99)))
 def test_an_envelope_is_read_as_it_was_sealed(qos: Qos, number: int, related: tuple[bytes, int] | None) -> None:
-    found = read_envelope(Sealer(bytes(16), qos).seal(number, related, is_repeated=number % 2 == 0))
+    found = read_envelope(EnvelopeWriter(bytes(16), qos).seal(number, related, is_repeated=number % 2 == 0))
     assert found is not None
     assert (found.number, found.related, found.is_repeated) == (number, related, number % 2 == 0)
     assert found.offered.strength == qos.strength

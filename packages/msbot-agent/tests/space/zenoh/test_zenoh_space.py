@@ -11,7 +11,7 @@ import pytest
 
 from msbot_agent.space import DdsTopic, Qos, Topic, open_space, parse_space
 from msbot_agent.space.zenoh import Allowed, Router, ZenohSpace
-from msbot_agent.space.zenoh.library import load
+from msbot_agent.space.zenoh.zenoh_library import load
 from msbot_xrce.errors import ConfigError
 from tests.space.dds.peers import Inbox, until
 from tests.space.zenoh.conftest import tls_of

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar
 
 from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
-from msbot_agent.text.given_file import told_count
+from msbot_agent.text.untrusted_input import parse_count
 from msbot_school.classroom.remote_access import RemoteAccess
 from msbot_school.classroom.remote_masters import LOOK_S, ParallelRequest, RemoteMasterError, read_status
 from msbot_xrce.counting import amount
@@ -124,7 +124,7 @@ class ClassRobot:
             found = self.far.text(name)
         else:
             found = "" if self.master is None else self.master.details.get(name, "")
-        return told_count(found)
+        return parse_count(found)
 
 
 class DatabaseReader(Protocol):

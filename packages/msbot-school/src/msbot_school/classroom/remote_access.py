@@ -17,8 +17,8 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from msbot_agent.process.user_folders import state_folder
-from msbot_agent.text.given_file import open_given_text
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import open_input_text
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -63,7 +63,7 @@ class RemoteAccessFile:
             ConfigError: the file cannot be read, makes no sense, or others can read it.
         """
         try:
-            with open_given_text(self.path) as file:
+            with open_input_text(self.path) as file:
                 if os.name == "posix" and stat.S_IMODE(os.fstat(file.fileno()).st_mode) & 0o077:
                     raise ConfigError(
                         said("{path} has API tokens, and others can read it: chmod 600 {path}", path=str(self.path))

@@ -18,8 +18,8 @@ from functools import lru_cache
 from typing import Any, Final, Generic, TypeVar
 from urllib.parse import urlsplit
 
-from msbot_agent.text.given_file import read_told_elsewhere
 from msbot_agent.text.sentence import printable, said
+from msbot_agent.text.untrusted_input import read_remote_json
 from msbot_school.classroom.remote_access import RemoteAccess
 from msbot_xrce.errors import ConfigError, DatabaseBusy
 
@@ -75,7 +75,7 @@ class RemoteMasterConnection:
         """
         content = self.octets(method, path, body)
         try:
-            return read_told_elsewhere(content)
+            return read_remote_json(content)
         except ValueError:
             raise _no_page(self._access.address) from None
 
@@ -277,7 +277,7 @@ def say_stop(reason: str, group: str = "") -> Work[Answer]:
 def _why(content: bytes) -> str:
     """The reason that an answer with an error gives; empty: none."""
     try:
-        found = read_told_elsewhere(content)
+        found = read_remote_json(content)
     except ValueError:
         return ""
     return str(found.get("error") or "") if isinstance(found, dict) else ""

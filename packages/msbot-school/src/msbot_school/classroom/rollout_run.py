@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from msbot_agent.process.user_folders import alone_in, state_folder
-from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
 from msbot_xrce.lazy import dataclass
 

@@ -191,7 +191,7 @@ def report(
 
 def _played(recording: Path, number: int | None) -> tuple[PlayedMission, str]:
     """The mission, and what of the recording could not be read."""
-    from msbot.recording.recordings.reading import RecordingReader
+    from msbot.recording.recordings.mcap_reader import RecordingReader
     from msbot_school.missions.recorded_missions import played_in
 
     reader = RecordingReader(recording)

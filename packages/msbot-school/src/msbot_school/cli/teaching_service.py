@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msbot_agent.cli.services import Beside, CommandService
+from msbot_agent.cli.command_services import Beside, CommandService
 
 if TYPE_CHECKING:
     from msbot.cli.run.master_services import MasterContext

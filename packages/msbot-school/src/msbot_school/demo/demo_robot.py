@@ -17,7 +17,7 @@ from msbot.part import Part, SimGpio
 from msbot.part.sample_parts import SAMPLE_PARTS, make_sample
 from msbot.pnp import PartEvent, PartInfo, PartState, PartStore
 from msbot.sim import SimulatedPart, make_simulator
-from msbot.sim.arena.connection import WorldConnection
+from msbot.sim.arena.world_connection import WorldConnection
 from msbot_agent.link.can import FrameTap
 from msbot_agent.link.can.protocol import NodeIds
 from msbot_agent.link.can.sim import SimBusDriver

@@ -10,8 +10,8 @@ from typing import Final
 
 from msbot.config import SAMPLES
 from msbot.operations.fault_request import FaultRequest
-from msbot_agent.text.given_file import open_given_text
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import open_input_text
 from msbot_agent.toml.document import MOST_BYTES, parse_document
 from msbot_agent.toml.problems import Problems, TextLocation, suggestion
 from msbot_agent.toml.table import Table
@@ -35,7 +35,7 @@ def read_lesson(path: Path) -> Lesson:
     """
     problems = Problems()
     try:
-        with open_given_text(path, encoding="utf-8-sig") as stream:
+        with open_input_text(path, encoding="utf-8-sig") as stream:
             text = stream.read(MOST_BYTES + 1)  # it may be a device without an end
         if len(text) > MOST_BYTES or path.stat().st_size > MOST_BYTES:
             raise ConfigError(said("{path}: a lesson has at most {most} bytes", path=str(path), most=MOST_BYTES))

@@ -10,8 +10,8 @@ from typing import Final
 from msbot.operations.fault_request import FaultRequest
 from msbot.operations.table import OPERATIONS
 from msbot_agent.startup.extensions import extensions
-from msbot_agent.text.given_file import open_given_text
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import open_input_text
 from msbot_agent.toml.document import MOST_BYTES, Document, parse_document
 from msbot_agent.toml.problems import Problems
 from msbot_agent.toml.table import Table
@@ -60,7 +60,7 @@ def load_mission(path: Path) -> Mission:
         ConfigError: it cannot be read, or something in it is wrong.
     """
     try:
-        with open_given_text(path) as stream:
+        with open_input_text(path) as stream:
             text = stream.read(MOST_BYTES + 1)  # it may be a device without an end; too much is told when it is parsed
     except UnicodeDecodeError:
         raise ConfigError(said("{path}: is no text in UTF-8; save it as UTF-8", path=str(path))) from None

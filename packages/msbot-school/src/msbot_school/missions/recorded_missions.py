@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from msbot.recording.recordings.reading import RecordingReader
-from msbot_agent.text.given_file import read_json
+from msbot.recording.recordings.mcap_reader import RecordingReader
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import read_json
 from msbot_school.missions.grading import Grade, grade
 from msbot_school.missions.mission import DrawnFault, Mission, MissionEvent, MissionEventKind, drawn, events_from_json
 from msbot_school.missions.mission_file import parse_mission

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from msbot_agent.process.user_folders import check_owner, running_folder
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.clocks import boot_id, since_boot_s
 from msbot_web.access.sessions import LONGEST_S, KeptSession

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request
 from fastapi.responses import Response, StreamingResponse
 
-from msbot.metrics.serving import exposition
+from msbot.metrics.metrics_server import exposition
 from msbot_agent.text.sentence import said
 from msbot_web.api.common_models import PROBLEMS
 from msbot_web.api.dependencies import SignedIn

@@ -21,8 +21,8 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
 from msbot.operations.table import OPERATIONS
-from msbot_agent.text.given_file import read_told
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import read_program_json
 from msbot_web.access.access_middleware import STOP_PATH
 from msbot_web.api.common_models import PROBLEMS
 from msbot_web.api.dependencies import session_of
@@ -141,7 +141,7 @@ async def _given(request: Request) -> Mapping[str, Any]:
     except (TimeoutError, ClientDisconnect):
         pass  # whoever has sent this much means STOP
     try:
-        found = read_told(octets)
+        found = read_program_json(octets)
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from msbot_agent.cli.command_services import Beside, CommandService
 from msbot_agent.cli.options import WholeRange
-from msbot_agent.cli.services import Beside, CommandService
-from msbot_agent.startup.bytecode_cache import made_to_stay
+from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_school.classroom import mdns
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -228,12 +228,12 @@ class PageService(CommandService[_Wanted, "MasterContext"]):
 
     def prepare(self, wanted: _Wanted) -> None:  # noqa: ARG002 - every page is the same to load
         """Load the page."""
-        with made_to_stay():
+        with without_garbage_collection():
             importlib.import_module("msbot_web.assembly")
 
     def beside(self, wanted: _Wanted, context: MasterContext) -> Iterable[Beside]:
         """The page, and what announces it."""
-        with made_to_stay():
+        with without_garbage_collection():
             from msbot_school.lessons.lesson_controller import LessonController
             from msbot_web.assembly import Database, RobotPages
             from msbot_web.link_meter import seen_of_links

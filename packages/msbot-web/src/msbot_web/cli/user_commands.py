@@ -26,7 +26,7 @@ from msbot.cli.robot_options import (
 from msbot.operations.rights import Role, role_named
 from msbot_agent.cli.options import json_option
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.text.given_file import open_given
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
@@ -212,7 +212,7 @@ def _octets(path: Path) -> bytes:
     from msbot_web.access.class_list import MOST_BYTES
 
     try:
-        with open_given(path) as stream:
+        with open_input_file(path) as stream:
             return stream.read(MOST_BYTES + 1) or b""
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); name another file") from None

@@ -8,7 +8,7 @@ import sys
 from collections.abc import AsyncIterator
 from typing import TYPE_CHECKING, Any
 
-from msbot.process.daemon_threads import leave_out, load_late
+from msbot.process.daemon_threads import leave_out, load_lazily
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -22,8 +22,8 @@ def load_less() -> None:
 
     Without it a page's first import loads some 250 modules more.
     """
-    load_late("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here
-    load_late("ifaddr")  # for NiceGUI's list of its addresses, which asks a program of the system for a library
+    load_lazily("aiohttp", "requests")  # for socket.io's client, which comes with its server and is used by nobody here
+    load_lazily("ifaddr")  # for NiceGUI's list of its addresses, which asks a program of the system for a library
     leave_out("pydantic.v1")  # FastAPI asks of each argument whether it is of pydantic 1, which is loaded for it
 
 

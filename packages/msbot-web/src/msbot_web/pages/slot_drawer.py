@@ -29,7 +29,7 @@ from msbot_xrce.errors import MsbotError, NotThere
 # Driving a slot's ports by hand: a slider, a switch, a colour or a text for each port that hears something.
 #
 # While the switch "by hand" is on the page holds the port and renews it; when the page is closed, nobody does, and the
-# port gets its safe value and follows its wire again (`msbot.operations.by_hand`).
+# port gets its safe value and follows its wire again (`msbot.operations.manual_control`).
 
 
 HELD_S = 3.0

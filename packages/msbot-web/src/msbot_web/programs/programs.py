@@ -8,8 +8,8 @@ from typing import NoReturn, Protocol
 
 from msbot.operations.rights import Right
 from msbot.registry import ProgramRecord, ProgramSource, ProgramVersion, Registry
-from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import read_json
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.guest_tickets import Ticket
 from msbot_web.access.sessions import Session

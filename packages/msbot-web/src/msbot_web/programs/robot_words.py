@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, TypedDict
 
 from msbot.config import Direction, Library, ParameterKind, Port
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot_agent.text.given_file import read_json
+from msbot_agent.text.untrusted_input import read_json
 from msbot_web.api.models import SlotCard, WirePort
 
 HELD = ("active", "late")

@@ -141,7 +141,7 @@ def test_a_program_is_put_on_a_board_and_says_what_it_does_in_the_console(
         press(page, "Put on a board")  # leaves it
         expect(page.locator("#ms-board")).to_be_hidden()
         cable.close()
-        from msbot.cli.board.connection import open_board
+        from msbot.cli.board.board_connection import open_board
 
         with open_board(board.port) as one:
             link = {"link": "ws://192.168.1.20:8080", "wifi": ["school", "secret"], "token": "msbot_abc"}
@@ -168,7 +168,7 @@ def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(
         expect_said(page, "I have 200 lines")
         press(page, "Put on a board")  # leaves it
         cable.close()
-        from msbot.cli.board.connection import open_board
+        from msbot.cli.board.board_connection import open_board
 
         with open_board(board.port) as one:
             assert one.read("/01_hello.py") == text.encode()

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, expect
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot.stop.names import GROUP_VARIABLE
+from msbot.stop.socket_names import GROUP_VARIABLE
 from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from tests.e2e.processes import run, running
 from tests.operations.stage import put_database

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from zlib import crc32
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot_xrce.compression import CHECK, DICTIONARY, FIXED
 from msbot_xrce.messages.message import iter_submessages
 from tests import ROOT
@@ -26,13 +26,13 @@ def test_it_consists_of_submessages() -> None:
 
 def test_it_names_what_every_robot_has() -> None:
     names = (
-        plug.PROFILE_TOPIC,
-        plug.PROFILE_TYPE,
-        plug.INVENTORY_SERVICE,
-        plug.INVENTORY_REQUEST_TYPE,
-        plug.INVENTORY_REPLY_TYPE,
-        plug.INVENTORY_REQUEST_TOPIC,
-        plug.INVENTORY_REPLY_TOPIC,
+        pnp_messages.PROFILE_TOPIC,
+        pnp_messages.PROFILE_TYPE,
+        pnp_messages.INVENTORY_SERVICE,
+        pnp_messages.INVENTORY_REQUEST_TYPE,
+        pnp_messages.INVENTORY_REPLY_TYPE,
+        pnp_messages.INVENTORY_REQUEST_TOPIC,
+        pnp_messages.INVENTORY_REPLY_TOPIC,
     )
     for name in names:
         assert (len(name) + 1).to_bytes(4, "little") + name.encode() + b"\0" in DICTIONARY

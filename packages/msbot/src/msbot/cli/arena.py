@@ -10,7 +10,7 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
-from msbot.sim.arena.world import PartPlace, RobotPlan, WorldPlan
+from msbot.sim.arena.world_plan import PartPlace, RobotPlan, WorldPlan
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_xrce.errors import ConfigError
 
@@ -55,7 +55,7 @@ def check(world: str, *, as_json: bool) -> None:
 @json_option
 def show(world: str, svg: Path | None, *, as_json: bool) -> None:
     """Show what is in a world: its size, things, and robots."""
-    from msbot.sim.arena.drawing import world_svg
+    from msbot.sim.arena.world_drawing import world_svg
     from msbot.sim.arena.world_reader import open_world
 
     plan = open_world(world)

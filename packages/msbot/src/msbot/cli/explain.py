@@ -17,7 +17,7 @@ from msbot.pnp import SessionListener
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import WholeRange, json_option
 from msbot_agent.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
-from msbot_agent.text.given_file import open_given
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce import FoundField, dissector, read_fields
 from msbot_xrce.errors import ConfigError
 
@@ -110,7 +110,7 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
     from msbot.config import Library
     from msbot_agent.explain.datagrams import ENDINGS, read_capture
 
-    with open_given(path) as stream:
+    with open_input_file(path) as stream:
         if stream.read(len(RECORDING)) == RECORDING:
             raise ConfigError(f"{path} is a recording: `msbot log show {path}` says what is in it")
     listener = listener_for(library if isinstance(library, Library) else None, legacy=False)

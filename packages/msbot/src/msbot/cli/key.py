@@ -13,8 +13,8 @@ import click
 
 from msbot.cli.robot_options import db_option, existing_database
 from msbot.config import ParameterKind, shown_by
-from msbot.part.join.keys import KEY_OCTETS, key_text
-from msbot.part.join.plug import UID_OCTETS
+from msbot.part.join.part_keys import KEY_OCTETS, key_text
+from msbot.part.join.pnp_messages import UID_OCTETS
 from msbot.part.join.uid import kept_file, parse_uid, stored_uid, uid_on_board, write_for_user_alone
 from msbot.registry import KeyRecord, PartRecord, Registry, open_registry
 from msbot_xrce.errors import ConfigError

@@ -30,7 +30,7 @@ from msbot.config import (
 )
 from msbot.config.library.picture import picture_svg
 from msbot_agent.cli.options import json_option
-from msbot_agent.text.given_file import read_given
+from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError
 
 
@@ -212,7 +212,7 @@ def add_file(source: Path, folder: Path) -> Path:
     """
     others = [path for path in sorted(folder.glob("*.toml")) if path.name != source.name]
     load_library(*others, source)
-    return _write(folder / source.name, read_given(source, _MOST_BYTES, "a part type").decode("utf-8-sig"))
+    return _write(folder / source.name, read_input_file(source, _MOST_BYTES, "a part type").decode("utf-8-sig"))
 
 
 def add_template(number: str, folder: Path) -> Path:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from msbot.registry.records import database_identity
-from msbot.stop.names import GROUP_VARIABLE, group_in
+from msbot.stop.socket_names import GROUP_VARIABLE, group_in
 from msbot_agent.cli.options import WholeRange
 from msbot_xrce.errors import ConfigError
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.robot_options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside
-from msbot.stop.places import PREFIX as STOP_FOLDERS
+from msbot.stop.socket_folders import PREFIX as STOP_FOLDERS
 from msbot_agent.cli.options import WholeRange
 from msbot_agent.process.user_folders import settings_folder
 from msbot_xrce.errors import ConfigError
@@ -305,7 +305,7 @@ WantedBy=timers.target
         places = sorted({str(place) for place in (*written, self.backups) if not place.is_relative_to(self.state)})
         paths = "".join(f"ReadWritePaths={quoted(place)}\n" for place in places)
         groups = f"SupplementaryGroups={' '.join(self.groups)}\n" if self.groups else ""
-        # The second folder is that of STOP's socket (`msbot.stop.places`): /tmp is one of its own.
+        # The second folder is that of STOP's socket (`msbot.stop.socket_folders`): /tmp is one of its own.
         return (
             f"User={self.user}\n{groups}StateDirectory={self.unit}\n"
             f"RuntimeDirectory={self.unit} {STOP_FOLDERS}{self.user}\nRuntimeDirectoryMode=0700\n"

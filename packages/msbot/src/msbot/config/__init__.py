@@ -1,9 +1,14 @@
 """The files people write: the blueprint of a robot (`robot.toml`) and the part library."""
 
-from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
-from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML, for_groups, groups_by_slots
-from msbot.config.blueprint.differences import Difference, compare_text, differences
-from msbot.config.blueprint.model import (
+from msbot.config.blueprint.blueprint_file_reader import (
+    ADOPTED,
+    library_folders,
+    load_blueprint,
+    open_blueprint,
+    parse_blueprint,
+)
+from msbot.config.blueprint.blueprint_file_writer import blueprint_mark, blueprint_toml, preset_of, slot_toml
+from msbot.config.blueprint.blueprint_model import (
     NOBODY,
     PRESETS,
     Binding,
@@ -16,14 +21,16 @@ from msbot.config.blueprint.model import (
     SlotPort,
     Timing,
 )
-from msbot.config.blueprint.reader import ADOPTED, library_folders, load_blueprint, open_blueprint, parse_blueprint
+from msbot.config.blueprint.check import RESERVED_TOPICS, binding_faults
+from msbot.config.blueprint.class_robot import GROUP_ROBOT_TOML, for_groups, groups_by_slots
+from msbot.config.blueprint.differences import Difference, compare_text, differences
 from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML, SAMPLES, write_new, write_sample
-from msbot.config.blueprint.writer import blueprint_mark, blueprint_toml, preset_of, slot_toml
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
 from msbot.config.library.board_wiring import WiredPart, shown_by, wired_part, wired_parts
 from msbot.config.library.description_reader import Described, read_description
-from msbot.config.library.library import (
+from msbot.config.library.message_types import standard_message_types
+from msbot.config.library.part_library import (
     SHIPPED,
     BusKind,
     Category,
@@ -43,7 +50,6 @@ from msbot.config.library.library import (
     load_library,
     scalar_text,
 )
-from msbot.config.library.message_types import standard_message_types
 from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
 from msbot.config.library.simulator_reader import format_text
 from msbot.config.library.versions import Versions, parse_versions, split_number

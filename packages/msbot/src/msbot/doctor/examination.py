@@ -6,15 +6,23 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from msbot.doctor.checks.bus import check_can, check_i2c, check_serial
-from msbot.doctor.checks.installation import check_access, check_packages, check_python
-from msbot.doctor.checks.machine import check_clock, check_disk
-from msbot.doctor.checks.network import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
-from msbot.doctor.checks.robot import check_robot
-from msbot.doctor.checks.stop import check_stop
-from msbot.doctor.checks.storage import check_database
+from msbot.doctor.checks.bus_checks import check_can, check_i2c, check_serial
+from msbot.doctor.checks.installation_checks import check_access, check_packages, check_python
+from msbot.doctor.checks.machine_checks import check_clock, check_disk
+from msbot.doctor.checks.network_checks import check_dds, check_firewall, check_multicast, check_ports, check_zenoh
+from msbot.doctor.checks.robot_checks import check_robot
+from msbot.doctor.checks.stop_checks import check_stop
+from msbot.doctor.checks.storage_checks import check_database
+from msbot.doctor.collectors import (
+    bus_facts,
+    installation_facts,
+    machine_facts,
+    network_facts,
+    robot_facts,
+    stop_facts,
+    storage_facts,
+)
 from msbot.doctor.finding import CannotSee, Examined, Finding, NotNeeded, Unavailable
-from msbot.doctor.gather import bus, installation, machine, network, robot, stop, storage
 from msbot_agent.startup.extensions import extensions
 from msbot_xrce.errors import ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
@@ -38,22 +46,22 @@ class Check(Generic[F]):
 
 
 CHECKS: tuple[Check[Any], ...] = (
-    Check("python", installation.python, check_python),
-    Check("packages", installation.packages, check_packages),
-    Check("permissions", installation.access, check_access),
-    Check("can", bus.can, check_can),
-    Check("serial", bus.serial, check_serial),
-    Check("i2c", bus.i2c, check_i2c),
-    Check("dds", network.dds, check_dds),
-    Check("zenoh", network.zenoh, check_zenoh),
-    Check("multicast", network.multicast, check_multicast),
-    Check("firewall", network.firewall, check_firewall),
-    Check("ports", network.ports, check_ports),
-    Check("database", storage.database, check_database),
-    Check("clock", machine.clock, check_clock),
-    Check("disk", machine.disk, check_disk),
-    Check("stop", stop.stop, check_stop),
-    Check("robot", robot.robot, check_robot),
+    Check("python", installation_facts.python, check_python),
+    Check("packages", installation_facts.packages, check_packages),
+    Check("permissions", installation_facts.access, check_access),
+    Check("can", bus_facts.can, check_can),
+    Check("serial", bus_facts.serial, check_serial),
+    Check("i2c", bus_facts.i2c, check_i2c),
+    Check("dds", network_facts.dds, check_dds),
+    Check("zenoh", network_facts.zenoh, check_zenoh),
+    Check("multicast", network_facts.multicast, check_multicast),
+    Check("firewall", network_facts.firewall, check_firewall),
+    Check("ports", network_facts.ports, check_ports),
+    Check("database", storage_facts.database, check_database),
+    Check("clock", machine_facts.clock, check_clock),
+    Check("disk", machine_facts.disk, check_disk),
+    Check("stop", stop_facts.stop, check_stop),
+    Check("robot", robot_facts.robot, check_robot),
 )
 """All checks, in the order in which a person would look: what is below first."""
 

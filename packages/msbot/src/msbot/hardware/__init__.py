@@ -1,10 +1,10 @@
 """Real hardware for part types of the library: drivers, where they are wired, and the parts that they make."""
 
 from msbot.hardware.driver import Driver, Mount, Values, driver_class
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.hardware_part import HardwarePart
-from msbot.hardware.host import HardwareParts, PartsHost
 from msbot.hardware.machine import Machine
+from msbot.hardware.parts_host import HardwareParts, PartsHost
 from msbot.hardware.scan import FoundThing, ScanResult, scan
 from msbot.hardware.wiring import HostedPart, PartWiring, make_wiring, read_parts
 

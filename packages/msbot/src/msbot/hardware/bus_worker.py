@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import ParamSpec, TypeVar
 
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

@@ -6,7 +6,7 @@ import errno
 from collections.abc import Iterable
 from typing import Protocol
 
-from msbot.hardware.faults import HardwareFault, missing_library
+from msbot.hardware.hardware_fault import HardwareFault, missing_library
 
 _ABSENT = (errno.ENXIO, errno.ENODEV, errno.EREMOTEIO, errno.EIO)
 """The errors of adapters when no chip acknowledges an address (kernel: Documentation/i2c/fault-codes.rst)."""

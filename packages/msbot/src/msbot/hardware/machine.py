@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
 
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.i2c import SmBus, open_smbus
 from msbot_xrce.lazy import dataclass
 

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from msbot.config import PartType, load_library
 from msbot.hardware.driver import Driver, Mount, driver_class
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.machine import Machine
 from msbot.hardware.wiring import PartWiring
 from msbot_xrce.errors import ConfigError

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any
 
 from msbot.hardware.driver import Driver
-from msbot.hardware.faults import HardwareFault, missing_library
+from msbot.hardware.hardware_fault import HardwareFault, missing_library
 
 # Imports lgpio without what it does to the current folder.
 #

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msbot.config import BusKind, Library
 from msbot.hardware.drivers.kernel import IIO, W1
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.i2c import SmBus
 from msbot.hardware.machine import Machine
 from msbot_xrce.counting import amount

@@ -6,7 +6,7 @@ import errno
 import time
 from typing import TYPE_CHECKING
 
-from msbot.hardware.faults import HardwareFault, missing_library
+from msbot.hardware.hardware_fault import HardwareFault, missing_library
 from msbot_xrce.errors import LinkDown
 
 if TYPE_CHECKING:

@@ -21,12 +21,12 @@ from msbot.config import Blueprint, Library
 from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopStore
 from msbot.part import Client
-from msbot.pnp import Access, Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile
+from msbot.pnp import Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile, RobotGate
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
-from msbot.pnp.fed_agents.service import AgentsService
+from msbot.pnp.inventory_service import InventoryService, in_any_case
 from msbot.pnp.master_service import MasterService
-from msbot.pnp.services import InventoryService, in_any_case
-from msbot.stop.names import own_group
+from msbot.pnp.remote_agents.agents_service import RemoteAgentsService
+from msbot.stop.socket_names import own_group
 from msbot_agent.agent import Agent, AgentSettings
 from msbot_agent.link import InprocHub, Link, Peer, Signal
 from msbot_agent.link.relay import RelayGreeting
@@ -105,7 +105,7 @@ class Master:
         """The part types: what the parts of boards need to know."""
         self.profile = profile_of(blueprint)
         self.inventory = Inventory(store, random=dice, now=loop.time(), timing=timing_of(blueprint))
-        self.access = Access(self.inventory, clock=loop.time, free_topics=frozenset(blueprint.options.free_topics))
+        self.access = RobotGate(self.inventory, clock=loop.time, free_topics=frozenset(blueprint.options.free_topics))
         self.space = space or MemorySpace(clock=loop.time)
         """Where the robot's topics are."""
         self.agent = Agent(
@@ -160,7 +160,7 @@ class Master:
         )
 
         sealed = blueprint.options.authentication == "key+data"
-        self._agents = AgentsService(
+        self._agents = RemoteAgentsService(
             partial(Client, hub.connect(), key=AGENTS_KEY, epoch_ns=epoch_ns, random=dice),
             access=self.access,
             inventory=self.inventory,

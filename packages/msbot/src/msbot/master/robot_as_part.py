@@ -17,7 +17,7 @@ from typing import Final
 from msbot.config import Binding, Blueprint, Library, Scalar
 from msbot.master.master import Master
 from msbot.part import JoinState, Message, Part
-from msbot.part.join.plug import UID_OCTETS
+from msbot.part.join.pnp_messages import UID_OCTETS
 from msbot.sim.model_part import message_class
 from msbot_agent.link import Link
 from msbot_agent.space import (

@@ -25,8 +25,8 @@ from time import monotonic
 from msbot.pnp import PartStore
 from msbot.pnp.emergency_stop import StopRecord
 from msbot_agent.process.user_folders import state_folder
-from msbot_agent.text.given_file import read_json
 from msbot_agent.text.sentence import said, whole
+from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError
 
 # The file with STOP: it has all its room on the disk, and is open, from the start of the master on.

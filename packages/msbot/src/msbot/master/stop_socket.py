@@ -1,13 +1,13 @@
 """The channel by which STOP always reaches a master: a socket of its own, for the user's other programs.
 
-It is in a folder that only the user can write (`msbot.stop.places`), and looked after: if the folder is gone,
+It is in a folder that only the user can write (`msbot.stop.socket_folders`), and looked after: if the folder is gone,
 the master makes it anew. Who connects is looked at before anything is read: only programs of the same user, and root.
 Where there are no such sockets at all, `msbot stop` goes the same way as all other commands.
 
 A connection brings one request, a JSON object on a line, and gets one answer: `stop`, `go`, `status`. Nothing of it can
 run out: there are at most `MOST_LINES` connections, whose descriptors are held in reserve; when one more comes, the
 oldest that has said nothing goes, or the oldest that waits for its answer gets it now; no thread is needed, and no
-connection lasts longer than `LINE_S`. The other end is `msbot.stop.asking`.
+connection lasts longer than `LINE_S`. The other end is `msbot.stop.stop_request`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from typing import Final
 
 from msbot.master.master import Master
 from msbot.pnp import StopStatus
-from msbot.stop.listening import StopListener, listen, peer_of
-from msbot.stop.names import new_name
-from msbot.stop.places import IS_LINUX, IS_THERE, own_user
-from msbot_agent.text.given_file import read_told
+from msbot.stop.socket_folders import IS_LINUX, IS_THERE, own_user
+from msbot.stop.socket_names import new_name
+from msbot.stop.stop_listener import StopListener, listen, peer_of
 from msbot_agent.text.sentence import said, whole
+from msbot_agent.text.untrusted_input import read_program_json
 from msbot_xrce.errors import ConfigError
 
 # File descriptors held in reserve, for what must work when a process has no others left.
@@ -99,7 +99,7 @@ class StopSocket:
         """Connections from other users."""
         self._master = master
         self._details = details
-        self._lines: dict[_Line, None] = {}
+        self._lines: dict[_Connection, None] = {}
         """The open connections, the oldest first."""
         self._reserve = DescriptorReserve(MOST_LINES)
         self._listener: StopListener | None = None
@@ -173,7 +173,7 @@ class StopSocket:
                 connection.close()
                 continue
             self._make_room()
-            line = _Line(connection)
+            line = _Connection(connection)
             self._lines[line] = None
             line.timer = asyncio.get_running_loop().call_later(LINE_S, self._close, line)
             self._read(line)
@@ -207,7 +207,7 @@ class StopSocket:
             self._answer(oldest, self._status(self._master.stop))
         self._close(oldest)
 
-    def _close(self, line: _Line) -> None:
+    def _close(self, line: _Connection) -> None:
         if line in self._lines:
             del self._lines[line]
             loop = asyncio.get_running_loop()
@@ -216,7 +216,7 @@ class StopSocket:
             line.close()
             self._reserve.fill()
 
-    def _read(self, line: _Line) -> None:
+    def _read(self, line: _Connection) -> None:
         try:
             octets = line.connection.recv(MAX_REQUEST)
         except BlockingIOError:
@@ -234,9 +234,9 @@ class StopSocket:
         else:
             asyncio.get_running_loop().add_reader(line.connection, self._read, line)
 
-    def _take(self, line: _Line, octets: bytes) -> None:
+    def _take(self, line: _Connection, octets: bytes) -> None:
         try:
-            request = read_told(octets)
+            request = read_program_json(octets)
             do, who = request["do"], whole(str(request.get("who") or "somebody")[:64])
             line.word = whole(str(request.get("nonce") or "")[:64])
             known = self._details()
@@ -271,7 +271,7 @@ class StopSocket:
         else:
             self._answer(line, self._status(self._master.stop))
 
-    async def _answer_when_stored(self, line: _Line) -> None:
+    async def _answer_when_stored(self, line: _Connection) -> None:
         status = await self._master.until_stop_is_stored()
         if line in self._lines:
             self._answer(line, self._status(status))
@@ -279,12 +279,12 @@ class StopSocket:
     def _status(self, status: StopStatus) -> dict[str, object]:
         return fitting({"meant": True, **self._details()} | answer_of(status))
 
-    def _answer(self, line: _Line, answer: Mapping[str, object]) -> None:
+    def _answer(self, line: _Connection, answer: Mapping[str, object]) -> None:
         line.state = _State.ANSWERING
         line.octets = json.dumps({**answer, "nonce": line.word}).encode() + b"\n"
         self._write(line)
 
-    def _write(self, line: _Line) -> None:
+    def _write(self, line: _Connection) -> None:
         try:
             line.octets = line.octets[line.connection.send(line.octets) :]
         except BlockingIOError:
@@ -306,7 +306,7 @@ class _State(Enum):
     ANSWERING = auto()
 
 
-class _Line:
+class _Connection:
     """One connection."""
 
     def __init__(self, connection: socket.socket) -> None:

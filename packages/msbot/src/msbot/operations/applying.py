@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from msbot.config import Blueprint, Library, Slot, blueprint_toml, open_blueprint, parse_blueprint
-from msbot.config.blueprint.model import NOBODY
+from msbot.config.blueprint.blueprint_model import NOBODY
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.process.worker_pool import WorkerPool

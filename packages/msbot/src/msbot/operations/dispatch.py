@@ -16,22 +16,22 @@ from msbot.master import Master
 from msbot.operations.applying import BlueprintChange
 from msbot.operations.arguments import read_arguments, usable_arguments
 from msbot.operations.blocking import Blocking, BusObjects, StoredBlocking
-from msbot.operations.by_hand import ByHand
+from msbot.operations.class_operations import ClassControl
 from msbot.operations.described_parts import DescribedParts
 from msbot.operations.last_acts import LastActs, helps, places_of
-from msbot.operations.operation import Kept, Operation, Outcome
+from msbot.operations.manual_control import ManualControl
+from msbot.operations.operation import EditLog, Operation, Outcome
 from msbot.operations.placement import Placement
-from msbot.operations.pupils import ClassControl
-from msbot.operations.recording import PartQueries, Recording
-from msbot.operations.rights import Asker, user_of_computer
+from msbot.operations.recording_operations import PartQueries, Recording
+from msbot.operations.rights import Principal, user_of_computer
 from msbot.operations.running_robot import RunningRobot
-from msbot.operations.settings import SlotSettings, Wires
+from msbot.operations.slot_configuration import SlotSettings, Wires
 from msbot.operations.stand_ins import StandIns
-from msbot.operations.stop_and_go import Stopping
+from msbot.operations.stop_and_go import StopOperations
 from msbot.operations.stored_robot import StoredPlacement, StoredRobot
 from msbot.operations.table import OPERATIONS
-from msbot.operations.teaching import Faults, Lessons, Missions, Worlds
-from msbot.operations.undoing import StoredUndoing, Undoing
+from msbot.operations.teaching_operations import Faults, Lessons, Missions, Worlds
+from msbot.operations.undo_operations import StoredUndoing, Undoing
 from msbot.registry import Registry, RobotRecord
 from msbot_agent.text.sentence import said, whole
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
@@ -75,13 +75,13 @@ class Operations:
             for name in OPERATIONS
             if hasattr(group, name)
         }
-        self._checks: list[Callable[[Asker, Operation, Mapping[str, object]], None]] = []
+        self._checks: list[Callable[[Principal, Operation, Mapping[str, object]], None]] = []
         self.acts = LastActs()
         """Who did something last, and where."""
         self._one_at_a_time = asyncio.Lock()
         self._listeners: list[Callable[[PerformedOperation], object]] = []
 
-    def on_asked(self, check: Callable[[Asker, Operation, Mapping[str, object]], None]) -> None:
+    def on_asked(self, check: Callable[[Principal, Operation, Mapping[str, object]], None]) -> None:
         """Call the check before anything is done; it raises when that person may not do it now."""
         self._checks.append(check)
 
@@ -89,7 +89,7 @@ class Operations:
         """Call the listener with everything that was done; not with questions, nor with what could not be done."""
         self._listeners.append(listener)
 
-    async def do(self, operation: str, /, *, who: Asker | str, **arguments: object) -> Outcome:
+    async def do(self, operation: str, /, *, who: Principal | str, **arguments: object) -> Outcome:
         """Do something to the robot, or ask something about it.
 
         Args:
@@ -139,7 +139,7 @@ class Operations:
         # Before it is done: what comes of it may be seen before this answers.
         before = self.acts.note(asker.name, places, helps=helps(row))
         try:
-            if row.kept not in (Kept.UNDOABLE, Kept.CHANGE):
+            if row.kept not in (EditLog.UNDOABLE, EditLog.CHANGE):
                 outcome = await _outcome(method(**given))
             else:
                 async with self._one_at_a_time:  # what one has checked, another must not change before it is stored
@@ -151,7 +151,7 @@ class Operations:
             self._tell(PerformedOperation(asker.name, operation, deed, outcome.words))
         return outcome
 
-    async def set_together(self, slot: str, values: Mapping[str, str | None], *, who: Asker) -> Outcome:
+    async def set_together(self, slot: str, values: Mapping[str, str | None], *, who: Principal) -> Outcome:
         """Set several parameters of a slot by hand, all or none; otherwise as the operation `set`.
 
         Raises:
@@ -203,12 +203,12 @@ class RunningOperations(Operations):
         described = DescribedParts(running, self.applying)
         self.placement = Placement(running, described)
         self.stand_ins = StandIns(running, self.placement)
-        self.stopping = Stopping(
+        self.stopping = StopOperations(
             running,
             on_said=self._stop_said,
         )
         self.showing = PartQueries(running)
-        self.by_hand = ByHand(running)
+        self.by_hand = ManualControl(running)
         self.recording = Recording()
         self.faults = Faults(running)
         self.missions = Missions(running)

@@ -24,14 +24,14 @@ class ArgumentKind(Enum):
     """The value of a parameter, passed on as a person would type it."""
 
 
-class Where(Enum):
+class OperationScope(Enum):
     """Which robots an operation can act on."""
 
     ANYWHERE = "a running robot, or the database of one that does not run"
     RUNNING = "a running robot"
 
 
-class Kept(Enum):
+class EditLog(Enum):
     """What the database keeps of an operation."""
 
     UNDOABLE = "a change that can be undone"
@@ -78,8 +78,8 @@ class Operation(NamedTuple):
     arguments: tuple[Argument, ...] = ()
     right: Right = Right.SEE
     """Who may do it on the page and in the API; a command acts for the user of the computer, who may do everything."""
-    where: Where = Where.RUNNING
-    kept: Kept = Kept.NOTHING
+    where: OperationScope = OperationScope.RUNNING
+    kept: EditLog = EditLog.NOTHING
     journal: str = ""
     """The word for it in the journal of changes."""
     call: str = ""
@@ -90,7 +90,7 @@ class Operation(NamedTuple):
     """The right needed to act on changes by others; without it only on one's own settings. None: no difference."""
 
     takes_place: bool = False
-    """Whether the method is told from where it is asked for (`Asker.place`)."""
+    """Whether the method is told from where it is asked for (`Principal.place`)."""
     drops_odd: bool = False
     """Whether an argument that is too long, of the wrong kind or unknown is cut or dropped, and refuses nothing."""
 

@@ -81,7 +81,7 @@ _LEAST = {
 }
 
 
-class Asker(NamedTuple):
+class Principal(NamedTuple):
     """Who asks for an operation, and what they may do."""
 
     name: str
@@ -96,6 +96,6 @@ class Asker(NamedTuple):
     """When the person's account was made, on the wall clock: what somebody of that name did before is not theirs."""
 
 
-def user_of_computer(name: str) -> Asker:
+def user_of_computer(name: str) -> Principal:
     """Whoever uses the computer that the robot's master runs on: may do everything."""
-    return Asker(name, lambda _right: None, lambda _right: True)
+    return Principal(name, lambda _right: None, lambda _right: True)

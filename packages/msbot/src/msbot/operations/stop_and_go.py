@@ -23,7 +23,7 @@ OTHERS = "others"
 
 
 @dataclass(slots=True)
-class _Line:
+class _JournalLine:
     """What the journal says of one person's STOP."""
 
     words: str
@@ -35,7 +35,7 @@ class _Line:
     """The count that the journal has."""
 
 
-class Stopping:
+class StopOperations:
     """Says STOP and GO to the parts of one running robot, and journals both, whoever says them and however.
 
     Args:
@@ -50,7 +50,7 @@ class Stopping:
     ) -> None:
         self._running = running
         self._on_said = on_said
-        self._lines: dict[str, _Line] = {}
+        self._lines: dict[str, _JournalLine] = {}
         """By person, of the STOP that holds."""
         self._is_counting = False
         running.master.on_stop_said(self._said)
@@ -116,7 +116,7 @@ class Stopping:
         if reason:
             words = said("{words}: {reason}", words=words, reason=reason)
         noted = self._running.note(EditKind.STOP, words, by)
-        self._lines[by if len(self._lines) < MOST_PEOPLE else OTHERS] = _Line(words, noted, now, now)
+        self._lines[by if len(self._lines) < MOST_PEOPLE else OTHERS] = _JournalLine(words, noted, now, now)
         self._on_said("stop", by, {"reason": reason} if reason else {}, words)
 
     def _count(self) -> None:

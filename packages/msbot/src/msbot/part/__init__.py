@@ -8,9 +8,9 @@ from __future__ import annotations
 from msbot.part.boards.gpio import PinDirection, SimGpio, UsbGpio
 from msbot.part.boards.numato import NumatoGpio
 from msbot.part.client.client import Client, ClientMaker, ServiceNames
+from msbot.part.client.client_settings import ClientSettings, ConnectionState
 from msbot.part.client.discovery import FoundAgent, find_agents
 from msbot.part.client.entities import Entity
-from msbot.part.client.settings import ClientSettings, ConnectionState
 from msbot.part.join.joining import ExpectedRobot, JoinState
 from msbot.part.messages.message import Message
 from msbot.part.messages.standard import HelloWorld

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msbot.part.join.plug import LEAST_DESCRIPTION, MOST_DESCRIPTION
+from msbot.part.join.pnp_messages import LEAST_DESCRIPTION, MOST_DESCRIPTION
 from msbot.part.messages.message import Message, fields_of
+from msbot.part.part_settings import Value
 from msbot.part.program import Program
-from msbot.part.settings import Value
 from msbot_xrce.errors import ConfigError
 
 _KINDS = {bool: "bool", int: "int", float: "float", str: "text"}

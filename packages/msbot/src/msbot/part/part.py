@@ -22,15 +22,15 @@ from typing import TypeVar
 
 from msbot.part.beginner import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
-from msbot.part.client.settings import ClientSettings
+from msbot.part.client.client_settings import ClientSettings
 from msbot.part.description import describe
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
-from msbot.part.join.keys import check_key, parse_key
-from msbot.part.join.plug import TEXT_OCTETS, UID_OCTETS, Nature
+from msbot.part.join.part_keys import check_key, parse_key
+from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
+from msbot.part.part_settings import DeclaredSetting, V
 from msbot.part.program import Action, Listener, PortAction, Program, When
 from msbot.part.program_runner import Identity, PartCounters, ProgramRunner
-from msbot.part.settings import DeclaredSetting, V
 from msbot_agent.link import Link
 from msbot_xrce.errors import ConfigError
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 
 from msbot.part.client.client import Client
 from msbot.part.client.entities import Entity
-from msbot.part.join.plug import BindingDirection, PortBinding
+from msbot.part.join.pnp_messages import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
 from msbot_xrce.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot_xrce.lazy import dataclass

@@ -11,7 +11,7 @@ from typing import Literal
 
 from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.messages.message import Message
-from msbot.part.settings import DeclaredSetting, DeclaredSettings
+from msbot.part.part_settings import DeclaredSetting, DeclaredSettings
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 

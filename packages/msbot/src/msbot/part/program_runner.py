@@ -16,18 +16,18 @@ from random import Random
 
 from msbot.part.beginner import SILENCE_S, silence_words
 from msbot.part.client.client import Client
-from msbot.part.client.settings import ClientSettings
+from msbot.part.client.client_settings import ClientSettings
 from msbot.part.handler_guard import Guard
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
-from msbot.part.join.keys import prove, prove_sealed
 from msbot.part.join.membership import Membership
-from msbot.part.join.plug import STOP_SETTING, ClaimMessage, ConfigurationMessage, Nature, Notice, NoticeKind
-from msbot.part.join.refusal import told_state
+from msbot.part.join.part_keys import prove, prove_sealed
+from msbot.part.join.pnp_messages import STOP_SETTING, ClaimMessage, ConfigurationMessage, Nature, Notice, NoticeKind
+from msbot.part.join.refusal import displayed_state
 from msbot.part.messages.message import Message
+from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
 from msbot.part.safe_state import Safety
-from msbot.part.settings import Settings
 from msbot_agent.link import Link, Peer, Signal
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -276,7 +276,7 @@ class ProgramRunner:
             _log.warning("%s", words)
 
     def _changed(self, change: Changed) -> None:
-        told = f"is {told_state(change.after.value, change.reason)}: {change.reason}"
+        told = f"is {displayed_state(change.after.value, change.reason)}: {change.reason}"
         _log.info("%s %s", self._local_name, "has ended" if change.after is JoinState.ENDED else told)
         assert self._ports is not None
         if change.after is JoinState.ACTIVE:

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from msbot.part.beginner import HandlerWatch, part_is_run
-from msbot.part.join.keys import KEY_VARIABLE, given_key
+from msbot.part.join.part_keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.can import CanSettings, Codec

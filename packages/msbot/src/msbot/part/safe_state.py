@@ -42,10 +42,10 @@ import logging
 from collections.abc import Callable, Mapping
 
 from msbot.part.handler_guard import Guard
-from msbot.part.join.plug import SAFE_MARK
+from msbot.part.join.pnp_messages import SAFE_MARK
 from msbot.part.messages.message import Message, fields_of
+from msbot.part.part_settings import Value, read_value
 from msbot.part.program import Listener
-from msbot.part.settings import Value, read_value
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 
 _log = logging.getLogger("msbot.part")

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from msbot.part.join.plug import Refusal
-    from msbot.pnp.access import RESERVED_TOPICS, Access
+    from msbot.part.join.pnp_messages import Refusal
     from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
     from msbot.pnp.explain_samples import (
         KNOWN_TYPES,
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
         message_words,
     )
     from msbot.pnp.inventory import Inventory
+    from msbot.pnp.inventory_service import InventoryService
     from msbot.pnp.key_proof import Keys
     from msbot.pnp.life_status import TRANSITIONS
     from msbot.pnp.load_forecast import Flow, Forecast, forecast
@@ -33,22 +33,22 @@ if TYPE_CHECKING:
         PartInfo,
         PartStore,
         SelfDescription,
+        SessionStatus,
         SlotBinding,
-        Standing,
         Verdict,
     )
     from msbot.pnp.part_events import Evidence, PartEvent, PartState
     from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
     from msbot.pnp.pupils import Freeze, Group, Pupils, TakeOverByTeacher
-    from msbot.pnp.services import InventoryService
+    from msbot.pnp.robot_gate import RESERVED_TOPICS, RobotGate
     from msbot.pnp.slot_assignment import TakeOver
     from msbot.pnp.slot_matching import Match, Matcher
     from msbot.pnp.state_changes import HandControl, HeldPort
 
 _NAMES = {
-    "msbot.part.join.plug": ("Refusal",),
-    "msbot.pnp.access": (
-        "Access",
+    "msbot.part.join.pnp_messages": ("Refusal",),
+    "msbot.pnp.robot_gate": (
+        "RobotGate",
         "RESERVED_TOPICS",
     ),
     "msbot.pnp.emergency_stop": (
@@ -86,7 +86,7 @@ _NAMES = {
         "PartStore",
         "SelfDescription",
         "SlotBinding",
-        "Standing",
+        "SessionStatus",
         "THESIS_TIMING",
         "Verdict",
     ),
@@ -108,7 +108,7 @@ _NAMES = {
         "Pupils",
         "TakeOverByTeacher",
     ),
-    "msbot.pnp.services": ("InventoryService",),
+    "msbot.pnp.inventory_service": ("InventoryService",),
     "msbot.pnp.slot_assignment": ("TakeOver",),
     "msbot.pnp.slot_matching": (
         "Match",
@@ -127,7 +127,6 @@ __all__ = [
     "RESERVED_TOPICS",
     "THESIS_TIMING",
     "TRANSITIONS",
-    "Access",
     "Claim",
     "Configuration",
     "Evidence",
@@ -155,10 +154,11 @@ __all__ = [
     "Profile",
     "Pupils",
     "Refusal",
+    "RobotGate",
     "SelfDescription",
     "SessionListener",
+    "SessionStatus",
     "SlotBinding",
-    "Standing",
     "StopConfirmation",
     "StopRecord",
     "StopStatus",

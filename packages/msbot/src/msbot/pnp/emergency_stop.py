@@ -10,8 +10,9 @@ A master that starts while STOP holds gives it a new number. A GO may have reach
 they do not obey a STOP that they know to be over.
 
 Every part that holds a slot when STOP is said, or gets one while it holds, is asked to confirm; only a beat that
-carries the number does so (`msbot.part.join.plug.StoppedBeat`). A part that falls silent stays among those that have
-not confirmed: what it drives may still move. A part that says goodbye has set its ports to their safe values by itself.
+carries the number does so (`msbot.part.join.pnp_messages.StoppedBeat`). A part that falls silent stays among those that
+have not confirmed: what it drives may still move. A part that says goodbye has set its ports to their safe values by
+itself.
 
 Parts say STOP as well, by such a beat: with 0, or with a number that was never counted to here; this robot then has a
 STOP of that part. It was said where no master heard it, or before a master could store it. With a number that is over,

@@ -13,7 +13,7 @@ from struct import pack, unpack
 from typing import Final
 
 from msbot.part import HelloWorld, Message
-from msbot.part.join.plug import INVENTORY_SERVICE, BindingDirection, ConfigurationMessage, ProfileMessage
+from msbot.part.join.pnp_messages import INVENTORY_SERVICE, BindingDirection, ConfigurationMessage, ProfileMessage
 from msbot.part.messages.message import fields_of
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence

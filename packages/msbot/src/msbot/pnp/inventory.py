@@ -17,11 +17,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from random import Random
 
-from msbot.pnp.admission import PENDING, Admission, Adopter
+from msbot.pnp.claim_handler import PENDING, Adopter, ClaimHandler
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
-from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, Standing, Verdict
+from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, SessionStatus, Verdict
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.pupil_parts import PupilParts
 from msbot.pnp.self_descriptions import SelfDescriptions
@@ -66,7 +66,7 @@ class Inventory:
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self.watch = LifeWatch(self._index, self._changes, timing, now)
         """Who is late, who is lost."""
-        self._admission = Admission(store, self._index, self._matcher, self._changes, self.watch)
+        self._admission = ClaimHandler(store, self._index, self._matcher, self._changes, self.watch)
         self.pupil_parts = PupilParts(self._matcher.pupils, self._index, self._changes, self._assignment, self._publish)
 
     # What is reported
@@ -139,13 +139,13 @@ class Inventory:
         """The client key shown by the session that the agent knows as `key`; None: there is no such session."""
         return None if (session := self._index.sessions.get(key)) is None else session.client_key
 
-    def standing_of(self, client_key: int) -> Standing | None:
+    def standing_of(self, client_key: int) -> SessionStatus | None:
         """The status of the part behind a session; None: there is no such session, or no part behind it."""
         record = self._index.record_of(client_key)
         if record is None or record.state is None:
             return None
         version = 0 if record.configuration is None else record.configuration.version
-        return Standing(record.state, record.lease, version)
+        return SessionStatus(record.state, record.lease, version)
 
     # Sessions
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot.part.join.plug import Nature, Refusal
+from msbot.part.join.pnp_messages import Nature, Refusal
 from msbot.part.join.refusal import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
 from msbot.pnp.life_status import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription

@@ -23,8 +23,8 @@ from __future__ import annotations
 from random import Random
 from typing import TypeVar
 
-from msbot.part.join import keys, plug
-from msbot.part.join.plug import Refusal
+from msbot.part.join import part_keys, pnp_messages
+from msbot.part.join.pnp_messages import Refusal
 from msbot.pnp.model import Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match
@@ -145,7 +145,7 @@ class Keys:
         if key is None:
             return Answered(claim, _match(Refusal.NO_KEY, said("it was removed in this moment")))
         expected, secret = self._expected(key, question, session_key)
-        if keys.is_same(proof, expected):
+        if part_keys.is_same(proof, expected):
             _keep(self._proofs, proof, asker, MOST_PROOFS)
             return Answered(claim, secret=secret)
         if proof in self._proofs:
@@ -156,13 +156,13 @@ class Keys:
         claim = question.claim
         names = {"part_number": claim.part_number, "local_name": claim.local_name}
         if self.sealed:
-            return keys.prove_sealed(
+            return part_keys.prove_sealed(
                 key, question.nonce, claim.uid, **names, session_key=session_key, session_nonce=claim.nonce
             )
-        return keys.prove(key, question.nonce, claim.uid, **names, session_key=session_key), b""
+        return part_keys.prove(key, question.nonce, claim.uid, **names, session_key=session_key), b""
 
     def _new_question(self, asker: bytes, claim: Claim, now: float) -> bytes:
-        nonce = self._random.randbytes(plug.NONCE_OCTETS)
+        nonce = self._random.randbytes(pnp_messages.NONCE_OCTETS)
         self._questions.pop(asker, None)
         _keep(self._questions, asker, _Question(nonce, claim, now), MOST_QUESTIONS)
         return nonce

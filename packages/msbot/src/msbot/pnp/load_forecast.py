@@ -14,7 +14,7 @@ from typing import Final
 
 from msbot.config import Binding, Blueprint, Library, PartType
 from msbot.part import HelloWorld
-from msbot.part.join.plug import Beat, BeatReply
+from msbot.part.join.pnp_messages import Beat, BeatReply
 from msbot.part.join.seal import Seal
 from msbot.part.sample_parts import SAMPLE_PARTS
 from msbot.pnp.profile import Profile
@@ -97,7 +97,8 @@ def forecast(
     profile = Profile(robot.name, robot.version, robot.serial_number, robot.released, robot.manufacturer)
     sealed = blueprint.options.authentication == "key+data"
     scribes = {
-        slot.name: _Scribe(slot.name, node, framing, sealed=sealed) for node, slot in enumerate(blueprint.slots, 1)
+        slot.name: _MessageEncoder(slot.name, node, framing, sealed=sealed)
+        for node, slot in enumerate(blueprint.slots, 1)
     }
     flows = [Flow(BEACON, "the master is here", "", BEACONS_HZ, beacon_cost(profile.profile_hash(), framing))]
     for scribe in scribes.values():
@@ -118,7 +119,7 @@ def forecast(
     return Forecast(tuple(flows), samples.assumed, tuple(on_event))
 
 
-class _Scribe:
+class _MessageEncoder:
     """Encodes what one part and the master say to each other, as they would."""
 
     def __init__(self, slot: str, node: int, framing: Framing, *, sealed: bool) -> None:
@@ -215,7 +216,7 @@ class _Samples:
 
 
 def _bound(
-    binding: Binding, scribes: Mapping[str, _Scribe], rate_hz: float, payload: Callable[[int], bytes]
+    binding: Binding, scribes: Mapping[str, _MessageEncoder], rate_hz: float, payload: Callable[[int], bytes]
 ) -> list[Flow]:
     flows = []
     if binding.source.slot:

@@ -6,7 +6,7 @@ import asyncio
 import logging
 
 from msbot.part import Client, ClientMaker, ConnectionState
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.pnp.profile import PROFILE_PERIOD_S, PROFILE_TOPIC, PROFILE_TYPE, Profile
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RequestError
 from msbot_xrce.objects import EndpointQos
@@ -83,13 +83,13 @@ class MasterService:
             self._opened.set()
 
 
-def profile_message(profile: Profile, count: int) -> plug.ProfileMessage:
+def profile_message(profile: Profile, count: int) -> pnp_messages.ProfileMessage:
     """The profile as a message; the thesis defines the fields by their position (3.12.1).
 
     Raises:
         LocalProtocolError: a text in it is too long.
     """
-    return plug.ProfileMessage(
+    return pnp_messages.ProfileMessage(
         index=count & 0xFFFFFFFF,
         message=profile.name,
         name=profile.version,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from msbot.config import Described, PartType, Slot
-from msbot.part.join.plug import Nature, Refusal
+from msbot.part.join.pnp_messages import Nature, Refusal
 from msbot.pnp.emergency_stop import StopRecord
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot_agent.text.sentence import said
@@ -144,7 +144,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class SessionStatus:
     """The present status of the part behind a session, in a few words for the part itself."""
 
     state: PartState

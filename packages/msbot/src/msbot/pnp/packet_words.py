@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.refusal import TroublePiece
 from msbot.pnp.model import Claim
 from msbot_agent.text.sentence import Sentence, said
@@ -33,27 +33,27 @@ from msbot_xrce.messages import (
 )
 
 _NOTICES: Final[Mapping[int, str]] = {
-    plug.NoticeKind.PARTNER_LOST: "the master tells {part} that nobody speaks to one of its ports any more",
-    plug.NoticeKind.PARTNER_BACK: "the master tells {part} that somebody speaks to one of its ports again",
-    plug.NoticeKind.IDENTIFY: "the master asks {part} to show itself",
-    plug.NoticeKind.STOP: "the master tells {part} to STOP",
-    plug.NoticeKind.GO: "the master tells {part} that STOP is over",
-    plug.NoticeKind.DESCRIBE: "the master asks {part} what it is",
+    pnp_messages.NoticeKind.PARTNER_LOST: "the master tells {part} that nobody speaks to one of its ports any more",
+    pnp_messages.NoticeKind.PARTNER_BACK: "the master tells {part} that somebody speaks to one of its ports again",
+    pnp_messages.NoticeKind.IDENTIFY: "the master asks {part} to show itself",
+    pnp_messages.NoticeKind.STOP: "the master tells {part} to STOP",
+    pnp_messages.NoticeKind.GO: "the master tells {part} that STOP is over",
+    pnp_messages.NoticeKind.DESCRIBE: "the master asks {part} what it is",
 }
 _SAID_TO_THE_INVENTORY: Final[Mapping[type, str]] = {
     Claim: "{part} asks to be let in, by the thesis' own program",
-    plug.Proof: "{part} proves that it knows its key",
-    plug.SealedProof: "{part} proves that it knows its key",
-    plug.Beat: "{part} says that it is alive",
-    plug.StoppedBeat: "{part} says that it is alive, and has stopped",
-    plug.NatureMessage: "{part} says whether it is real or simulated",
-    plug.ConfigurationRequest: "{part} asks what it does in this robot",
-    plug.DescriptionMessage: "{part} says what it is",
+    pnp_messages.Proof: "{part} proves that it knows its key",
+    pnp_messages.SealedProof: "{part} proves that it knows its key",
+    pnp_messages.Beat: "{part} says that it is alive",
+    pnp_messages.StoppedBeat: "{part} says that it is alive, and has stopped",
+    pnp_messages.NatureMessage: "{part} says whether it is real or simulated",
+    pnp_messages.ConfigurationRequest: "{part} asks what it does in this robot",
+    pnp_messages.DescriptionMessage: "{part} says what it is",
     TroublePiece: "{part} says what is wrong with it",
-    plug.VerdictMessage: "the master tells {part} whether it is let in",
-    plug.Challenge: "the master asks {part} to prove that it knows its key",
-    plug.SealedChallenge: "the master asks {part} to prove that it knows its key",
-    plug.ConfigurationMessage: "the master tells {part} what it does in this robot",
+    pnp_messages.VerdictMessage: "the master tells {part} whether it is let in",
+    pnp_messages.Challenge: "the master asks {part} to prove that it knows its key",
+    pnp_messages.SealedChallenge: "the master asks {part} to prove that it knows its key",
+    pnp_messages.ConfigurationMessage: "the master tells {part} what it does in this robot",
 }
 _UP: Final[Mapping[type[Submessage], str]] = {
     CreateClient: "{part} begins a conversation",
@@ -86,15 +86,15 @@ FORMS: Final = (*_NOTICES.values(), *_SAID_TO_THE_INVENTORY.values(), *_UP.value
 def inventory_sentence(message: object, part: str) -> Sentence | None:
     """What a part and the inventory say to each other."""
     match message:
-        case plug.ClaimMessage():
+        case pnp_messages.ClaimMessage():
             return said("{part} shows its part number, {number}", part=part, number=message.part_number)
-        case plug.BeatReply(configuration_version=0):
+        case pnp_messages.BeatReply(configuration_version=0):
             return said("the master does not know {part} any more", part=part)
-        case plug.BeatReply():
+        case pnp_messages.BeatReply():
             return said("the master has heard that {part} is alive", part=part)
-        case plug.Notice():
+        case pnp_messages.Notice():
             form = _NOTICES.get(message.kind)
-        case plug.ProfileMessage():
+        case pnp_messages.ProfileMessage():
             return said("{part} hears which robot this is: {robot}", part=part, robot=message.message)
         case _:
             form = _SAID_TO_THE_INVENTORY.get(type(message))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.refusal import TroublePiece
 from msbot.part.join.seal import SEAL_OCTETS
 from msbot.pnp import thesis_programs as compat
@@ -60,30 +60,32 @@ class RequestHandler:
         request = self.read(body, client_key, now)
         return None if request is None else self.encode(self.answer(request, client_key, now, asker), client_key)
 
-    def read(self, body: bytes, client_key: int, now: float) -> plug.Request | None:
+    def read(self, body: bytes, client_key: int, now: float) -> pnp_messages.Request | None:
         """The request in these octets; None: it is malformed or its seal is wrong, which is counted."""
         opened = self._opened(body, client_key, now)
         if opened is None:
             return None
         try:
-            return plug.decode_request(opened)
+            return pnp_messages.decode_request(opened)
         except RemoteProtocolError as error:
             self.dropped.count(f"request: {error}")
             self._inventory.descriptions.unreadable(client_key, len(opened), str(error), now)
             return None
 
-    def answer(self, request: plug.Request, client_key: int, now: float, asker: bytes = b"") -> plug.Reply | None:
+    def answer(
+        self, request: pnp_messages.Request, client_key: int, now: float, asker: bytes = b""
+    ) -> pnp_messages.Reply | None:
         """The answer to a request, or None: silence. Arguments as for `compact`."""
         match request:
-            case plug.Beat(lease=lease) | plug.StoppedBeat(lease=lease):
-                return plug.BeatReply(configuration_version=self._inventory.beat(lease, client_key, now))
-            case plug.NatureMessage(lease=lease, nature=nature):
+            case pnp_messages.Beat(lease=lease) | pnp_messages.StoppedBeat(lease=lease):
+                return pnp_messages.BeatReply(configuration_version=self._inventory.beat(lease, client_key, now))
+            case pnp_messages.NatureMessage(lease=lease, nature=nature):
                 if (record := self._inventory.with_lease(lease, client_key)) is None:
                     self.dropped.count("nature with an unknown lease")
                 else:
                     record.take_nature(nature)
                 return None
-            case plug.DescriptionMessage(text=text):
+            case pnp_messages.DescriptionMessage(text=text):
                 self._inventory.descriptions.said(client_key, text, now)
                 return None
             case TroublePiece(lease=lease, place=place, text=text):
@@ -92,20 +94,20 @@ class RequestHandler:
                 else:
                     record.take_trouble(place, text)
                 return None
-            case plug.ConfigurationRequest(lease=lease):
+            case pnp_messages.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)
                 return None if configuration is None else self._configuration_message(configuration, client_key)
-            case plug.ClaimMessage() as message:
+            case pnp_messages.ClaimMessage() as message:
                 return self._answer_to(claim_of(message), client_key, asker, now)
-            case plug.Proof(proof=proof) | plug.SealedProof(proof=proof):
+            case pnp_messages.Proof(proof=proof) | pnp_messages.SealedProof(proof=proof):
                 return self._take_proof(proof, client_key, asker, now)
 
-    def asks_what(self, request: plug.Request, client_key: int) -> bool:
+    def asks_what(self, request: pnp_messages.Request, client_key: int) -> bool:
         """Whether to ask the part behind a request what it is: only where strangers get an answer, or after a proof."""
-        is_claim = isinstance(request, plug.ClaimMessage | plug.Proof | plug.SealedProof)
+        is_claim = isinstance(request, pnp_messages.ClaimMessage | pnp_messages.Proof | pnp_messages.SealedProof)
         return is_claim and (self._explain or self._keys is not None) and self._inventory.descriptions.ask(client_key)
 
-    def encode(self, reply: plug.Reply | None, client_key: int) -> bytes | None:
+    def encode(self, reply: pnp_messages.Reply | None, client_key: int) -> bytes | None:
         """The octets of an answer; None: there is none, or it cannot be encoded, which is counted."""
         if reply is None:
             return None
@@ -115,25 +117,27 @@ class RequestHandler:
             self._cannot_be_said(error, client_key)
             return None
         seal = self._inventory.seals.of(client_key)
-        if seal is None or not plug.is_sealed_reply(len(octets)):
+        if seal is None or not pnp_messages.is_sealed_reply(len(octets)):
             return octets
-        return seal.seal(plug.channel_of_reply(len(octets)), octets)
+        return seal.seal(pnp_messages.channel_of_reply(len(octets)), octets)
 
     def _opened(self, body: bytes, client_key: int, now: float) -> bytes | None:
-        if self._keys is None or not self._keys.sealed or not plug.is_sealed_request(len(body)):
+        if self._keys is None or not self._keys.sealed or not pnp_messages.is_sealed_request(len(body)):
             return body
         seal = self._inventory.seals.of(client_key)
         if seal is None:  # before there is a lease, nothing can be judged: a beat of the session before, most likely
             self.dropped.count("request without a good seal")
             return None
-        opened = seal.open(plug.channel_of_request(len(body) - SEAL_OCTETS), body)
+        opened = seal.open(pnp_messages.channel_of_request(len(body) - SEAL_OCTETS), body)
         if opened is None:
             self.dropped.count("request without a good seal")
             if seal.is_confirmed:  # before, it may be sealed as the part was told last, and on its way
                 self._inventory.sample_refused(client_key, seal.reason, now)
         return opened
 
-    def _configuration_message(self, configuration: Configuration, client_key: int) -> plug.ConfigurationMessage | None:
+    def _configuration_message(
+        self, configuration: Configuration, client_key: int
+    ) -> pnp_messages.ConfigurationMessage | None:
         try:
             return configuration_message(self._complete(configuration))
         except LocalProtocolError as error:
@@ -146,7 +150,7 @@ class RequestHandler:
 
     def compat(self, body: bytes, client_key: int, now: float) -> bytes | None:
         """The answer to a request in the thesis' layout, or None."""
-        if compat.is_question(body):
+        if compat.is_probe_request(body):
             return None  # a part that nobody here answers wants to know whether this is the thesis' own master
         try:
             claim = compat.decode_request(body)
@@ -161,17 +165,17 @@ class RequestHandler:
         verdict = self._inventory.claim(claim, client_key, now)
         return compat.encode_reply(claim.part_number) if verdict.lease else None
 
-    def _answer_to(self, claim: Claim, client_key: int, asker: bytes, now: float) -> plug.Reply | None:
+    def _answer_to(self, claim: Claim, client_key: int, asker: bytes, now: float) -> pnp_messages.Reply | None:
         if self._keys is None or self._inventory.shown_key(client_key) is None:
             return self._tell(self._inventory.claim(claim, client_key, now))
         asked = self._keys.ask(claim, asker, now)
         verdict = None if asked.refused is None else self._inventory.refuse(claim, client_key, asked.refused, now)
         if asked.nonce is not None:
-            kind = plug.SealedChallenge if self._keys.sealed else plug.Challenge
+            kind = pnp_messages.SealedChallenge if self._keys.sealed else pnp_messages.Challenge
             return kind(nonce=asked.nonce)
         return None if verdict is None else self._tell(verdict)
 
-    def _take_proof(self, proof: bytes, client_key: int, asker: bytes, now: float) -> plug.Reply | None:
+    def _take_proof(self, proof: bytes, client_key: int, asker: bytes, now: float) -> pnp_messages.Reply | None:
         if self._keys is None:
             self.dropped.count("request: a proof that nobody asked for")
             return None
@@ -188,13 +192,13 @@ class RequestHandler:
         assert answered.refused is not None
         return self._tell(self._inventory.refuse(answered.claim, client_key, answered.refused, now))
 
-    def _tell(self, verdict: Verdict) -> plug.VerdictMessage | None:
+    def _tell(self, verdict: Verdict) -> pnp_messages.VerdictMessage | None:
         if verdict.lease == 0 and not (self._explain and verdict.refusal):
             return None
         return verdict_message(verdict, self._inventory.timing.beat_ms)
 
 
-def claim_of(message: plug.ClaimMessage) -> Claim:
+def claim_of(message: pnp_messages.ClaimMessage) -> Claim:
     """A claim in the form that the inventory uses."""
     return Claim(
         part_number=message.part_number,
@@ -204,9 +208,9 @@ def claim_of(message: plug.ClaimMessage) -> Claim:
     )
 
 
-def verdict_message(verdict: Verdict, beat_ms: int) -> plug.VerdictMessage:
+def verdict_message(verdict: Verdict, beat_ms: int) -> pnp_messages.VerdictMessage:
     """A verdict as a message."""
-    return plug.VerdictMessage(
+    return pnp_messages.VerdictMessage(
         lease=verdict.lease,
         configuration_version=verdict.configuration_version,
         beat_period_ms=beat_ms,
@@ -214,24 +218,26 @@ def verdict_message(verdict: Verdict, beat_ms: int) -> plug.VerdictMessage:
     )
 
 
-def configuration_message(configuration: Configuration) -> plug.ConfigurationMessage:
+def configuration_message(configuration: Configuration) -> pnp_messages.ConfigurationMessage:
     """A configuration as a message.
 
     Raises:
         LocalProtocolError: a text in it is too long.
     """
-    return plug.ConfigurationMessage(
+    return pnp_messages.ConfigurationMessage(
         version=configuration.version,
         slot=configuration.slot,
         bindings=[
-            plug.PortBinding(
+            pnp_messages.PortBinding(
                 port=binding.port,
                 topic=binding.topic,
                 topic_type=binding.type_name,
-                direction=plug.BindingDirection.PUBLISH if binding.publishes else plug.BindingDirection.SUBSCRIBE,
+                direction=pnp_messages.BindingDirection.PUBLISH
+                if binding.publishes
+                else pnp_messages.BindingDirection.SUBSCRIBE,
                 reliable=int(binding.reliable),
             )
             for binding in configuration.bindings
         ],
-        settings=[plug.Setting(name=name, value=value) for name, value in configuration.settings],
+        settings=[pnp_messages.Setting(name=name, value=value) for name, value in configuration.settings],
     )

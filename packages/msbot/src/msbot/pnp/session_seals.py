@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.seal import COUNTER_OCTETS, SEAL_OCTETS, Seal
 from msbot_xrce.errors import RemoteProtocolError
 
@@ -69,28 +69,30 @@ class ObservedSeals:
         """
         return self._read(payload, decode, sealed_first=self._is_sealed)
 
-    def request(self, payload: bytes) -> Read[plug.Request]:
+    def request(self, payload: bytes) -> Read[pnp_messages.Request]:
         """Read what a part asks of the inventory.
 
         Raises:
             RemoteProtocolError: it makes no sense, or could be either of two messages.
         """
         size = len(payload)
-        if size == plug.PROOF_OCTETS and not (self._is_sealed or self._heard_from_the_beginning):
+        if size == pnp_messages.PROOF_OCTETS and not (self._is_sealed or self._heard_from_the_beginning):
             raise RemoteProtocolError(AMBIGUOUS)
-        found = self._read(payload, plug.decode_request, sealed_first=self._is_sealed and plug.is_sealed_request(size))
+        found = self._read(
+            payload, pnp_messages.decode_request, sealed_first=self._is_sealed and pnp_messages.is_sealed_request(size)
+        )
         self._is_sealed |= found[1] is not None
         return found
 
-    def reply(self, payload: bytes) -> Read[plug.Reply]:
+    def reply(self, payload: bytes) -> Read[pnp_messages.Reply]:
         """Read what the inventory says.
 
         Raises:
             RemoteProtocolError: it makes no sense.
         """
-        has_seal = plug.is_sealed_reply(len(payload)) and not plug.is_refusal(payload)
-        found = self._read(payload, plug.decode_reply, sealed_first=self._is_sealed and has_seal)
-        self._is_sealed |= found[1] is not None or isinstance(found[0], plug.SealedChallenge)
+        has_seal = pnp_messages.is_sealed_reply(len(payload)) and not pnp_messages.is_refusal(payload)
+        found = self._read(payload, pnp_messages.decode_reply, sealed_first=self._is_sealed and has_seal)
+        self._is_sealed |= found[1] is not None or isinstance(found[0], pnp_messages.SealedChallenge)
         return found
 
     def _read(self, payload: bytes, decode: Callable[[bytes], T], *, sealed_first: bool) -> Read[T]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from msbot.part.join.plug import Refusal
+from msbot.part.join.pnp_messages import Refusal
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import Claim, PartStore

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from msbot.part.join.plug import Refusal
+from msbot.part.join.pnp_messages import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import Configuration, PartStore, SlotBinding
@@ -27,7 +27,7 @@ PartnerChange = tuple[int, str, bool]
 """Client key of the part that reads, topic, and whether somebody publishes it now."""
 
 
-class Partners:
+class TopicIndex:
     """An index of the registered parts by the topics that they publish and read."""
 
     def __init__(self) -> None:
@@ -171,7 +171,7 @@ class StateChanges:
         self._events: deque[PartEvent] = deque()
         self._changed: deque[int] = deque()
         self._later: deque[Callable[[], object]] = deque()
-        self._partners = Partners()
+        self._partners = TopicIndex()
         self._is_publishing = False
         self.freed: dict[str, InventoryRecord] = {}
         """Slots that became free and are not yet reassigned -> who held them."""

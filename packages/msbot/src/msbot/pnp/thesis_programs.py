@@ -14,17 +14,16 @@ from msbot.part.join.refusal import BUFFER_BYTES as BUFFER_BYTES  # noqa: PLC041
 from msbot.part.join.refusal import REPLY_TYPE as REPLY_TYPE  # noqa: PLC0414
 from msbot.part.join.refusal import REQUEST_TYPE as REQUEST_TYPE  # noqa: PLC0414
 from msbot.part.join.refusal import SERVICE as SERVICE  # noqa: PLC0414
-from msbot.part.join.refusal import is_question as is_question  # noqa: PLC0414
-from msbot.part.join.refusal import read_string, reply, request
+from msbot.part.join.refusal import encode_reply as encode_reply  # noqa: PLC0414
+from msbot.part.join.refusal import encode_request as encode_request  # noqa: PLC0414
+from msbot.part.join.refusal import is_probe_request as is_probe_request  # noqa: PLC0414
+from msbot.part.join.refusal import read_string
 from msbot.pnp.model import Claim
 from msbot_xrce.errors import RemoteProtocolError
 
 REQUEST_TOPIC = "service_name_Request"
 """The topic of an XML requester with `service_name="service_name"` and no topic names (seen on the wire)."""
 REPLY_TOPIC = "service_name_Reply"
-
-encode_request = request
-encode_reply = reply
 
 
 def decode_request(body: bytes) -> Claim:

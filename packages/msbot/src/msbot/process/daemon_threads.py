@@ -92,12 +92,12 @@ class DaemonThreads(Executor):
 # half along, with two HTTP clients. The import system's own `LazyLoader` does it, so the module is whole, only later.
 
 
-def load_late(*names: str) -> None:
+def load_lazily(*names: str) -> None:
     """Have the first import of each of these modules load nothing: the first use of it does, or a second import.
 
     To be called before whoever imports them. A module that is loaded already, or not installed, stays so.
     """
-    sys.meta_path.insert(0, _LateFinder(names))
+    sys.meta_path.insert(0, _LazyFinder(names))
 
 
 def leave_out(*names: str) -> None:
@@ -109,7 +109,7 @@ def leave_out(*names: str) -> None:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]
 
 
-class _LateFinder:
+class _LazyFinder:
     """Finds what others find, and has it loaded later."""
 
     def __init__(self, names: Sequence[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msbot.process.daemon_threads import load_late
+from msbot.process.daemon_threads import load_lazily
 from msbot_xrce.errors import RegistryError
 from msbot_xrce.lazy import lazy_face
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from msbot.registry.running.master_lease import LeaseLost, MasterLease, check_shareable
     from msbot.registry.running.robot_store import RobotStore, StoredNodeIds
 
-load_late("sqlalchemy.dialects.sqlite.aiosqlite")  # comes with the dialect of SQLite, and nobody here uses it
+load_lazily("sqlalchemy.dialects.sqlite.aiosqlite")  # comes with the dialect of SQLite, and nobody here uses it
 
 _NAMES = {
     "msbot.registry.database.engine": ("without_password",),

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Connection, select
 
 from msbot.config import Scalar, scalar_text
-from msbot.part.join.plug import safe_setting
+from msbot.part.join.pnp_messages import safe_setting
 from msbot.pnp import Configuration, SlotBinding
 from msbot.registry.database.tables import bindings, library, settings, slots
 

@@ -17,7 +17,7 @@ from functools import partial
 
 from msbot.config import Scalar, scalar_text
 from msbot.operations.dispatch import Operations
-from msbot.operations.rights import Asker, Right, role_named
+from msbot.operations.rights import Principal, Right, role_named
 from msbot.part import Message
 from msbot.registry import ValueRecord
 from msbot.ros.diagnostics import stamp
@@ -208,7 +208,7 @@ class _Request:
     reply: Callable[[bytes, tuple[Guid, int] | None], int]
 
 
-def asker_from_ros(may_set: bool) -> Asker:
+def asker_from_ros(may_set: bool) -> Principal:
     """Who asks from ROS 2, where nobody says who they are: a student, or with `parameters = "read"` a viewer."""
     role = role_named("student" if may_set else "viewer")
 
@@ -218,13 +218,13 @@ def asker_from_ros(may_set: bool) -> Asker:
                 'this robot lets ROS 2 only read parameters; [ros] parameters = "set" would let it set them'
             )
 
-    return Asker("ROS 2", require, lambda right: role >= right.least)
+    return Principal("ROS 2", require, lambda right: role >= right.least)
 
 
 class ParameterServer:
     """Answers for slots. Must be made on the event loop that the space lives on; `run` does the work."""
 
-    def __init__(self, space: Space, operations: Operations, asker: Asker, epoch_ns: Callable[[], int]) -> None:
+    def __init__(self, space: Space, operations: Operations, asker: Principal, epoch_ns: Callable[[], int]) -> None:
         """Serve nobody yet.
 
         Args:

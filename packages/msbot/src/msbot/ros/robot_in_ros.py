@@ -25,7 +25,7 @@ from msbot.ros2 import Clock, DiagnosticArray, String
 from msbot_agent.ros.graph import EVERYBODY, LAST_ONE, RosGraph, node_of_participant
 from msbot_agent.ros.node_names import NodeName, robot_node, slot_nodes, topic_of
 from msbot_agent.space import OwnEndpoint, Owner, Qos, SharedSpace, Topic, Writer
-from msbot_agent.text.given_file import open_given
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.errors import ConfigError
 
 DIAGNOSTICS_S = 1.0
@@ -184,7 +184,7 @@ def read_description(blueprint: Blueprint) -> str:
     path = folder / blueprint.ros.urdf
     where = f'[ros] urdf = "{blueprint.ros.urdf}"'
     try:
-        with open_given(path) as file:
+        with open_input_file(path) as file:
             octets = file.read(LARGEST + 1) or b""
     except OSError as error:
         raise ConfigError(

@@ -2,8 +2,8 @@
 
 from msbot.config import Control, ControlKind
 from msbot.sim.model_part import Distortion, ModelPart, message_class
+from msbot.sim.part_model import fit
 from msbot.sim.simulated_part import SimulatedPart, make_simulator
-from msbot.sim.simulated_world import fit
 
 __all__ = [
     "Control",

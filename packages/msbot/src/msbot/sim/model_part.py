@@ -17,7 +17,7 @@ from msbot.part import ExpectedRobot, JoinState, Message, Part
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.part.messages.wire_types import float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64
-from msbot.sim.simulated_world import World
+from msbot.sim.part_model import PartModel
 
 # Message classes for the types that a library declares: the standard ones, or generated.
 
@@ -100,13 +100,13 @@ class ModelPart:
             local_name: what this part is called.
             random: the source of noise and of whatever the part draws.
             robot: the robot it is made for.
-            ideal: the model adds no noise and no lag, see `World`.
+            ideal: the model adds no noise and no lag, see `PartModel`.
         """
         self.part_type = part_type
         self.part = Part(number, local_name=local_name, robot=robot, uid=uid, random=random)
         """The part itself: run it with `await part.run_async(link)`, end it with `part.end()`."""
         self._simulator = part_type.simulator or Simulator()
-        self._world = World(part_type, random, ideal=ideal)
+        self._world = PartModel(part_type, random, ideal=ideal)
         self._settings: dict[str, str] = {}
         self._now: float | None = None
         self._unsaid: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """A simulated part of any library type: it joins its robot over a link like a real one, and a person can play with it.
 
 Nothing about the robot is simulated: the part goes through both steps, sends beats, gets its settings and obeys STOP.
-Only the world behind it (the air, the light, the motor) is simulated, in `msbot.sim.simulated_world`.
+Only the world behind it (the air, the light, the motor) is simulated, in `msbot.sim.part_model`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from random import Random
 
 from msbot.config import Control, Library, PartType, Scalar, load_library
 from msbot.part import ExpectedRobot
-from msbot.part.join.plug import Nature
+from msbot.part.join.pnp_messages import Nature
 from msbot.sim.model_part import ModelPart
 from msbot_xrce.errors import ConfigError
 

@@ -19,7 +19,7 @@ Values = Mapping[str, Scalar]
 _FUNCTIONS = {"sin": math.sin, "cos": math.cos}
 
 
-class Gauge:
+class SimulatedReading:
     """One reading with its memory."""
 
     def __init__(self, reading: Reading, random: Random) -> None:

@@ -22,11 +22,11 @@ from click.testing import CliRunner
 
 pytest.importorskip("mpremote", reason="pip install 'msbot[board]'")
 
-import msbot.cli.board.board as commands
+import msbot.cli.board.board_commands as commands
 from msbot.carried.carried_files import OF_GENERIC_BOARDS, package_files
-from msbot.cli.board import connection
-from msbot.cli.board.board import error_sentence
-from msbot.cli.board.connection import CodeFailed, SerialPort, choose, open_board
+from msbot.cli.board import board_connection
+from msbot.cli.board.board_commands import error_sentence
+from msbot.cli.board.board_connection import CodeFailed, SerialPort, choose, open_board
 from msbot_xrce.errors import ConfigError, LinkDown, MsbotError
 from tests.homes import micro
 from tests.homes.runners import NODE
@@ -40,7 +40,7 @@ SETTINGS = '{"link": "serial:1", "uid": "0011223344556677"}'
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A board's VM, and this process, may stand still for seconds; who wants silence says so when its board is open."""
-    monkeypatch.setattr(connection, "ANSWER_S", 60.0)
+    monkeypatch.setattr(board_connection, "ANSWER_S", 60.0)
 
 
 def call(*arguments: str, env: dict[str, str] | None = None) -> tuple[int, str]:
@@ -110,7 +110,7 @@ def test_a_board_without_raw_paste_gets_its_program_by_plain_raw_mode(tmp_path: 
 
 @needs_node
 def test_a_program_gets_what_it_needs_of_the_package(tmp_path: Path) -> None:
-    def modules(one: connection.Board) -> set[str]:
+    def modules(one: board_connection.Board) -> set[str]:
         return {name.partition(".")[0] for name in one.files("/lib/msbot")}
 
     everything = {name.partition(".")[0] for name in package_files(None)}
@@ -232,7 +232,7 @@ def test_a_board_that_cannot_have_it_is_told_in_one_sentence(settings: dict[str,
 
 @needs_node
 def test_a_board_that_does_not_know_its_space_says_when_it_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection, "_ROOM", "print(None)")
+    monkeypatch.setattr(board_connection, "_ROOM", "print(None)")
     with simulated_board(flash=30_000, window=16384) as board:
         status, said = call("install", "--source", "--port", board.port)
         assert (status, "has no space left for /lib/msbot/" in said) == (2, True), said
@@ -255,7 +255,7 @@ def test_a_program_that_a_board_cannot_end_is_one_sentence(
     with open_board(board.port) as one:
         with pytest.raises(CodeFailed, match="ZeroDivisionError"):
             one.execute("1/0")
-        monkeypatch.setattr(connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(board_connection, "ANSWER_S", 0.5)
         one._transport.serial.timeout = 0.5  # given when it was opened
         busy = "import time\nt = time.ticks_ms()\nwhile time.ticks_diff(time.ticks_ms(), t) < 10_000: pass"
         with pytest.raises(LinkDown, match=r"does not answer any more .*: press its RESET button"):
@@ -298,7 +298,7 @@ def peer(answer: bytes) -> Iterator[str]:
     ],
 )
 def test_what_is_no_board_is_told_in_one_sentence(answer: bytes, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection, "ANSWER_S", 2.0 if answer else 0.2)
+    monkeypatch.setattr(board_connection, "ANSWER_S", 2.0 if answer else 0.2)
     with peer(answer) as port, pytest.raises(LinkDown, match=words), open_board(port) as one:
         one.facts()
 
@@ -317,7 +317,7 @@ def test_a_port_in_use_or_missing_is_told_in_one_sentence(tmp_path: Path) -> Non
     )
     (tmp_path / "file").touch()
     assert "is no serial port" in call("reset", "--port", str(tmp_path / "file"))[1]
-    refused = connection._why_closed("/dev/ttyACM0", OSError(errno.EACCES, "Permission denied"))
+    refused = board_connection._why_closed("/dev/ttyACM0", OSError(errno.EACCES, "Permission denied"))
     assert refused == "you may not use /dev/ttyACM0: `sudo usermod -aG dialout $USER`, then log in again"
 
 

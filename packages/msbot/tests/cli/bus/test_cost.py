@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 
-from msbot.cli.bus.bus import command
+from msbot.cli.bus.bus_commands import command
 from msbot.cli.bus.load import cost_json, costs
 from msbot_agent.cli import main
 from msbot_agent.link.can.protocol.bits import wire_bits

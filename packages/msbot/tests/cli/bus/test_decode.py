@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.bus.bus import command
+from msbot.cli.bus.bus_commands import command
 from msbot_agent.cli import main
 from tests.e2e.processes import run
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import click
 import pytest
 
+from msbot.cli.bus.bus_source import open_bus
 from msbot.cli.bus.dump import COLOURS, Dump, DumpOptions, Understanding, colour_of
 from msbot.cli.bus.frame_log import FrameReader
-from msbot.cli.bus.source import open_bus
 from msbot.pnp import FrameListener
 from msbot_agent.link.can.protocol.notation import LogLine, parse_frame
-from msbot_agent.link.can.sim.client import SimAdapter
 from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.sim.sim_bus_client import SimAdapter
 from msbot_xrce.errors import ConfigError, LinkDown
 from tests.cli.live_bus import bus, invoke, runtime_folder, talking
 

@@ -12,9 +12,9 @@ import pytest
 
 import can
 from msbot.cli.bus import frame_log
-from msbot.cli.bus.bus import decode_log
+from msbot.cli.bus.bus_commands import decode_log
 from msbot.cli.bus.frame_log import FrameLog, FrameReader
-from msbot.cli.bus.frame_words import Manner
+from msbot.cli.bus.frame_words import WordsFormat
 from msbot.pnp import FrameListener
 from msbot_agent.link.can.adapters.python_can import frame_of
 from msbot_agent.link.can.protocol import Frame
@@ -96,7 +96,7 @@ def test_that_a_file_is_empty_is_told(tmp_path: Path) -> None:
     path = tmp_path / "empty.log"
     path.touch()
     said: list[str] = []
-    decode_log(str(path), FrameListener(), Manner.BOTH, print, said.append)
+    decode_log(str(path), FrameListener(), WordsFormat.BOTH, print, said.append)
     assert said == [f"there is no frame in {path}: it is empty"]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.bus.bus import command
+from msbot.cli.bus.bus_commands import command
 from msbot.config import write_sample
 
 TYPE = """

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli.bus import source as module
-from msbot.cli.bus.source import robot_on_bus
+from msbot.cli.bus import bus_source as module
+from msbot.cli.bus.bus_source import robot_on_bus
 from msbot.pnp import KnownObject
 from msbot_agent.agent import RunningProcess
 from tests.cli.live_bus import bus, invoke, runtime_folder, talking

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from msbot.cli.bus import selftest as bus_selftest
-from msbot.cli.bus.bus import command
+from msbot.cli.bus.bus_commands import command
 from msbot_agent.link.can.controller import CanBus
 from msbot_agent.link.can.self_test import CheckResult
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.cli.bus.source import Listening, is_bus, is_log, open_bus
+from msbot.cli.bus.bus_source import Listening, is_bus, is_log, open_bus
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.link.can.sim.python_can_interface import MsbotBus
 from msbot_xrce.errors import ConfigError

@@ -13,7 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from msbot.cli.change.robot_access import details_of, perform, running_master
+from msbot.cli.change.robot_access import master_details, perform, running_master
 from msbot.operations.dispatch import perform as perform_request
 from msbot.registry.records import database_identity
 from msbot_agent.agent import StatusServer
@@ -61,7 +61,7 @@ async def answering(stage: Stage, db: str, robot: str = "") -> AsyncIterator[Non
         stage.master.agent,
         what="master",
         name=f"{stage.master.profile.name} V1",
-        details=lambda: details_of(stage.master, db) | ({"robot": robot} if robot else {}),
+        details=lambda: master_details(stage.master, db) | ({"robot": robot} if robot else {}),
         control=lambda request: perform_request(stage.operations, request),
     )
     task = asyncio.create_task(server.run())

@@ -13,17 +13,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.cli.change import stop as stop_route
-from msbot.cli.change.robot_access import details_of
-from msbot.cli.change.stop import _words
+from msbot.cli.change import stop_commands as stop_route
+from msbot.cli.change.robot_access import master_details
+from msbot.cli.change.stop_commands import _words
 from msbot.master import StopSocket
 from msbot.master.stop_socket import answer_of, fitting
 from msbot.pnp import StopStatus
 from msbot.pnp.emergency_stop import StopConfirmation
-from msbot.stop.asking import ask_masters
-from msbot.stop.listening import StopListener
-from msbot.stop.names import own_group
-from msbot.stop.places import IS_THERE
+from msbot.stop.socket_folders import IS_THERE
+from msbot.stop.socket_names import own_group
+from msbot.stop.stop_listener import StopListener
+from msbot.stop.stop_request import ask_masters
 from tests.cli.change.test_robot_access import PATIENCE_S, answering, command, typed
 from tests.operations.stage import Stage, play
 from tests.runtime.stop_stage import StopsWhen, own_places, stuck_master
@@ -43,7 +43,7 @@ def with_socket(folder: Path, act: Callable[[Stage], Coroutine[None, None, None]
     """A robot that takes STOP by its socket, as that of `msbot master` does."""
 
     async def scene(stage: Stage) -> None:
-        sock = StopSocket(stage.master, lambda: details_of(stage.master, str(folder / "robot.db")))
+        sock = StopSocket(stage.master, lambda: master_details(stage.master, str(folder / "robot.db")))
         task = asyncio.create_task(sock.run())
         await asyncio.sleep(0.01)  # it listens
         try:
@@ -78,7 +78,7 @@ def test_a_master_that_stands_still_beside_one_that_answers_is_told_of_by_name(
 ) -> None:
     monkeypatch.setattr(stop_route, "ask_masters", lambda request, group: ask_masters(request, PATIENCE_S, group))
     clock = StopsWhen(monkeypatch)
-    monkeypatch.setattr("msbot.cli.change.stop.PATIENCE_S", 0.0)
+    monkeypatch.setattr("msbot.cli.change.stop_commands.PATIENCE_S", 0.0)
     stuck_one = f"BUGGY X9 (process {os.getpid()}): it runs and does not answer"
 
     async def act(stage: Stage) -> None:
@@ -135,7 +135,7 @@ def test_a_go_that_a_master_finds_when_it_goes_on_again_moves_nothing(
 def test_a_reason_of_any_length_is_a_stop(tmp_path: Path) -> None:
     async def act(stage: Stage) -> None:
         for reason in ("x" * 100_000, "\N{PILE OF POO}" * 50_000, "\udcff" * 5_000):
-            said = await asyncio.to_thread(stop_route.say_stop, stop_route.Meant(None, None), reason)
+            said = await asyncio.to_thread(stop_route.say_stop, stop_route.ChosenRobots(None, None), reason)
             assert len(said.answers) == 1
             assert stage.master.stop.stopped
             stage.master.say_go("ann")
@@ -152,7 +152,7 @@ def test_a_robot_db_that_others_may_have_put_here_means_no_robot(
     elsewhere.touch()
 
     def means_one() -> bool:
-        return stop_route.Meant(None, None).database is not None
+        return stop_route.ChosenRobots(None, None).database is not None
 
     assert not means_one()
     os.mkfifo(beside)
@@ -171,7 +171,7 @@ def test_a_robot_db_that_others_may_have_put_here_means_no_robot(
     assert means_one()
     monkeypatch.setattr(stop_route, "own_user", lambda: beside.stat().st_uid + 1)
     assert not means_one(), "a file of somebody else"
-    assert stop_route.Meant(None, None).is_all
+    assert stop_route.ChosenRobots(None, None).is_all
 
 
 @needs_sockets
@@ -216,7 +216,7 @@ def test_a_variable_that_names_no_group_stops_all_and_says_so(
 def test_go_tells_two_masters_of_one_name_apart(tmp_path: Path) -> None:
     async def act(stage: Stage) -> None:
         own, db = stage.master.profile, str(tmp_path / "robot.db")
-        twin = StopSocket(stage.master, lambda: {**details_of(stage.master, db), "serial_number": "TWIN"})
+        twin = StopSocket(stage.master, lambda: {**master_details(stage.master, db), "serial_number": "TWIN"})
         task = asyncio.create_task(twin.run())
         await asyncio.sleep(0.01)  # it listens
         try:

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.cli.look import folded, why_command
+from msbot.cli.database_commands import folded, why_command
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.part.join import plug
-from msbot.part.join.keys import prove
+from msbot.part.join import pnp_messages
+from msbot.part.join.part_keys import prove
 from msbot.pnp import Claim, Inventory, Refusal
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import UNANSWERED_S, Keys
@@ -67,12 +67,12 @@ class Counter:
     def ask(self, *, uid: bytes = EFGH, key: int = 77, asker: bytes = bytes(16)) -> bytes:
         """Claim in a robot with keys; gives the nonce, if any."""
         self.inventory.client_joined(key, f"peer {key}", self.now)
-        claim = plug.ClaimMessage(part_number="EFGH", local_name="DD", uid=uid, session_nonce=1)
+        claim = pnp_messages.ClaimMessage(part_number="EFGH", local_name="DD", uid=uid, session_nonce=1)
         answer = self.requests.compact(claim.encode(), key, self.now, asker)
-        return b"" if answer is None else plug.Challenge.decode(answer).nonce
+        return b"" if answer is None else pnp_messages.Challenge.decode(answer).nonce
 
     def show(self, proof: bytes, *, key: int = 77, asker: bytes = bytes(16)) -> None:
-        self.requests.compact(plug.Proof(proof=proof).encode(), key, self.now, asker)
+        self.requests.compact(pnp_messages.Proof(proof=proof).encode(), key, self.now, asker)
 
 
 def why(folder: Path, act: Callable[[Counter], None], part: str = "DD", *more: str) -> str:
@@ -161,7 +161,7 @@ def never_proves(counter: Counter) -> None:
     counter.registry.keys.keep(EFGH, KEY, "ann")
     counter.ask()
     counter.now += UNANSWERED_S + 1
-    claim = plug.ClaimMessage(part_number="EFGH", local_name="DD", uid=EFGH, session_nonce=1)
+    claim = pnp_messages.ClaimMessage(part_number="EFGH", local_name="DD", uid=EFGH, session_nonce=1)
     counter.requests.compact(claim.encode(), 77, counter.now, bytes(16))
 
 

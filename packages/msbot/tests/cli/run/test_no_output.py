@@ -50,7 +50,7 @@ def test_a_command_says_in_one_sentence_that_its_answer_had_no_room(what: str, t
 
 def test_a_stream_that_is_closed_does_not_lend_its_number(tmp_path: Path) -> None:
     program = (
-        "import os, socket, sys; from msbot_agent.process.patient_output import fill_closed_streams;"
+        "import os, socket, sys; from msbot_agent.process.nonblocking_output import fill_closed_streams;"
         "fill_closed_streams(); print('lost'); print('lost', file=sys.stderr);"
         "one = socket.socket(); null = os.stat(os.devnull).st_rdev;"
         "open('seen', 'w').write(repr((one.fileno() > 2, [os.fstat(n).st_rdev == null for n in range(3)],"

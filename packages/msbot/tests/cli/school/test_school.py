@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.registry import open_registry
-from msbot.stop.names import GROUP_VARIABLE
-from msbot.stop.places import IS_THERE
+from msbot.stop.socket_folders import IS_THERE
+from msbot.stop.socket_names import GROUP_VARIABLE
 from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from msbot_school.cli.classroom.class_commands import command, stop_line
 from msbot_web.cli.user_commands import user_command as user

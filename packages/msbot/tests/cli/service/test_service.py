@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from msbot.cli import service as systemd
 from msbot.cli.service import RobotService, Systemd, command, quoted
 from msbot.config import write_sample
-from msbot.stop import places as stop_places
+from msbot.stop import socket_folders as stop_places
 
 SHOWN = "LoadState=loaded\nActiveState=active\nSubState=running\nNRestarts=2\nMainPID=77\nActiveEnterTimestamp=today\n"
 

@@ -4,17 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from msbot.config.blueprint.blueprint_file_reader import load_blueprint
 from msbot.config.blueprint.check import RESERVED_TOPICS
-from msbot.config.blueprint.reader import load_blueprint
-from msbot.config.library.library import (
-    Direction,
-    Library,
-    Parameter,
-    ParameterKind,
-    PartType,
-    Port,
-    load_library,
-)
+from msbot.config.library.part_library import Direction, Library, Parameter, ParameterKind, PartType, Port, load_library
 from msbot_xrce.errors import ConfigError
 
 LIBRARY = Library(

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.config.blueprint.model import PRESETS, Binding, Options, RobotProfile, Slot, SlotPort, Timing
-from msbot.config.blueprint.reader import library_folders, load_blueprint, open_blueprint
+from msbot.config.blueprint.blueprint_file_reader import library_folders, load_blueprint, open_blueprint
+from msbot.config.blueprint.blueprint_model import PRESETS, Binding, Options, RobotProfile, Slot, SlotPort, Timing
 from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML
-from msbot.config.library.library import load_library
+from msbot.config.library.part_library import load_library
 from msbot_xrce.errors import ConfigError
 
 LIBRARY = load_library()

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config.blueprint.reader import load_blueprint
+from msbot.config.blueprint.blueprint_file_reader import load_blueprint
 from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML, write_sample
-from msbot.config.library.library import load_library
+from msbot.config.library.part_library import load_library
 from msbot_xrce.errors import ConfigError
 
 

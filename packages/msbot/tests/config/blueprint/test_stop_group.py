@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from msbot.config import SAMPLE_ROBOT_TOML, blueprint_mark, load_library, parse_blueprint
+from msbot.config.blueprint.blueprint_file_writer import blueprint_toml
 from msbot.config.blueprint.differences import differences
-from msbot.config.blueprint.writer import blueprint_toml
 from msbot.registry import open_registry
 from msbot_xrce.errors import ConfigError
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config.library.library import (
+from msbot.config.library.part_library import (
     Direction,
     Library,
     Parameter,

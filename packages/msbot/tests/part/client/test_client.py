@@ -8,8 +8,8 @@ from random import Random
 import pytest
 
 from msbot.part.client.client import ServiceNames
+from msbot.part.client.client_settings import ClientSettings, ConnectionState
 from msbot.part.client.entities import Entity
-from msbot.part.client.settings import ClientSettings, ConnectionState
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocHub, LossyLink
 from msbot_xrce import Status

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.part.client.settings import ClientSettings, ConnectionState
+from msbot.part.client.client_settings import ClientSettings, ConnectionState
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import Signal
 from msbot_xrce.errors import ConfigError, LinkDown, LinkFull, LocalProtocolError, RequestError

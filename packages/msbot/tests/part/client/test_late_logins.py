@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.client.settings import ClientSettings
+from msbot.part.client.client_settings import ClientSettings
 from msbot_agent.link import Link, Peer
-from msbot_agent.link.disturbed import DisturbedLink
+from msbot_agent.link.disturbed_link import DisturbedLink
 from msbot_xrce.messages import SESSION_NONE
 from tests.effort import tries
 from tests.hearing_client import HearingClient

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from msbot.part.client.settings import News, Turn
+from msbot.part.client.client_settings import ChangeNotifier, WorkScheduler
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import RequestError
 
@@ -12,7 +12,7 @@ from msbot_xrce.errors import RequestError
 def test_work_is_done_once_per_turn_however_often_it_was_booked() -> None:
     async def main() -> list[float]:
         done: list[float] = []
-        turn = Turn(done.append)
+        turn = WorkScheduler(done.append)
         turn.book()
         await asyncio.sleep(0)
         assert done == []
@@ -33,7 +33,7 @@ def test_work_is_done_once_per_turn_however_often_it_was_booked() -> None:
 def test_work_that_was_booked_before_the_stop_is_not_done_after_it() -> None:
     async def main() -> list[float]:
         done: list[float] = []
-        turn = Turn(done.append)
+        turn = WorkScheduler(done.append)
         turn.start(asyncio.get_running_loop())
         turn.cancel()
         await asyncio.sleep(0)
@@ -45,7 +45,7 @@ def test_work_that_was_booked_before_the_stop_is_not_done_after_it() -> None:
 def test_the_timer_is_the_earliest_of_the_last_times_given() -> None:
     async def main() -> list[float]:
         done: list[float] = []
-        turn = Turn(done.append)
+        turn = WorkScheduler(done.append)
         turn.start(asyncio.get_running_loop())
         await asyncio.sleep(0)
         turn.set_timer(5.0, None, 2.0)
@@ -65,7 +65,7 @@ def test_the_timer_is_the_earliest_of_the_last_times_given() -> None:
 
 def test_time_is_the_loops() -> None:
     async def main() -> None:
-        turn = Turn(lambda _: None)
+        turn = WorkScheduler(lambda _: None)
         assert turn.now() == 0.0
         await asyncio.sleep(1.5)
         turn.start(asyncio.get_running_loop())
@@ -76,7 +76,7 @@ def test_time_is_the_loops() -> None:
 
 def test_waiters_look_again_at_news_and_give_up_in_words() -> None:
     async def main() -> None:
-        news = News()
+        news = ChangeNotifier()
         news.tell()
         happened: list[int] = []
         waiting = [

@@ -4,7 +4,7 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 
-from msbot.part.client.settings import ClientSettings, ConnectionState
+from msbot.part.client.client_settings import ClientSettings, ConnectionState
 from msbot_agent.link import LinkInfo
 
 

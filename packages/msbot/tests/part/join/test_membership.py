@@ -4,7 +4,7 @@ import asyncio
 from functools import partial
 
 from msbot.part.client.client import Client
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.joining import Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
 from msbot.process.virtual_time import run_virtual
@@ -19,8 +19,8 @@ from msbot_xrce.messages import (
 )
 from tests.part.wire import STATUS_AGENT_OK, HandLink
 
-CLAIM = plug.ClaimMessage(part_number="ABCD", local_name="ABCD-local", uid=bytes(range(8)), session_nonce=1)
-PROFILE = plug.ProfileMessage(index=1, message="ROBOT", name="V1", id="S1", dof="today", make="us")
+CLAIM = pnp_messages.ClaimMessage(part_number="ABCD", local_name="ABCD-local", uid=bytes(range(8)), session_nonce=1)
+PROFILE = pnp_messages.ProfileMessage(index=1, message="ROBOT", name="V1", id="S1", dof="today", make="us")
 
 
 def data(object_id: int, number: int, payload: bytes, request_id: int = 10) -> bytes:
@@ -30,7 +30,9 @@ def data(object_id: int, number: int, payload: bytes, request_id: int = 10) -> b
     return b"\x81\x80" + number.to_bytes(2, "little") + b"\x09\x01" + length + ids + payload
 
 
-def reply(number: int, message: plug.VerdictMessage | plug.BeatReply | plug.ConfigurationMessage) -> bytes:
+def reply(
+    number: int, message: pnp_messages.VerdictMessage | pnp_messages.BeatReply | pnp_messages.ConfigurationMessage
+) -> bytes:
     """A reply of the inventory to whatever request."""
     return data(0x0017, number, b"\0\x11\0\x17" + message.encode())
 
@@ -39,7 +41,7 @@ def test_the_whole_way_to_active_and_the_beats() -> None:
     async def main() -> None:
         link = HandLink()
         changes: list[Changed] = []
-        configurations: list[plug.ConfigurationMessage] = []
+        configurations: list[pnp_messages.ConfigurationMessage] = []
         membership = Membership(
             partial(Client, link, key=1),
             Joining(ExpectedRobot()),
@@ -80,21 +82,21 @@ def test_the_whole_way_to_active_and_the_beats() -> None:
         await asyncio.sleep(0)
         assert written() == [CLAIM.encode()]
         assert stream() == STREAM_RELIABLE
-        link.receive(reply(1, plug.VerdictMessage(lease=7, configuration_version=3, beat_period_ms=250)))
+        link.receive(reply(1, pnp_messages.VerdictMessage(lease=7, configuration_version=3, beat_period_ms=250)))
         await asyncio.sleep(0)
-        assert written() == [plug.ConfigurationRequest(lease=7, have_version=0).encode()]
-        configuration = plug.ConfigurationMessage(version=3, slot="A", bindings=[], settings=[])
+        assert written() == [pnp_messages.ConfigurationRequest(lease=7, have_version=0).encode()]
+        configuration = pnp_messages.ConfigurationMessage(version=3, slot="A", bindings=[], settings=[])
         link.receive(reply(2, configuration))
         await asyncio.sleep(0.26)
         assert configurations == [configuration]
         assert stream() == STREAM_BEST_EFFORT
         assert membership.joining.state is JoinState.ACTIVE
-        assert written() == [plug.Beat(lease=7).encode()]
-        link.receive(reply(3, plug.BeatReply(configuration_version=4)))
+        assert written() == [pnp_messages.Beat(lease=7).encode()]
+        link.receive(reply(3, pnp_messages.BeatReply(configuration_version=4)))
         await asyncio.sleep(0)
-        assert written() == [plug.ConfigurationRequest(lease=7, have_version=3).encode()]
+        assert written() == [pnp_messages.ConfigurationRequest(lease=7, have_version=3).encode()]
         assert stream() == STREAM_RELIABLE
-        link.receive(reply(4, plug.ConfigurationMessage(version=4, slot="A", bindings=[], settings=[])))
+        link.receive(reply(4, pnp_messages.ConfigurationMessage(version=4, slot="A", bindings=[], settings=[])))
         assert stream() == STREAM_BEST_EFFORT
         membership.end("done")
         assert [change.after.value for change in changes] == [
@@ -140,7 +142,9 @@ def test_where_many_share_a_bus_the_profile_is_read_once_and_after_another_robot
             return joining.state
 
         def profile_of(name: str) -> bytes:
-            return plug.ProfileMessage(index=1, message=name, name="V1", id="S1", dof="today", make="us").encode()
+            return pnp_messages.ProfileMessage(
+                index=1, message=name, name="V1", id="S1", dof="today", make="us"
+            ).encode()
 
         await reads()
         link.receive(STATUS_AGENT_OK)
@@ -183,7 +187,9 @@ def test_a_refusal_with_a_code_of_the_future_still_has_words() -> None:
         await asyncio.sleep(0.01)
         link.receive(STATUS_AGENT_OK)
         link.receive(data(0x0016, 0, PROFILE.encode()))
-        link.receive(reply(1, plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=99)))
+        link.receive(
+            reply(1, pnp_messages.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=99))
+        )
         assert joining.state is JoinState.REFUSED
         assert joining.reason == "refused for reason 99, which this version does not know"
         assert others == []
@@ -210,7 +216,7 @@ def test_a_master_cannot_make_a_part_beat_without_a_pause() -> None:
         await asyncio.sleep(0.01)
         link.receive(STATUS_AGENT_OK)
         link.receive(data(0x0016, 0, PROFILE.encode()))
-        link.receive(reply(1, plug.VerdictMessage(lease=7, configuration_version=3, beat_period_ms=0)))
+        link.receive(reply(1, pnp_messages.VerdictMessage(lease=7, configuration_version=3, beat_period_ms=0)))
         await asyncio.sleep(0)
         link.sent.clear()
         await asyncio.sleep(0.2)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.part.join.plug import (
+from msbot.part.join.pnp_messages import (
     MOST_BINDINGS,
     NO_BINDING,
     PROFILE_TYPE,

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.part.join import plug
-from msbot.part.join.keys import prove, prove_sealed
+from msbot.part.join import pnp_messages
+from msbot.part.join.part_keys import prove, prove_sealed
 from msbot.part.join.part_seals import PartSeals
 from msbot.part.join.seal import OLD_COUNTER, SEAL_OCTETS, TOO_SHORT, WRONG_TAG, Seal
 from tests import ROOT
@@ -118,16 +118,18 @@ def test_the_example_of_the_page_is_right() -> None:
     proof, secret = prove_sealed(key, nonce, part_uid, **claim)  # type: ignore[arg-type]
     assert (proof.hex(), secret.hex()) == (rows["proof"], rows["secret"])
     part, master = ends(secret)
-    assert part.seal(0, plug.Beat(lease=0x01020304).encode()).hex() == rows["first beat with the lease `01020304`"]
-    answer = plug.BeatReply(configuration_version=1).encode()
+    assert (
+        part.seal(0, pnp_messages.Beat(lease=0x01020304).encode()).hex() == rows["first beat with the lease `01020304`"]
+    )
+    answer = pnp_messages.BeatReply(configuration_version=1).encode()
     assert master.seal(0, answer).hex() == rows["first answer to it, version 1"]
 
 
 # The part's own rules.
 
-BEAT_REPLY = plug.BeatReply(configuration_version=1).encode()
-REFUSAL = plug.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=9).encode()
-LEASE = plug.VerdictMessage(lease=5, configuration_version=1, beat_period_ms=1000).encode()
+BEAT_REPLY = pnp_messages.BeatReply(configuration_version=1).encode()
+REFUSAL = pnp_messages.VerdictMessage(lease=0, configuration_version=0, beat_period_ms=0, reason=9).encode()
+LEASE = pnp_messages.VerdictMessage(lease=5, configuration_version=1, beat_period_ms=1000).encode()
 
 
 def test_before_any_proof_all_is_as_it_was() -> None:
@@ -165,7 +167,7 @@ def test_a_new_proof_in_the_same_session_takes_over_without_a_gap() -> None:
 def test_an_invented_challenge_keeps_nobody_out_of_a_robot_without_seals() -> None:
     seals = PartSeals()
     seals.proved(SECRET)
-    challenge = plug.Challenge(nonce=bytes(16)).encode()
+    challenge = pnp_messages.Challenge(nonce=bytes(16)).encode()
     assert seals.open_reply(challenge) == challenge
     assert seals.open_reply(LEASE) == LEASE
 
@@ -177,7 +179,7 @@ def test_whoever_was_in_a_sealed_robot_joins_no_unsealed_one(octets: bytes) -> N
     assert seals.open_reply(master.seal(0, LEASE)) == LEASE
     seals.session_lost()
     assert seals.open_reply(octets) is None
-    challenge = plug.SealedChallenge(nonce=bytes(16)).encode()
+    challenge = pnp_messages.SealedChallenge(nonce=bytes(16)).encode()
     assert seals.open_reply(challenge) == challenge
 
 
@@ -185,15 +187,15 @@ def test_lengths_tell_what_is_sealed() -> None:
     sealed = [
         len(message.encode()) + SEAL_OCTETS
         for message in (
-            plug.Beat(lease=1),
-            plug.StoppedBeat(lease=1, number=1),
-            plug.ConfigurationRequest(lease=1, have_version=1),
-            plug.NatureMessage(lease=1, nature=1),
+            pnp_messages.Beat(lease=1),
+            pnp_messages.StoppedBeat(lease=1, number=1),
+            pnp_messages.ConfigurationRequest(lease=1, have_version=1),
+            pnp_messages.NatureMessage(lease=1, nature=1),
         )
     ]
-    assert all(plug.is_sealed_request(octets) for octets in sealed)
-    claim = plug.ClaimMessage(part_number="", local_name="", uid=bytes(8), session_nonce=1)
-    assert len(claim.encode()) == plug.SHORTEST_CLAIM_OCTETS
-    assert not plug.is_sealed_request(len(claim.encode()))
-    assert not plug.is_sealed_request(len(plug.SealedProof(proof=bytes(24)).encode()))
-    assert not plug.is_sealed_reply(len(plug.SealedChallenge(nonce=bytes(16)).encode()))
+    assert all(pnp_messages.is_sealed_request(octets) for octets in sealed)
+    claim = pnp_messages.ClaimMessage(part_number="", local_name="", uid=bytes(8), session_nonce=1)
+    assert len(claim.encode()) == pnp_messages.SHORTEST_CLAIM_OCTETS
+    assert not pnp_messages.is_sealed_request(len(claim.encode()))
+    assert not pnp_messages.is_sealed_request(len(pnp_messages.SealedProof(proof=bytes(24)).encode()))
+    assert not pnp_messages.is_sealed_reply(len(pnp_messages.SealedChallenge(nonce=bytes(16)).encode()))

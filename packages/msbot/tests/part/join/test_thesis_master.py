@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 
 from msbot.part.client.client import Client
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join import refusal as thesis_master
 from msbot.part.join.joining import UNANSWERED_S, AskThesisMaster, Changed, ExpectedRobot, Joining, JoinState, SendClaim
 from msbot.part.join.membership import THESIS_INVENTORY, Membership
@@ -19,8 +19,8 @@ from msbot_agent.link.in_process import inproc_pair
 from msbot_agent.space import MemorySpace
 from tests.hearing_client import HearingClient
 
-CLAIM = plug.ClaimMessage(part_number="EFGH", local_name="EFGH-local", uid=bytes(8), session_nonce=1)
-PROFILE = plug.ProfileMessage(
+CLAIM = pnp_messages.ClaimMessage(part_number="EFGH", local_name="EFGH-local", uid=bytes(8), session_nonce=1)
+PROFILE = pnp_messages.ProfileMessage(
     index=1, message="MSBOT_MASTER", name="MSBOT_V1", id="X100Y100Z100", dof="8-4-2021", make="MASSEY_ENGINEERING_DEP"
 )
 
@@ -40,12 +40,12 @@ def test_nobody_is_asked_before_claims_have_gone_unanswered_for_a_while_and_then
 
 
 def test_an_inventory_of_msbot_knows_the_question_from_a_claim() -> None:
-    question = thesis_master.question("EFGH", "EFGH-local")
+    question = thesis_master.probe_request("EFGH", "EFGH-local")
     assert question is not None
     assert thesis_programs.decode_request(question).part_number == "EFGH", "a request of the thesis"
-    assert thesis_master.is_question(question)
-    assert not thesis_master.is_question(thesis_programs.encode_request("EFGH", "EFGH-local"))
-    assert thesis_master.question("x" * 60, "y" * 40) is None, "it does not fit: nothing is asked"
+    assert thesis_master.is_probe_request(question)
+    assert not thesis_master.is_probe_request(thesis_programs.encode_request("EFGH", "EFGH-local"))
+    assert thesis_master.probe_request("x" * 60, "y" * 40) is None, "it does not fit: nothing is asked"
 
 
 @pytest.mark.promise("A part says what it has found, whoever's master it is")
@@ -71,13 +71,13 @@ def test_a_part_at_the_thesis_own_master_says_that_it_does_not_join() -> None:
         await master.connect(60.0)
         participant = master.create_participant()
         inventory = master.create_replier(participant, THESIS_INVENTORY)
-        topic = master.create_topic(participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
+        topic = master.create_topic(participant, pnp_messages.PROFILE_TOPIC, pnp_messages.PROFILE_TYPE)
         profile = master.create_writer(master.create_publisher(participant), topic)
 
         def answer(_object_id: int, _request_id: int, identity: bytes, payload: bytes) -> None:
             requests.append(payload)
             number, _ = thesis_master.read_string(payload, 0)
-            master.reply(inventory, identity, thesis_master.reply(number))  # whoever it is
+            master.reply(inventory, identity, thesis_master.encode_reply(number))  # whoever it is
 
         master.on_request = answer
         master.read(inventory)
@@ -93,4 +93,4 @@ def test_a_part_at_the_thesis_own_master_says_that_it_does_not_join() -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     run_virtual(main())
-    assert [thesis_master.is_question(one) for one in requests] == [True], "once, and no claim"
+    assert [thesis_master.is_probe_request(one) for one in requests] == [True], "once, and no claim"

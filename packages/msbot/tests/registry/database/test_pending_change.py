@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from msbot.registry.database.writer import PendingChange
+from msbot.registry.database.database_writer import PendingChange
 from msbot_xrce.errors import RegistryError
 
 

@@ -2,8 +2,8 @@
 
 import re
 
+from msbot.registry.database.database_writer import CAPACITY
 from msbot.registry.database.tables import metadata
-from msbot.registry.database.writer import CAPACITY
 from msbot.registry.running.robot_store import JOURNAL_ROWS, STRANGERS
 from tests import ROOT
 

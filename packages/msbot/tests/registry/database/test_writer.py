@@ -10,9 +10,9 @@ from threading import Event
 import pytest
 from sqlalchemy import Connection, Engine, event, text
 
-from msbot.registry.database import writer as writer_module
+from msbot.registry.database import database_writer as writer_module
+from msbot.registry.database.database_writer import DatabaseWriter, Note
 from msbot.registry.database.engine import make_engine, parse_address, use_write_ahead_log
-from msbot.registry.database.writer import Note, Writer
 
 
 @pytest.fixture
@@ -27,8 +27,8 @@ def engine(path: Path) -> Iterator[Engine]:
 
 
 @pytest.fixture
-def writer(engine: Engine) -> Iterator[Writer]:
-    writer = Writer(engine, "robot.db", first_retry_s=60)
+def writer(engine: Engine) -> Iterator[DatabaseWriter]:
+    writer = DatabaseWriter(engine, "robot.db", first_retry_s=60)
     yield writer
     writer.close()
 
@@ -51,7 +51,7 @@ def _lock(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def test_changes_are_stored_in_order(writer: Writer, path: Path) -> None:
+def test_changes_are_stored_in_order(writer: DatabaseWriter, path: Path) -> None:
     for number in range(1000):
         writer.put(_line(number))
     assert writer.flush()
@@ -59,7 +59,7 @@ def test_changes_are_stored_in_order(writer: Writer, path: Path) -> None:
     assert (writer.pending, writer.trouble, writer.lost) == (0, None, 0)
 
 
-def test_many_changes_share_a_transaction(writer: Writer, path: Path) -> None:
+def test_many_changes_share_a_transaction(writer: DatabaseWriter, path: Path) -> None:
     started, go_on, seen = Event(), Event(), []
 
     def first(connection: Connection) -> None:
@@ -81,7 +81,7 @@ def test_many_changes_share_a_transaction(writer: Writer, path: Path) -> None:
 
 
 def test_while_another_program_holds_the_database_changes_wait_in_memory(
-    writer: Writer, path: Path, caplog: pytest.LogCaptureFixture
+    writer: DatabaseWriter, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with closing(_lock(path)):
         writer.put(_line(1))
@@ -103,7 +103,7 @@ def test_while_another_program_holds_the_database_changes_wait_in_memory(
 
 
 def test_the_writer_tries_again_by_itself(engine: Engine, path: Path) -> None:
-    writer = Writer(engine, "robot.db", first_retry_s=0.001)
+    writer = DatabaseWriter(engine, "robot.db", first_retry_s=0.001)
     stored = Event()
 
     def last(connection: Connection) -> None:
@@ -127,7 +127,7 @@ def test_the_writer_tries_again_by_itself(engine: Engine, path: Path) -> None:
     ],
 )
 def test_a_full_disk_or_a_read_only_file_stops_nobody(
-    writer: Writer, engine: Engine, path: Path, pragma: str, undo: str, words: str
+    writer: DatabaseWriter, engine: Engine, path: Path, pragma: str, undo: str, words: str
 ) -> None:
     present = pragma
 
@@ -152,7 +152,7 @@ def test_a_full_disk_or_a_read_only_file_stops_nobody(
 
 
 def test_a_change_the_database_does_not_take_is_given_up_alone(
-    writer: Writer, path: Path, caplog: pytest.LogCaptureFixture
+    writer: DatabaseWriter, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     def mistake(connection: Connection) -> None:
         raise KeyError("a mistake in the program")
@@ -175,7 +175,7 @@ def test_a_change_the_database_does_not_take_is_given_up_alone(
 
 
 def test_when_too_many_wait_the_oldest_is_given_up_and_counted(engine: Engine, path: Path) -> None:
-    writer = Writer(engine, "robot.db", capacity=2, first_retry_s=60)
+    writer = DatabaseWriter(engine, "robot.db", capacity=2, first_retry_s=60)
     with closing(_lock(path)):
         writer.put(_line(0))
         assert not writer.flush()
@@ -187,7 +187,7 @@ def test_when_too_many_wait_the_oldest_is_given_up_and_counted(engine: Engine, p
     assert _lines(path) == [0, 4, 5]
 
 
-def test_flush_gives_up_in_time(writer: Writer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flush_gives_up_in_time(writer: DatabaseWriter, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "SILENT_S", 60.0)
     started, go_on = Event(), Event()
 
@@ -204,7 +204,7 @@ def test_flush_gives_up_in_time(writer: Writer, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_closing_stores_what_waits_and_ends(engine: Engine, path: Path) -> None:
-    writer = Writer(engine, "robot.db")
+    writer = DatabaseWriter(engine, "robot.db")
     for number in range(600):
         writer.put(_line(number))
     writer.close()
@@ -212,7 +212,7 @@ def test_closing_stores_what_waits_and_ends(engine: Engine, path: Path) -> None:
 
 
 def test_closing_while_locked_tells_what_is_lost(engine: Engine, path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    writer = Writer(engine, "robot.db", first_retry_s=60)
+    writer = DatabaseWriter(engine, "robot.db", first_retry_s=60)
     with closing(_lock(path)):
         writer.put(_line(1))
         assert not writer.flush()
@@ -226,7 +226,7 @@ def test_closing_while_locked_tells_what_is_lost(engine: Engine, path: Path, cap
 
 
 def test_a_change_after_closing_is_counted(engine: Engine, path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    writer = Writer(engine, "robot.db")
+    writer = DatabaseWriter(engine, "robot.db")
     writer.close()
     writer.put(_line(1))
     assert writer.lost == 1

@@ -15,9 +15,9 @@ import pytest
 from sqlalchemy import Connection
 from sqlalchemy.exc import OperationalError
 
-from msbot.registry.database import writer as writer_module
+from msbot.registry.database import database_writer as writer_module
+from msbot.registry.database.database_writer import DatabaseWriter, Note, PendingChange
 from msbot.registry.database.engine import WAIT_S, WRITE
-from msbot.registry.database.writer import Note, PendingChange, Writer
 from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
 
 _T = TypeVar("_T")
@@ -128,15 +128,15 @@ def script(monkeypatch: pytest.MonkeyPatch) -> Scripted:
 
 
 @pytest.fixture
-def writer(script: Scripted) -> Iterator[Writer]:
-    writer = Writer(script, "robot.db", capacity=8, check=script.check)  # type: ignore[arg-type]  # as far as it is used
+def writer(script: Scripted) -> Iterator[DatabaseWriter]:
+    writer = DatabaseWriter(script, "robot.db", capacity=8, check=script.check)  # type: ignore[arg-type]  # as far as it is used
     yield writer
     writer.close()
     assert not writer._thread.is_alive()
 
 
 @contextmanager
-def held(writer: Writer, script: Scripted) -> Iterator[None]:
+def held(writer: DatabaseWriter, script: Scripted) -> Iterator[None]:
     """The writer is in the middle of a transaction; what is handed over meanwhile waits. Then all of it is done."""
     started, go_on = Event(), Event()
 
@@ -157,7 +157,7 @@ def one(*said: object, wait_s: float | None = None) -> list[object]:
 
 
 def test_all_is_done_in_order_many_notes_at_once_and_each_change_alone(
-    writer: Writer, script: Scripted, monkeypatch: pytest.MonkeyPatch
+    writer: DatabaseWriter, script: Scripted, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writer_module, "BATCH", 2)
     stored: list[object] = []
@@ -194,7 +194,7 @@ def test_all_is_done_in_order_many_notes_at_once_and_each_change_alone(
 
 
 def test_a_locked_database_is_asked_less_and_less_often_and_said_once(
-    writer: Writer, script: Scripted, caplog: pytest.LogCaptureFixture
+    writer: DatabaseWriter, script: Scripted, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.DEBUG)
     script.faults.append(("commit", None))  # the one that is held
@@ -231,7 +231,7 @@ def test_a_locked_database_is_asked_less_and_less_often_and_said_once(
 
 
 def test_one_that_is_wrong_is_given_up_alone_and_a_success_makes_the_pauses_short_again(
-    writer: Writer, script: Scripted, caplog: pytest.LogCaptureFixture
+    writer: DatabaseWriter, script: Scripted, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.DEBUG)
 
@@ -291,7 +291,7 @@ def test_one_that_is_wrong_is_given_up_alone_and_a_success_makes_the_pauses_shor
     ],
 )
 def test_whoever_makes_a_change_that_fails_is_told_and_nothing_of_it_stays(
-    writer: Writer,
+    writer: DatabaseWriter,
     script: Scripted,
     caplog: pytest.LogCaptureFixture,
     place: str,
@@ -330,7 +330,7 @@ def test_whoever_makes_a_change_that_fails_is_told_and_nothing_of_it_stays(
     assert writer.submit(lambda _: "made", wait_s=1.0).wait(20) == "made"
 
 
-def test_a_change_that_is_given_up_counts_only_if_it_is_being_stored(writer: Writer, script: Scripted) -> None:
+def test_a_change_that_is_given_up_counts_only_if_it_is_being_stored(writer: DatabaseWriter, script: Scripted) -> None:
     told: list[object] = []
     writer.watch(lambda _: None, lambda _: told.append)
     jobs: list[PendingChange[str]] = []
@@ -377,7 +377,7 @@ def test_an_idle_database_is_looked_at_once_a_second_and_what_is_wrong_with_it_i
     script: Scripted, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.DEBUG)
-    writer = Writer(script, "robot.db", check=script.check)  # type: ignore[arg-type]  # as far as it is used
+    writer = DatabaseWriter(script, "robot.db", check=script.check)  # type: ignore[arg-type]  # as far as it is used
     found: list[object] = []
     done = Event()
 
@@ -417,7 +417,7 @@ def test_an_idle_database_is_looked_at_once_a_second_and_what_is_wrong_with_it_i
 
 
 def test_more_than_it_can_hold_is_lost_or_refused_and_so_is_what_comes_after_the_end(
-    writer: Writer, script: Scripted, caplog: pytest.LogCaptureFixture
+    writer: DatabaseWriter, script: Scripted, caplog: pytest.LogCaptureFixture
 ) -> None:
     with held(writer, script):
         for number in range(9):
@@ -436,7 +436,9 @@ def test_more_than_it_can_hold_is_lost_or_refused_and_so_is_what_comes_after_the
     assert caplog.messages == ["a change came after the database robot.db was closed; it is lost"]
 
 
-def test_a_change_that_waits_behind_what_cannot_be_stored_is_refused_at_once(writer: Writer, script: Scripted) -> None:
+def test_a_change_that_waits_behind_what_cannot_be_stored_is_refused_at_once(
+    writer: DatabaseWriter, script: Scripted
+) -> None:
     with held(writer, script):
         script.faults.append(("commit", None))
         script.fail("begin")

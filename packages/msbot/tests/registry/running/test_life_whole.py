@@ -19,8 +19,8 @@ from sqlalchemy import Connection
 from msbot.pnp import Claim, PartEvent, PartState, StopRecord
 from msbot.registry.blueprint import blueprint_reader, blueprint_store
 from msbot.registry.database import statements
+from msbot.registry.database.database_writer import Note
 from msbot.registry.database.engine import make_engine, parse_address
-from msbot.registry.database.writer import Note
 from msbot.registry.read_only_database import NO_MASTER, ReadOnlyDatabase
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
 from msbot.registry.robots import look_at_class

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from msbot_agent.space.dds.library import load
+from msbot_agent.space.dds.libddsc import load
 from msbot_xrce.errors import ConfigError
 from tests.ros.genuine.environment import MIDDLEWARES, environment, refuse
 from tests.ros.genuine.node import Node

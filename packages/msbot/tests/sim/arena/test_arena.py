@@ -223,7 +223,8 @@ def trace(seed: int) -> str:
 def test_who_has_no_world_needs_no_engine() -> None:
     """The extra is asked for only when a world is made."""
     code = "import sys, msbot_school.demo, msbot.hardware, msbot.cli.run.part\n"
-    code += "import msbot.sim.arena.remote_connection, msbot.sim.arena.world_reader; sys.exit('pymunk' in sys.modules)"
+    code += "import msbot.sim.arena.remote_world_connection, msbot.sim.arena.world_reader\n"
+    code += "sys.exit('pymunk' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

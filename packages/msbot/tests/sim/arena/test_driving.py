@@ -17,8 +17,8 @@ from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.connection import LocalWorldConnection
 from msbot.sim.arena.running_arena import RunningArena
+from msbot.sim.arena.world_connection import LocalWorldConnection
 from msbot.sim.arena.world_reader import open_world
 from msbot_agent.link import InprocHub
 from msbot_school.demo import DemoRobot

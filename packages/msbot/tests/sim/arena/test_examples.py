@@ -17,7 +17,7 @@ import pytest
 
 from msbot import Angle, Colour, Distance, Line, Speed, Switch
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.robot import ArenaRobot
+from msbot.sim.arena.arena_robot import ArenaRobot
 from msbot.sim.arena.wheels import SENSE_STEPS, STEP_S
 from msbot.sim.arena.world_reader import open_world, shipped_worlds
 from tests import ROOT

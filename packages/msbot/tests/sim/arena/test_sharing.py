@@ -8,14 +8,14 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
-from msbot.cli.run.world import WorldOptions
+from msbot.cli.run.world_options import WorldOptions
 from msbot.sim import make_simulator
-from msbot.sim.arena import server as server_module
+from msbot.sim.arena import arena_server as server_module
 from msbot.sim.arena.arena import Arena
-from msbot.sim.arena.remote_connection import RemoteWorldConnection
+from msbot.sim.arena.arena_server import ArenaServer
+from msbot.sim.arena.remote_world_connection import RemoteWorldConnection
 from msbot.sim.arena.running_arena import RunningArena
-from msbot.sim.arena.server import ArenaServer
-from msbot.sim.arena.wire import LONGEST_LINE, from_line, to_line, values_of
+from msbot.sim.arena.world_messages import LONGEST_LINE, from_line, to_line, values_of
 from msbot.sim.arena.world_reader import open_world
 from msbot_xrce.errors import ConfigError, LinkDown
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.sim.arena.arena import Arena, Nearby, Side, Sort, surroundings
+from msbot.sim.arena.arena import Arena, Nearby, RelativeSide, ThingKind, surroundings
 from msbot.sim.arena.world_reader import parse_world
 
 WORLD = """
@@ -31,7 +31,7 @@ heading_deg = 0
 """
 
 
-def told(heading_deg: float) -> dict[tuple[Sort, str], Nearby]:
+def told(heading_deg: float) -> dict[tuple[ThingKind, str], Nearby]:
     arena = Arena(parse_world(WORLD, "w.toml"))
     arena.put("robot", (2.0, 2.0), heading_deg)
     found = surroundings(arena, arena.robot("robot"))
@@ -42,15 +42,15 @@ def told(heading_deg: float) -> dict[tuple[Sort, str], Nearby]:
 def test_sides_are_those_of_the_robot_and_what_is_far_is_left_out() -> None:
     found = told(0.0)
     assert {key: one.side for key, one in found.items()} == {
-        (Sort.BOX, "red"): Side.AHEAD,
-        (Sort.WALL, ""): Side.LEFT,
-        (Sort.ROBOT, "other"): Side.RIGHT,
+        (ThingKind.BOX, "red"): RelativeSide.AHEAD,
+        (ThingKind.WALL, ""): RelativeSide.LEFT,
+        (ThingKind.ROBOT, "other"): RelativeSide.RIGHT,
     }
-    assert abs(found[Sort.BOX, "red"].distance_m - 0.25) < 1e-6, "to the side of the box, not to its middle"
-    assert 0.28 < found[Sort.WALL, ""].distance_m < 0.3
-    assert told(90.0)[Sort.BOX, "red"].side is Side.RIGHT
-    assert told(180.0)[Sort.BOX, "red"].side is Side.BEHIND
-    assert told(-90.0)[Sort.BOX, "red"].side is Side.LEFT
+    assert abs(found[ThingKind.BOX, "red"].distance_m - 0.25) < 1e-6, "to the side of the box, not to its middle"
+    assert 0.28 < found[ThingKind.WALL, ""].distance_m < 0.3
+    assert told(90.0)[ThingKind.BOX, "red"].side is RelativeSide.RIGHT
+    assert told(180.0)[ThingKind.BOX, "red"].side is RelativeSide.BEHIND
+    assert told(-90.0)[ThingKind.BOX, "red"].side is RelativeSide.LEFT
 
 
 def test_nothing_near_is_nothing() -> None:

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from click.testing import CliRunner
 
-from msbot.sim.arena.drawing import world_svg
+from msbot.sim.arena.world_drawing import world_svg
 from msbot.sim.arena.world_reader import open_world, parse_world, shipped_worlds
 from msbot_agent.cli import msbot
 from msbot_xrce.errors import ConfigError

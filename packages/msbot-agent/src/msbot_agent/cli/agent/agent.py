@@ -14,9 +14,9 @@ import click
 from msbot_agent.agent import MOST_OBJECTS, AgentSettings
 from msbot_agent.cli.agent.agent_service import AgentCommand
 from msbot_agent.cli.agent.serving import ServingOptions, discovery_for, given_text, serve
+from msbot_agent.cli.command_services import wanted_services
 from msbot_agent.cli.logs import LogOptions, log_options
 from msbot_agent.cli.options import FiniteRange, WholeRange, space_option
-from msbot_agent.cli.services import wanted_services
 from msbot_agent.link import Link, open_link
 from msbot_agent.link.can import CanSettings, Codec
 from msbot_agent.link.net import TcpServerLink, UdpServerLink

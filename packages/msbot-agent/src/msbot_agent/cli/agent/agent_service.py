@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 
 from msbot_agent.agent import Agent, AgentSettings, AgentSignalHandler
-from msbot_agent.cli.services import Beside, CommandService, ServedCommand, W
+from msbot_agent.cli.command_services import Beside, CommandService, ServedCommand, W
 from msbot_agent.link import Link
 from msbot_agent.space import Space
 from msbot_xrce import References

@@ -18,18 +18,18 @@ import click
 
 from msbot_agent.agent import Agent, AgentSettings, DiscoveryResponder, StatusServer, host_ipv6_addresses
 from msbot_agent.cli.agent.agent_service import AgentContext, AgentPlan, AgentService
+from msbot_agent.cli.command_services import WantedService
 from msbot_agent.cli.logs import LogOptions
-from msbot_agent.cli.services import WantedService
 from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.link import Link, Peer, Signal, Tap, bound_name
 from msbot_agent.link.net import MAX_CONNECTIONS, TcpServerLink, UdpServerLink
 from msbot_agent.log import BURST
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.process.user_folders import PACKAGES
 from msbot_agent.ros.graph import RosGraph
 from msbot_agent.space import MEMORY, SharedSpace, Space, SpaceAddress, open_space
-from msbot_agent.text.given_file import open_given_text
+from msbot_agent.text.untrusted_input import open_input_text
 from msbot_xrce import References, explain
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
@@ -145,7 +145,7 @@ def serve(
     references = None if wishes.refs is None else read_references(wishes.refs)
     if isinstance(link, TcpServerLink):
         _allow_connections()
-    with contextlib.suppress(KeyboardInterrupt), patient_output():
+    with contextlib.suppress(KeyboardInterrupt), nonblocking_output():
         run_to_end(_main(link, wishes, references, discovery, hint, open_for or (lambda _: link)))
 
 
@@ -165,7 +165,7 @@ def given_text(path: Path, what: str) -> str:
         ConfigError: it cannot be read.
     """
     try:
-        with open_given_text(path) as file:
+        with open_input_text(path) as file:
             text = file.read(LARGEST_FILE + 1)  # it may be a device without an end
     except OSError as error:
         raise ConfigError(f"cannot read {what} in {path}: {error.strerror}") from error

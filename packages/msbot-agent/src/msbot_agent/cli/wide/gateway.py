@@ -11,7 +11,7 @@ import click
 from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.log import TerminalHandler
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.space import open_space
 from msbot_agent.wide import Gateway, GatewayRules, read_gateway_file
 from msbot_xrce.counting import amount
@@ -23,7 +23,7 @@ def command(file: Path) -> None:
     """Carry the topics that FILE (gateway.toml) lists between this site and the others, until Ctrl-C."""
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
     rules = read_gateway_file(file)
-    with contextlib.suppress(KeyboardInterrupt), patient_output():
+    with contextlib.suppress(KeyboardInterrupt), nonblocking_output():
         run_to_end(_main(rules))
 
 

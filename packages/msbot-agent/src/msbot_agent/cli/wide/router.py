@@ -10,7 +10,7 @@ import click
 
 from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 
 
 @click.command("router")
@@ -27,7 +27,7 @@ def command(file: Path | None) -> None:
     rules = RouterRules() if file is None else read_router_file(file)
     with (
         contextlib.suppress(KeyboardInterrupt),
-        patient_output(),
+        nonblocking_output(),
         Router(rules.listen, rules.connect, tls=rules.tls, allowed=rules.allowed),
     ):
         passes = f"{len(rules.allowed)} rule(s) say what passes" if rules.allowed else "everything passes"

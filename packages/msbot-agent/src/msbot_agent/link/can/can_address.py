@@ -13,7 +13,7 @@ from random import Random, SystemRandom
 from typing import Final
 from zlib import crc32
 
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.adapters.interface import CanInterface, find_interface
 from msbot_agent.link.can.adapters.python_can import PythonCanAdapter, Value
 from msbot_agent.link.can.adapters.remedies import Wanted

@@ -8,9 +8,9 @@ from typing import Final
 from msbot_agent.link.base import BaseLink
 from msbot_agent.link.can.controller import BusState, CanBus, CanBusInfo, FrameTap
 from msbot_agent.link.can.controller_port import CanPort
+from msbot_agent.link.can.protocol.frame_queue import QUEUE_FRAMES
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.protocol.ids import CanIds, stop_words
-from msbot_agent.link.can.protocol.queue import QUEUE_FRAMES
 from msbot_agent.link.contract import LinkInfo, Peer, Signal
 
 BUS_LEFT: Final = "still waiting when the controller left the bus"

@@ -9,9 +9,9 @@ import asyncio
 from typing import Final, Protocol
 
 from msbot_agent.link.can.controller import BusState, CanBus, FrameTap
+from msbot_agent.link.can.protocol.frame_queue import QUEUE_FRAMES, FrameQueue
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.protocol.ids import CanIds, read_stop, stop_frame
-from msbot_agent.link.can.protocol.queue import QUEUE_FRAMES, FrameQueue
 from msbot_xrce.errors import LinkDown, LinkFull
 
 PACKET_FRAMES: Final = 2

@@ -17,8 +17,8 @@ from typing import Final
 
 from msbot_agent.link.can.can_link_base import CanEnd
 from msbot_agent.link.can.controller import CanBus
+from msbot_agent.link.can.protocol.frame_queue import QUEUE_FRAMES
 from msbot_agent.link.can.protocol.frames import Frame, pad_fd
-from msbot_agent.link.can.protocol.queue import QUEUE_FRAMES
 from msbot_agent.link.contract import Peer
 from msbot_xrce.errors import ConfigError, LinkFull, LocalProtocolError
 

@@ -12,10 +12,10 @@ from typing import Final
 
 from msbot_agent.link.can.can_link_base import CanEnd
 from msbot_agent.link.can.controller import CanBus, CanBusInfo
+from msbot_agent.link.can.protocol.frame_queue import QUEUE_FRAMES
 from msbot_agent.link.can.protocol.frames import COUNTER, REPEAT_S, Frame, FrameJoiner, split
 from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION, CanIds
 from msbot_agent.link.can.protocol.legacy_frames import DOWN, MTU, UP, LegacyJoiner, split_legacy
-from msbot_agent.link.can.protocol.queue import QUEUE_FRAMES
 from msbot_agent.link.contract import LinkCounters, Peer
 from msbot_xrce.errors import ConfigError, LinkDown, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -119,7 +119,7 @@ class Codec:
     """Raises RemoteProtocolError for bytes that are not the short form of a packet."""
 
 
-class CanWire:
+class PeerFraming:
     """One peer: cuts its packets into frames, and joins its frames into packets."""
 
     __slots__ = ("_codec", "_counters", "_fast", "_fd", "_next", "_send_id", "joiner")

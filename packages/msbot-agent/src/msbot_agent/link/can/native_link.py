@@ -15,7 +15,8 @@ from typing import Final
 
 from msbot_agent.link.can.can_link_base import CanEnd
 from msbot_agent.link.can.controller import CanBus
-from msbot_agent.link.can.legacy_link import CanWire, Codec
+from msbot_agent.link.can.legacy_link import Codec, PeerFraming
+from msbot_agent.link.can.protocol.frame_queue import QUEUE_FRAMES
 from msbot_agent.link.can.protocol.frames import MTU, Frame
 from msbot_agent.link.can.protocol.ids import CAN_FD, COMPRESSION, NODES, CanIds, MemoryNodeIds, NodeIds, is_joining
 from msbot_agent.link.can.protocol.join_master import (
@@ -27,11 +28,10 @@ from msbot_agent.link.can.protocol.join_master import (
     NodeRefused,
 )
 from msbot_agent.link.can.protocol.join_part import AddressLost, ComponentEvent, ComponentJoin
-from msbot_agent.link.can.protocol.queue import QUEUE_FRAMES
 from msbot_agent.link.contract import Peer, Signal
 from msbot_xrce.errors import BusTaken, ConfigError, LinkDown, LocalProtocolError
 
-# What the two ends of the native CAN link have in common: sending packets through the `CanWire` of each peer, and
+# What the two ends of the native CAN link have in common: sending packets through the `PeerFraming` of each peer, and
 # STOP.
 
 
@@ -82,18 +82,18 @@ class NativeEnd(CanEnd):
         self._port.send_stop(reason)
 
     @abstractmethod
-    def _wire(self, peer: int) -> CanWire | None:
+    def _wire(self, peer: int) -> PeerFraming | None:
         """The wire to a peer that has an address."""
 
-    def _new_wire(self, send_id: int, use: int) -> CanWire:
+    def _new_wire(self, send_id: int, use: int) -> PeerFraming:
         info, counters = self._port.bus.info, self.counters
-        return CanWire(send_id, use=use, info=info, mtu=self.info.mtu, counters=counters, codec=self._codec)
+        return PeerFraming(send_id, use=use, info=info, mtu=self.info.mtu, counters=counters, codec=self._codec)
 
     @abstractmethod
     def _no_address(self, peer: Peer) -> Exception:
         """Why there is no wire to that peer."""
 
-    def _deliver(self, message: bytes, peer: int, wire: CanWire, now: float) -> None:
+    def _deliver(self, message: bytes, peer: int, wire: PeerFraming, now: float) -> None:
         packet = wire.unpack(message)
         if packet is not None:
             self._received(packet, peer, now)
@@ -156,7 +156,7 @@ class CanMasterLink(NativeEnd):
             caps=caps,
             ids=ids,
         )
-        self._wires: list[CanWire | None] = [None] * (NODES + 1)
+        self._wires: list[PeerFraming | None] = [None] * (NODES + 1)
         self._members: list[JoinedPart | None] = [None] * (NODES + 1)
         self._up = ids.up
         self._started = self._is_up = False
@@ -250,7 +250,7 @@ class CanMasterLink(NativeEnd):
             self._is_up = True
             self._signal_handler(Signal.LINK_UP, None, f"epoch {self.epoch}", now)
 
-    def _wire(self, peer: int) -> CanWire | None:
+    def _wire(self, peer: int) -> PeerFraming | None:
         return self._wires[peer] if 0 < peer <= NODES else None
 
     def _no_address(self, peer: Peer) -> Exception:
@@ -325,7 +325,7 @@ class CanPartLink(NativeEnd):
         super().__init__(bus, ids=ids, mtu=mtu, codec=codec, queue_frames=queue_frames, remote=MASTER)
         caps = (CAN_FD if bus.info.fd else 0) | (COMPRESSION if codec is not None else 0)
         self._join = ComponentJoin(uid, random=random, caps=caps, profile_hash=profile_hash, ids=ids)
-        self._to_master: CanWire | None = None
+        self._to_master: PeerFraming | None = None
         self._own_id = -1
         self._other_ids = frozenset(base + n for base in (ids.up, ids.down) for n in range(1, NODES + 1))
 
@@ -378,7 +378,7 @@ class CanPartLink(NativeEnd):
         """See `PortOwner`."""
         self._handle(self._join.handle_timer(now), now)
 
-    def _wire(self, peer: int) -> CanWire | None:
+    def _wire(self, peer: int) -> PeerFraming | None:
         return self._to_master if peer == MASTER else None
 
     def _no_address(self, peer: Peer) -> Exception:

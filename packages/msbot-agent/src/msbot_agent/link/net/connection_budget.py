@@ -110,7 +110,7 @@ BURST_S = 1.0
 """The reserve, in seconds of both rates: there at first, and again after a rest."""
 
 
-class RateBudget:
+class ConnectionRateLimit:
     """Limits the packets and octets a second of one connection, with a reserve for bursts. Pure: time is handed in."""
 
     def __init__(self, packets_s: float = PACKETS_S, octets_s: float = OCTETS_S) -> None:

@@ -14,8 +14,8 @@ from collections.abc import Hashable
 
 from msbot_agent.link.base import BaseLink
 from msbot_agent.link.byte_frames import MAX_PACKET
-from msbot_agent.link.contract import LinkInfo, Peer, Signal, Visitor
-from msbot_agent.link.net.connection_budget import RateBudget
+from msbot_agent.link.contract import ConnectionUser, LinkInfo, Peer, Signal
+from msbot_agent.link.net.connection_budget import ConnectionRateLimit
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import LinkDown, LinkFull
 
@@ -39,7 +39,7 @@ SILENT = "connection closed: no packet came"
 class SocketPeer:
     """One open connection."""
 
-    def __init__(self, link: WebSocketServerLink, visitor: Visitor, now: float) -> None:
+    def __init__(self, link: WebSocketServerLink, visitor: ConnectionUser, now: float) -> None:
         self.visitor = visitor
         self._heard = False
         self._began_at = now
@@ -48,7 +48,7 @@ class SocketPeer:
         self._octets = 0
         self._is_full = False
         self._more = asyncio.Event()
-        self._budget = RateBudget()
+        self._budget = ConnectionRateLimit()
         self._told_at: float | None = None
 
     @property
@@ -124,7 +124,7 @@ class WebSocketServerLink(BaseLink):
         self._peers: set[SocketPeer] = set()
         self._is_open = False
 
-    def join(self, visitor: Visitor) -> SocketPeer:
+    def join(self, visitor: ConnectionUser) -> SocketPeer:
         """A connection is open.
 
         Raises:

@@ -14,7 +14,7 @@ from dataclasses import field
 from typing import Final
 
 from msbot_agent.link.contract import LinkInfo, Peer
-from msbot_agent.link.relay.messages import (
+from msbot_agent.link.relay.relay_messages import (
     MARK,
     MOST_EVENTS,
     MOST_ROOMS,

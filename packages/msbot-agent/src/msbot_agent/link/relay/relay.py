@@ -17,7 +17,7 @@ from msbot_agent.link.relay.forwarder import (
     StopSaid,
     Welcomed,
 )
-from msbot_agent.link.relay.messages import BOOT_SIZE, Refused, RelayEventKind
+from msbot_agent.link.relay.relay_messages import BOOT_SIZE, Refused, RelayEventKind
 from msbot_agent.process.end_signals import ungrouped
 from msbot_xrce.errors import ConfigError, LinkDown, LinkError, LinkFull
 

@@ -12,9 +12,17 @@ from collections.abc import Hashable
 from typing import Final, NamedTuple
 
 from msbot_agent.link.base import BaseLink
-from msbot_agent.link.contract import Link, LinkInfo, Peer, Signal, Visitor, pupil_behind, visitor_behind
+from msbot_agent.link.contract import (
+    ConnectionUser,
+    Link,
+    LinkInfo,
+    Peer,
+    Signal,
+    pupil_of_connection,
+    user_of_connection,
+)
 from msbot_agent.link.relay.forwarder import BEAT_S, COUNTS, MOST_PARTS, SILENT_S, STOP_TIMES
-from msbot_agent.link.relay.messages import (
+from msbot_agent.link.relay.relay_messages import (
     ENVELOPE,
     Down,
     Event,
@@ -40,12 +48,12 @@ FORGOTTEN_S: Final = 60.0
 """A relay silent for so long is forgotten, with its parts."""
 
 
-class Behind(NamedTuple):
+class RelayedPeer(NamedTuple):
     """A part behind a relay."""
 
     relay: str
     number: int
-    visitor: Visitor | None = None
+    visitor: ConnectionUser | None = None
     """The person by whose connection the relay came in, if it came by one: what it brings is that person's."""
 
 
@@ -77,8 +85,8 @@ class RelayedLink(BaseLink):
 
     def __init__(self, hello: Hello, way: Link, peer: Peer, greeting: RelayGreeting) -> None:
         mtu = max(1, min(hello.mtu, way.info.mtu - ENVELOPE))
-        self.visitor = visitor_behind(peer)
-        self.owner = pupil_behind(peer)
+        self.visitor = user_of_connection(peer)
+        self.owner = pupil_of_connection(peer)
         """The pupil who runs the relay; empty: no pupil does."""
         self._name = hello.name if not self.owner else said("{name} of {pupil}", name=hello.name, pupil=self.owner)
         super().__init__(
@@ -113,7 +121,7 @@ class RelayedLink(BaseLink):
 
     def has_room(self, peer: Peer) -> bool:
         """See `Link`."""
-        if not self._running or self.is_silent or not isinstance(peer, Behind):
+        if not self._running or self.is_silent or not isinstance(peer, RelayedPeer):
             return False
         part = self._parts.get(peer.number)
         return part is not None and self._in_window(part) and self.way.has_room(self.relay)
@@ -127,8 +135,8 @@ class RelayedLink(BaseLink):
         """
         if not self._running or self.is_silent:
             raise LinkDown(f"the relay {self.hello.name} is silent")
-        part = self._parts.get(peer.number) if isinstance(peer, Behind) else None
-        if part is None or not isinstance(peer, Behind):
+        part = self._parts.get(peer.number) if isinstance(peer, RelayedPeer) else None
+        if part is None or not isinstance(peer, RelayedPeer):
             raise LinkDown(f"there is no such part behind the relay {self.hello.name}")
         if not self._in_window(part):
             raise LinkFull(f"{WINDOW} packets are on their way to {self.describe(peer)}")
@@ -145,7 +153,7 @@ class RelayedLink(BaseLink):
 
     def describe(self, peer: Peer) -> str:
         """See `Link`."""
-        part = self._parts.get(peer.number) if isinstance(peer, Behind) else None
+        part = self._parts.get(peer.number) if isinstance(peer, RelayedPeer) else None
         place = part.words if part is not None and part.words else f"part {getattr(peer, 'number', peer)}"
         return f"{place} behind relay {self._name}"
 
@@ -229,8 +237,8 @@ class RelayedLink(BaseLink):
             case RelayEventKind.BACK:
                 self._signal_handler(Signal.PEER_BACK, peer, event.words, now)
 
-    def _behind(self, number: int) -> Behind:
-        return Behind(self.hello.name, number, self.visitor)
+    def _behind(self, number: int) -> RelayedPeer:
+        return RelayedPeer(self.hello.name, number, self.visitor)
 
     def _note(self, number: int) -> _Known:
         part = self._parts.pop(number, None)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from msbot_agent.link.serial.port import SerialClientLink, SerialServerLink
     from msbot_agent.link.serial.pty import PtyServerLink
+    from msbot_agent.link.serial.serial_port import SerialClientLink, SerialServerLink
 
 _NAMES = {
-    "msbot_agent.link.serial.port": (
+    "msbot_agent.link.serial.serial_port": (
         "SerialClientLink",
         "SerialServerLink",
     ),

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from msbot_agent.link.contract import Signal
-from msbot_agent.link.serial.lines import Line, LineServer
+from msbot_agent.link.serial.serial_line import SerialLine, SerialLineServer
 from msbot_xrce.errors import LinkDown
 
 # An asyncio transport for a file descriptor that is read and written, such as a pseudo terminal (Unix only).
@@ -113,7 +113,7 @@ class DescriptorTransport(asyncio.Transport):
         self._loop.call_soon(self._protocol.connection_lost, error)
 
 
-class PtyServerLink(LineServer):
+class PtyServerLink(SerialLineServer):
     """The agent's side of a new pseudo terminal; a client opens its other end, `path`, as a serial port.
 
     The terminal stays while clients come and go; the link cannot tell when a client has closed it. Satisfies `Link`.
@@ -156,7 +156,7 @@ class PtyServerLink(LineServer):
 
     async def _serve(self, descriptor: int, path: str) -> None:
         self.path = path
-        line = Line(self, path)
+        line = SerialLine(self, path)
         transport = DescriptorTransport(descriptor, line)
         try:
             line.connection_made(transport)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from ctypes import POINTER, byref, c_char_p, c_int, c_int32, c_int64, c_uint32, c_void_p, cast
 
 from msbot_agent.space.contract import Qos
-from msbot_agent.space.dds.library import FOR_EVER, DdsLibrary
+from msbot_agent.space.dds.libddsc import FOR_EVER, DdsLibrary
 
 ON_THE_WAY = 256
 """Samples of one writer or reader that may be on their way."""

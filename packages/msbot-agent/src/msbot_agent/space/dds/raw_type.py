@@ -12,7 +12,7 @@ import ctypes
 from ctypes import POINTER, byref, c_uint32, c_void_p
 from struct import Struct
 
-from msbot_agent.space.dds.library import ANY_STATE, DATA, DdsLibrary, IoVec, SampleInfo, TopicDescriptor
+from msbot_agent.space.dds.libddsc import ANY_STATE, DATA, DdsLibrary, IoVec, SampleInfo, TopicDescriptor
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 
 BATCH = 64

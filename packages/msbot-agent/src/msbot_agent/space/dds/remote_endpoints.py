@@ -8,8 +8,8 @@ from ctypes import c_void_p
 from functools import partial
 
 from msbot_agent.space.contract import Guid, Qos
-from msbot_agent.space.dds.domain import Domain
-from msbot_agent.space.dds.library import (
+from msbot_agent.space.dds.dds_domain import Domain
+from msbot_agent.space.dds.libddsc import (
     ALIVE,
     ANY_STATE,
     PUBLICATIONS,

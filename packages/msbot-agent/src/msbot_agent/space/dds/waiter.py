@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable
 from ctypes import c_ssize_t
 
-from msbot_agent.space.dds.library import ALL_DOMAINS, FOR_EVER, DdsLibrary
+from msbot_agent.space.dds.libddsc import ALL_DOMAINS, FOR_EVER, DdsLibrary
 from msbot_xrce.errors import ConfigError
 
 SLOTS = 256

@@ -6,8 +6,8 @@ from struct import Struct
 from struct import error as StructError
 
 from msbot_agent.space.contract import Guid, Qos
-from msbot_agent.space.rtps.wire import END_OF_PARAMETERS, PROTOCOL, SENTINEL, VENDOR, Prefix, parameter
-from msbot_agent.space.rtps.wire_reader import parameters
+from msbot_agent.space.rtps.rtps_message_reader import parameters
+from msbot_agent.space.rtps.rtps_messages import END_OF_PARAMETERS, PROTOCOL, SENTINEL, VENDOR, Prefix, parameter
 from msbot_xrce.errors import RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 

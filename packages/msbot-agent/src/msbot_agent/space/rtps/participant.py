@@ -14,12 +14,12 @@ from collections.abc import Callable, Collection, Iterator
 
 from msbot_agent.space.contract import Guid, Qos
 from msbot_agent.space.qos_matching import mismatch
-from msbot_agent.space.rtps import descriptions, wire, wire_reader
+from msbot_agent.space.rtps import descriptions, rtps_message_reader, rtps_messages
 from msbot_agent.space.rtps.descriptions import Address, EndpointDescription, ParticipantDescription
 from msbot_agent.space.rtps.peers import ANNOUNCER, GONE, LEASE_S, MAX_ENDPOINTS, ForeignEndpoints, Peers, RtpsOutbox
-from msbot_agent.space.rtps.reader import ReliableReader, Take
-from msbot_agent.space.rtps.wire import Inline, Prefix, RtpsData
-from msbot_agent.space.rtps.writer import ReliableWriter, RtpsEndpoint, RtpsSample
+from msbot_agent.space.rtps.reliable_reader import ReliableReader, Take
+from msbot_agent.space.rtps.reliable_writer import ReliableWriter, RtpsEndpoint, RtpsSample
+from msbot_agent.space.rtps.rtps_messages import Inline, Prefix, RtpsData
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import RemoteProtocolError
 
@@ -72,7 +72,7 @@ class RtpsParticipant:
         self.outbox = self._outbox.datagrams
         """What is to be sent, with the addresses; who sends it clears it."""
         self._strangers = frozenset(strangers)
-        me = ParticipantDescription(prefix, wire.VENDOR, addresses, addresses, LEASE_S, name)
+        me = ParticipantDescription(prefix, rtps_messages.VENDOR, addresses, addresses, LEASE_S, name)
         self._peers = Peers(me, (group, *peers), self._outbox, self.dropped, now)
         self._others = ForeignEndpoints()
         self._ours: dict[Guid, RtpsEndpoint] = {}
@@ -184,11 +184,11 @@ class RtpsParticipant:
             return
         self._now = now
         try:
-            sender, found = wire_reader.read(datagram)
+            sender, found = rtps_message_reader.read(datagram)
             if sender == self.prefix or sender in self._strangers:
                 return
             for behalf, target, submessage in found:
-                if target in (self.prefix, wire.ANYBODY):
+                if target in (self.prefix, rtps_messages.ANYBODY):
                     self._hear(behalf, submessage, source, now)
         except RemoteProtocolError as error:
             self.dropped.count(str(error))
@@ -218,19 +218,19 @@ class RtpsParticipant:
 
     # What comes.
 
-    def _hear(self, sender: Prefix, said: wire.Submessage, source: Address, now: float) -> None:
+    def _hear(self, sender: Prefix, said: rtps_messages.Submessage, source: Address, now: float) -> None:
         if isinstance(said, RtpsData) and said.writer == ANNOUNCER:
             self._hear_participant(sender, said, source, now)
             return
         if sender not in self._peers:
             return
-        if isinstance(said, wire.AckNack | wire.NackFrag):
+        if isinstance(said, rtps_messages.AckNack | rtps_messages.NackFrag):
             writer = self._writer(said.writer)
             if writer is not None:
                 self._busy.add(writer)
-            if writer is not None and isinstance(said, wire.AckNack):
+            if writer is not None and isinstance(said, rtps_messages.AckNack):
                 writer.heard(sender + said.reader, said, now)
-            elif writer is not None and isinstance(said, wire.NackFrag):
+            elif writer is not None and isinstance(said, rtps_messages.NackFrag):
                 writer.heard_fragments(sender + said.reader, said)
             return
         guid = sender + said.writer
@@ -238,7 +238,7 @@ class RtpsParticipant:
             self._busy.add(reader)
             if isinstance(said, RtpsData):
                 reader.heard_data(guid, said, now)
-            elif isinstance(said, wire.RtpsHeartbeat):
+            elif isinstance(said, rtps_messages.RtpsHeartbeat):
                 reader.heard_beat(guid, said, now)
                 self._introduced(reader, sender, now)
             else:
@@ -253,7 +253,7 @@ class RtpsParticipant:
 
     def _readers(self, entity: bytes, writer: Guid) -> list[ReliableReader]:
         """The reader that is named; or all that hear that writer."""
-        if entity != wire.NOBODY:
+        if entity != rtps_messages.NOBODY:
             named = self._hearers.get(entity)
             if named is None:
                 endpoint = self._ours.get(self.prefix + entity)
@@ -331,7 +331,7 @@ class RtpsParticipant:
         self._ours_by_topic.setdefault(told.topic, {})[endpoint.guid] = endpoint
         teller = self._teller(endpoint)
         endpoint.number = teller.last + 1
-        teller.write(endpoint.number, RtpsSample(descriptions.write_endpoint(told), wire.NOTHING), self._now)
+        teller.write(endpoint.number, RtpsSample(descriptions.write_endpoint(told), rtps_messages.NOTHING), self._now)
         self._busy.add(teller)
         for other in tuple(self.on_topic(told.topic)):
             self._match(endpoint, other)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 
 from msbot_agent.space.contract import Guid
-from msbot_agent.space.rtps import descriptions, wire
+from msbot_agent.space.rtps import descriptions, rtps_messages
 from msbot_agent.space.rtps.descriptions import Address, EndpointDescription, ParticipantDescription
-from msbot_agent.space.rtps.reader import WriterProxy
-from msbot_agent.space.rtps.wire import Inline, Prefix, RtpsData
-from msbot_agent.space.rtps.writer import ReaderProxy
+from msbot_agent.space.rtps.reliable_reader import WriterProxy
+from msbot_agent.space.rtps.reliable_writer import ReaderProxy
+from msbot_agent.space.rtps.rtps_messages import Inline, Prefix, RtpsData
 from msbot_xrce.counting import Tally
 from msbot_xrce.lazy import dataclass
 
@@ -80,12 +80,12 @@ class RtpsOutbox:
     def __init__(self, prefix: Prefix, dropped: Tally, epoch_ns: Callable[[], int]) -> None:
         self.datagrams: list[tuple[bytes, Address]] = []
         self._dropped = dropped
-        self._header = wire.header(prefix)
+        self._header = rtps_messages.header(prefix)
         self._epoch_ns = epoch_ns
 
     def to_reader(self, proxy: ReaderProxy, said: list[bytes]) -> None:
         """For a reader elsewhere: samples, and what is to be said of them."""
-        self._send(proxy.guid, proxy.locators, said, wire.info_ts(self._epoch_ns()))
+        self._send(proxy.guid, proxy.locators, said, rtps_messages.info_ts(self._epoch_ns()))
 
     def to_writer(self, proxy: WriterProxy, said: list[bytes]) -> None:
         """For a writer elsewhere: what is there and what is missing."""
@@ -105,7 +105,7 @@ class RtpsOutbox:
 
     def _send(self, guid: Guid, locators: tuple[Address, ...], said: list[bytes], stamp: bytes) -> None:
         for address in locators:
-            self.post(said, address, (wire.info_dst(guid[:12]), stamp))
+            self.post(said, address, (rtps_messages.info_dst(guid[:12]), stamp))
 
     def _leave(self, datagram: bytes, address: Address) -> None:
         if len(self.datagrams) >= MAX_OUTBOX:
@@ -219,13 +219,13 @@ class Peers:
         """Tell everybody that it is gone."""
         key = descriptions.write_participant_key(self._me.prefix)
         inline = Inline(None, GONE, self._me.prefix + b"\x00\x00\x01\xc1")
-        said = list(wire.data(wire.NOBODY, ANNOUNCER, 2, inline, key))
+        said = list(rtps_messages.data(rtps_messages.NOBODY, ANNOUNCER, 2, inline, key))
         for address in (*self._to, *(address for peer in self._there.values() for address in peer.meta)):
             self._outbox.post(said, address)
 
     def _announce(self, addresses: tuple[Address, ...]) -> None:
         payload = descriptions.write_participant(self._me)
-        said = list(wire.data(wire.NOBODY, ANNOUNCER, 1, wire.NOTHING, payload))
+        said = list(rtps_messages.data(rtps_messages.NOBODY, ANNOUNCER, 1, rtps_messages.NOTHING, payload))
         for address in addresses:
             self._outbox.post(said, address)
 

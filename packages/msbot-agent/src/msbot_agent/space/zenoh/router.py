@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from msbot_agent.space.network_options import TlsFiles
-from msbot_agent.space.zenoh.connection import check_files
-from msbot_agent.space.zenoh.keys import GRAPH, ROOT
-from msbot_agent.space.zenoh.library import load, session_config
+from msbot_agent.space.zenoh.key_expressions import GRAPH, ROOT
+from msbot_agent.space.zenoh.router_connection import check_files
+from msbot_agent.space.zenoh.zenoh_library import load, session_config
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 

@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack
 import pytest
 
 from msbot.process.virtual_time import run_virtual
-from msbot_agent.link.can.adapters.driver import (
+from msbot_agent.link.can.adapters.can_driver import (
     FRAMES_PER_TURN,
     MOST_WORDS,
     RING_FULL,

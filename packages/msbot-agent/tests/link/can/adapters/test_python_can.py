@@ -13,7 +13,7 @@ from hypothesis import given, settings
 
 import can
 from msbot_agent.link.can.adapters import python_can
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.adapters.python_can import MAILBOXES, PythonCanAdapter, frame_of, message_of
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.protocol.frames import Frame

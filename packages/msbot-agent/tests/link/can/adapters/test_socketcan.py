@@ -14,7 +14,7 @@ import pytest
 
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link.can.adapters import socketcan
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.adapters.error_frames import (
     FD_SIZE,
     NO_ACK_WORDS,

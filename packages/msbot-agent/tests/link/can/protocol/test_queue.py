@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from msbot_agent.link.can.protocol.frame_queue import URGENT_FRAMES, FrameQueue
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.protocol.queue import URGENT_FRAMES, FrameQueue
 
 
 def frames(peer: int, count: int) -> list[Frame]:

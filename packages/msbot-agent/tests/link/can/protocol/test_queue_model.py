@@ -12,9 +12,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from msbot_agent.link.can.protocol import queue
+from msbot_agent.link.can.protocol import frame_queue
+from msbot_agent.link.can.protocol.frame_queue import FrameQueue
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.protocol.queue import FrameQueue
 from tests.effort import tries
 
 LIMIT = 4
@@ -28,7 +28,7 @@ class QueueMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.few_urgent = patch.object(queue, "URGENT_FRAMES", URGENT_FRAMES)
+        self.few_urgent = patch.object(frame_queue, "URGENT_FRAMES", URGENT_FRAMES)
         self.few_urgent.start()
         self.queue = FrameQueue(LIMIT)
         self.waiting: list[tuple[int, Frame]] = []

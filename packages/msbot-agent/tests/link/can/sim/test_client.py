@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim import client as sim_client
-from msbot_agent.link.can.sim.client import LOST_WORDS, SimAdapter, SimBusRequest, WhenAbsent
-from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot_agent.link.can.sim.model.messages import BusFrame, FrameSent, Restart, Welcome, encode
-from msbot_agent.link.can.sim.names import NamedBus, existing_bus, find_bus, publish, withdraw
+from msbot_agent.link.can.sim import sim_bus_client as sim_client
+from msbot_agent.link.can.sim.bus_names import NamedBus, existing_bus, find_bus, publish, withdraw
+from msbot_agent.link.can.sim.model.sim_bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import BusFrame, FrameSent, Restart, Welcome, encode
+from msbot_agent.link.can.sim.sim_bus_client import LOST_WORDS, SimAdapter, SimBusRequest, WhenAbsent
 from msbot_xrce.errors import ConfigError, LinkDown, LinkFull
 from tests.link.sim_programs import Ear, served
 
@@ -175,7 +175,7 @@ async def test_a_master_off_its_own_bus_comes_back(folder: Path) -> None:
     adapter = SimAdapter(WISH, absent=WhenAbsent.SERVE, folder=folder)
     async with running(adapter) as master:
         host = master.bus._channel  # type: ignore[attr-defined]  # the bus itself, to be harmed
-        assert isinstance(host, sim_client.Host)
+        assert isinstance(host, sim_client.LocalBusChannel)
         host.driver.attach("other")
         host.driver.short_circuit()
         master.bus.send(Frame(1))

@@ -13,9 +13,9 @@ import pytest
 
 from msbot_agent.link.can.controller import BusState, CanBusInfo
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim import client as sim_client
-from msbot_agent.link.can.sim.client import LOST_WORDS, Host, SimAdapter, SimBusClient, SimBusRequest, WhenAbsent
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim import sim_bus_client as sim_client
+from msbot_agent.link.can.sim.bus_names import NamedBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -28,8 +28,15 @@ from msbot_agent.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.can.sim.names import NamedBus
-from msbot_agent.link.can.sim.server import SimBusServer
+from msbot_agent.link.can.sim.sim_bus_client import (
+    LOST_WORDS,
+    LocalBusChannel,
+    SimAdapter,
+    SimBusClient,
+    SimBusRequest,
+    WhenAbsent,
+)
+from msbot_agent.link.can.sim.sim_bus_server import SimBusServer
 from msbot_xrce.errors import ConfigError, LinkDown
 from tests.link.can.sim.virtual import virtually
 from tests.link.can.sim.wire import Wire
@@ -381,7 +388,7 @@ async def test_only_that_another_serves_the_bus_is_no_error(
 
     monkeypatch.setattr(SimBusServer, "run", fail)
     monkeypatch.setattr(sim_client, "find_bus", lambda *_: BUS if is_another_there else None)
-    host = Host(Owner(), SimBusRequest("classroom"), "", None)
+    host = LocalBusChannel(Owner(), SimBusRequest("classroom"), "", None)
     if is_another_there and isinstance(error, LinkDown):
         assert not await host.start()
     else:
@@ -413,7 +420,7 @@ async def test_who_serves_is_on_the_bus_until_it_has_closed_it(
     node: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     served, owner = Served(monkeypatch, 1.0), Owner()
-    host = Host(owner, SimBusRequest("classroom"), node, None)
+    host = LocalBusChannel(owner, SimBusRequest("classroom"), node, None)
     assert await host.start()
     assert asyncio.get_running_loop().time() == 1.0
     other = host.driver.attach("other")
@@ -436,7 +443,7 @@ async def test_who_serves_is_on_the_bus_until_it_has_closed_it(
 @virtually
 async def test_whoever_is_cancelled_while_it_begins_to_serve_serves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     served = Served(monkeypatch, 5.0)
-    starting = asyncio.ensure_future(Host(Owner(), SimBusRequest("classroom"), "", None).start())
+    starting = asyncio.ensure_future(LocalBusChannel(Owner(), SimBusRequest("classroom"), "", None).start())
     await asyncio.sleep(1.0)
     starting.cancel()
     await asyncio.wait([starting])

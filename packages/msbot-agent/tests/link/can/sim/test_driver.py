@@ -13,8 +13,8 @@ from msbot.process.virtual_time import VirtualTimeLoop, run_virtual
 from msbot_agent.link.can.controller import BusState, CanBus
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import SimBus
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
 from msbot_xrce.errors import LinkDown
 
 RATE = 500_000

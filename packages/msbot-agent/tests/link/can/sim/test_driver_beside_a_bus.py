@@ -10,9 +10,9 @@ import pytest
 
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.driver import SimBusDriver, SimCanBus
-from msbot_agent.link.can.sim.model.bus import SimBus
 from msbot_agent.link.can.sim.model.events import Delivered, Sent
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver, SimCanBus
 from msbot_xrce.errors import LinkDown, LinkFull
 from tests.effort import tries
 from tests.link.can.sim.virtual import virtually

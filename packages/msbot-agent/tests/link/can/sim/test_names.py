@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_agent.link.can.sim.names import (
+from msbot_agent.link.can.sim.bus_names import (
     NamedBus,
     check_name,
     existing_bus,
@@ -91,7 +91,7 @@ def test_of_two_that_see_a_dead_bus_the_slower_leaves_the_name_of_the_new_one_al
             publish(BUS, folder)
         return pid != dead.pid
 
-    monkeypatch.setattr("msbot_agent.link.can.sim.names.is_running", look)
+    monkeypatch.setattr("msbot_agent.link.can.sim.bus_names.is_running", look)
     assert find_bus("classroom", folder) is None, "the one it has seen is dead"
     assert find_bus("classroom", folder) == BUS, "and the new one has kept its name"
 

@@ -17,8 +17,8 @@ from msbot_agent.link.can.adapters.python_can import frame_of, message_of
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.sim import python_can_interface as sim_interface
-from msbot_agent.link.can.sim.client import LOST_WORDS, SimBusRequest
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim.bus_names import NamedBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -32,8 +32,8 @@ from msbot_agent.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.can.sim.names import NamedBus
 from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.sim.sim_bus_client import LOST_WORDS, SimBusRequest
 from msbot_xrce.errors import LinkDown
 
 KEY = bytes(range(16))

@@ -23,11 +23,11 @@ from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.protocol.notation import parse_log_line
 from msbot_agent.link.can.sim import python_can_interface as sim_interface
-from msbot_agent.link.can.sim import server as sim_server
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot_agent.link.can.sim.names import existing_bus, find_bus
+from msbot_agent.link.can.sim import sim_bus_server as sim_server
+from msbot_agent.link.can.sim.bus_names import existing_bus, find_bus
+from msbot_agent.link.can.sim.model.sim_bus import MAILBOXES, SimBus
 from msbot_agent.link.can.sim.python_can_interface import MsbotBus
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
 from tests.link.sim_programs import PATIENCE_S, served
 
 T = TypeVar("T")

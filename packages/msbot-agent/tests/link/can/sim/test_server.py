@@ -14,10 +14,10 @@ import pytest
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim import server as sim_server
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim import sim_bus_server as sim_server
+from msbot_agent.link.can.sim.bus_names import existing_bus, find_bus
+from msbot_agent.link.can.sim.model.sim_bus import MAILBOXES, SimBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -30,7 +30,7 @@ from msbot_agent.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.can.sim.names import existing_bus, find_bus
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
 from msbot_xrce.errors import LinkDown
 from tests.link.sim_programs import PATIENCE_S, Ear, RawProgram, served
 

@@ -10,10 +10,9 @@ import pytest
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim import server as sim_server
-from msbot_agent.link.can.sim.driver import SimBusDriver
-from msbot_agent.link.can.sim.model.bus import SimBus
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim import sim_bus_server as sim_server
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -26,7 +25,8 @@ from msbot_agent.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.can.sim.server import SimBusConnection, SimBusServer
+from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver
+from msbot_agent.link.can.sim.sim_bus_server import SimBusConnection, SimBusServer
 from tests.link.can.sim.virtual import virtually
 from tests.link.can.sim.wire import Wire
 

@@ -10,9 +10,9 @@ import pytest
 
 from msbot_agent.link import Signal, open_link
 from msbot_agent.link.can import CanMasterLink, CanPartLink, CanSettings, Codec
-from msbot_agent.link.can.sim.client import SimBusRequest
-from msbot_agent.link.can.sim.names import existing_bus, find_bus
+from msbot_agent.link.can.sim.bus_names import existing_bus, find_bus
 from msbot_agent.link.can.sim.sim_address import open_sim_bus, parse_sim
+from msbot_agent.link.can.sim.sim_bus_client import SimBusRequest
 from msbot_xrce.errors import ConfigError
 from tests.link.can.sim.virtual import virtually
 from tests.link.sim_programs import PATIENCE_S

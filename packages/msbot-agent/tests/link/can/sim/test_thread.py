@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from msbot_agent.link.can.sim import thread as sim_thread
-from msbot_agent.link.can.sim.client import SimBusRequest
-from msbot_agent.link.can.sim.names import NamedBus, existing_bus, find_bus, publish
-from msbot_agent.link.can.sim.server import SimBusServer
-from msbot_agent.link.can.sim.thread import BusThread, hold, release
+from msbot_agent.link.can.sim import sim_bus_thread as sim_thread
+from msbot_agent.link.can.sim.bus_names import NamedBus, existing_bus, find_bus, publish
+from msbot_agent.link.can.sim.sim_bus_client import SimBusRequest
+from msbot_agent.link.can.sim.sim_bus_server import SimBusServer
+from msbot_agent.link.can.sim.sim_bus_thread import BusThread, hold, release
 from msbot_xrce.errors import ConfigError, LinkDown
 
 WISH = SimBusRequest("classroom", 125_000)

@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import dataclass, field
 from typing import Any
 
-from msbot_agent.link.can.sim.model.messages import Message, Splitter
+from msbot_agent.link.can.sim.model.sim_bus_messages import Message, Splitter
 
 
 @dataclass

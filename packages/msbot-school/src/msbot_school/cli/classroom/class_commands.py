@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.change.stop import LOOK_S, PATIENCE_S, silent_words
+from msbot.cli.change.stop_commands import LOOK_S, PATIENCE_S, silent_words
 from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     database_beside,
@@ -19,9 +19,9 @@ from msbot.cli.robot_options import (
     stop_group_option,
     user_name,
 )
-from msbot.stop.asking import SilentMaster, ask_masters
-from msbot.stop.names import group_to_stop
-from msbot.stop.places import IS_THERE
+from msbot.stop.socket_folders import IS_THERE
+from msbot.stop.socket_names import group_to_stop
+from msbot.stop.stop_request import SilentMaster, ask_masters
 from msbot_agent.cli.options import json_option
 from msbot_agent.startup.extensions import own_version
 from msbot_school.classroom.class_robots import ClassRobot, class_robots

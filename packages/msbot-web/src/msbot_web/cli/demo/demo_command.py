@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.bus.frame_log import FrameLog
-from msbot.cli.change.robot_access import details_of
+from msbot.cli.change.robot_access import master_details
 from msbot.cli.robot_options import metrics_option
 from msbot.cli.run.master_services import RobotRecording, log_event, metrics_beside, rec_option
-from msbot.cli.run.world import WorldOptions, world_options
+from msbot.cli.run.world_options import WorldOptions, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
 from msbot.master import StopSocket, robot_space
 from msbot.operations.dispatch import RunningOperations, perform
@@ -32,9 +32,9 @@ from msbot_agent.cli.logs import LogOptions, log_options
 from msbot_agent.cli.options import FiniteRange, WholeRange, space_option
 from msbot_agent.link.can.sim import SimBusServer, check_free
 from msbot_agent.process.end_signals import on_end_signal, run_to_end, ungrouped
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.space import SharedSpace, SpaceAddress
-from msbot_agent.startup.bytecode_cache import made_to_stay
+from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_school.cli.teaching_service import lessons_option
 from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
@@ -235,7 +235,7 @@ def command(
         with open_registry(address) as registry:  # may be slow, so no event loop waits for it
             robot = registry.robots.apply_blueprint(blueprint, library)
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
-            with patient_output():
+            with nonblocking_output():
                 run_to_end(
                     _main(options, blueprint, library, (registry, store, node_ids, address), Path(folder) / "rec")
                 )
@@ -285,7 +285,7 @@ async def _main(
                 return "" if room is None else room.server.own_address
 
             if not options.page.off:
-                with made_to_stay():
+                with without_garbage_collection():
                     room = _make_page(
                         robot,
                         operations,
@@ -335,7 +335,7 @@ def _spares(blueprint: Blueprint) -> dict[str, str]:
 def _details(
     robot: DemoRobot, operations: RunningOperations, db: str, page: str, trouble: str | None = None
 ) -> dict[str, str]:
-    return details_of(robot.master, db, mark=operations.blueprint_mark, page=page, trouble=trouble)
+    return master_details(robot.master, db, mark=operations.blueprint_mark, page=page, trouble=trouble)
 
 
 def _answering(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msbot.cli.robot_options import user_name
-from msbot.cli.run.world import OTHER, WorldOptions, address, guest_door
+from msbot.cli.run.world_options import OTHER, WorldOptions, address, remote_world
 from msbot.config import write_sample
 from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import PartState
@@ -20,9 +20,9 @@ from msbot_school.lessons.lesson import Lesson
 from msbot_school.lessons.lesson_controller import LessonController
 
 if TYPE_CHECKING:
-    from msbot.sim.arena.connection import WorldConnection
+    from msbot.sim.arena.arena_server import ArenaServer
     from msbot.sim.arena.running_arena import RunningArena
-    from msbot.sim.arena.server import ArenaServer
+    from msbot.sim.arena.world_connection import WorldConnection
 
 
 PILOT = "PILOT"
@@ -46,12 +46,12 @@ class DemoWorld:
         if wishes.world is None:
             return
         if wishes.world.startswith(OTHER):
-            self.door = guest_door(wishes.world, wishes.place, say)
+            self.door = remote_world(wishes.world, wishes.place, say)
             return
         from msbot.sim.arena.arena import Arena, place_for
-        from msbot.sim.arena.connection import LocalWorldConnection
+        from msbot.sim.arena.arena_server import ArenaServer
         from msbot.sim.arena.running_arena import RunningArena
-        from msbot.sim.arena.server import ArenaServer
+        from msbot.sim.arena.world_connection import LocalWorldConnection
         from msbot.sim.arena.world_reader import open_world
 
         plan = open_world(wishes.world)

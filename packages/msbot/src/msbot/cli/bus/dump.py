@@ -10,9 +10,9 @@ from typing import Final
 
 import click
 
+from msbot.cli.bus.bus_source import Listening, is_log, open_bus
 from msbot.cli.bus.frame_log import FrameReader, FrameWriter
-from msbot.cli.bus.frame_words import Manner, tell_unknown, told_lines
-from msbot.cli.bus.source import Listening, is_log, open_bus
+from msbot.cli.bus.frame_words import WordsFormat, tell_unknown, told_lines
 from msbot.pnp import FrameListener, FrameWords
 from msbot_agent.link.can.protocol import NODES, CanIds, Frame, LogLine
 from msbot_agent.process.end_signals import run_to_end
@@ -95,7 +95,7 @@ class Understanding:
     """Who understands the frames, and how it is told."""
 
     listener: FrameListener
-    manner: Manner = Manner.PROTOCOL
+    manner: WordsFormat = WordsFormat.PROTOCOL
 
 
 class Dump:
@@ -142,7 +142,7 @@ class Dump:
             self._writer.write(line)
         manner = self._understanding.manner
         for text in told_lines(line, words, manner):
-            self._say(text if manner is Manner.JSON else click.style(text.rstrip(), fg=colour_of(line.frame)))
+            self._say(text if manner is WordsFormat.JSON else click.style(text.rstrip(), fg=colour_of(line.frame)))
 
     def close(self) -> None:
         """Close the log."""

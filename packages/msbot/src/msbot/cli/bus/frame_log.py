@@ -13,8 +13,8 @@ from typing import IO, TYPE_CHECKING, TextIO
 
 from msbot_agent.link.can.adapters import frame_of, message_of
 from msbot_agent.link.can.protocol import Frame, LogLine, format_log_line, parse_log_line
-from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import printable
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class FrameReader:
         }
         mode, reader = readers[path.suffix.lower()]
         try:
-            with _Text(path) if mode == "r" else open_given(path) as stream, reader(stream) as messages:
+            with _Text(path) if mode == "r" else open_input_file(path) as stream, reader(stream) as messages:
                 for message in messages:
                     self.frames += 1
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
@@ -174,7 +174,7 @@ class _Text(io.TextIOWrapper):
     """A file that python-can reads line by line; it would take a line without an end into memory."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(open_given(path), encoding="utf-8", errors="replace", newline=None)
+        super().__init__(open_input_file(path), encoding="utf-8", errors="replace", newline=None)
         self._path = path
         self._number = 0
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 from msbot.cli.robot_options import DEFAULT_BLUEPRINT
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, SessionListener
 from msbot_agent.link.can.protocol import LogLine, format_frame, show_frame
-from msbot_agent.text.given_file import open_given
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
-    from msbot.cli.bus.source import RobotOnBus
+    from msbot.cli.bus.bus_source import RobotOnBus
     from msbot.config import Library
 
 
@@ -24,7 +24,7 @@ WORDS_AT = 66
 """Column where the words begin when the frame leaves room."""
 
 
-class Manner(Enum):
+class WordsFormat(Enum):
     """What is shown of what a frame says."""
 
     PROTOCOL = auto()
@@ -37,13 +37,13 @@ class Manner(Enum):
     """Both, one JSON object for each frame."""
 
 
-def manner_of(*, is_known: bool, protocol: bool, as_json: bool) -> Manner:
+def words_format(*, is_known: bool, protocol: bool, as_json: bool) -> WordsFormat:
     """What is shown: unless the robot is known there are no sentences to be shown alone."""
     if as_json:
-        return Manner.JSON
+        return WordsFormat.JSON
     if not is_known:
-        return Manner.PROTOCOL
-    return Manner.BOTH if protocol else Manner.PLAIN
+        return WordsFormat.PROTOCOL
+    return WordsFormat.BOTH if protocol else WordsFormat.PLAIN
 
 
 def library_of(blueprint: Path | None, folders: Sequence[Path], complain: Callable[[str], None]) -> Library | None:
@@ -60,7 +60,7 @@ def library_of(blueprint: Path | None, folders: Sequence[Path], complain: Callab
     path = blueprint or DEFAULT_BLUEPRINT
     if blueprint is not None:
         try:
-            open_given(blueprint).close()
+            open_input_file(blueprint).close()
         except OSError as error:
             raise ConfigError(f"{blueprint}: cannot be read ({error.strerror}); name the robot's blueprint") from None
     if not folders and not path.is_file():
@@ -98,22 +98,22 @@ def listener_for(library: Library | None, *, legacy: bool, robot: RobotOnBus | N
     return FrameListener(SessionListener((*KNOWN_TYPES, *classes), know=know, units=units), legacy=legacy)
 
 
-def told_lines(line: LogLine, words: FrameWords, manner: Manner) -> list[str]:
+def told_lines(line: LogLine, words: FrameWords, manner: WordsFormat) -> list[str]:
     """A frame and what it says, as lines to be printed."""
     match manner:
-        case Manner.JSON:
+        case WordsFormat.JSON:
             return [_as_json(line, words)]
-        case Manner.PROTOCOL:
+        case WordsFormat.PROTOCOL:
             return _beside(line, words.protocol)
-        case Manner.PLAIN:
+        case WordsFormat.PLAIN:
             return _beside(line, words.plain or words.about)
-        case Manner.BOTH:
+        case WordsFormat.BOTH:
             return _beside(line, (*(words.plain or words.about), *words.protocol))
 
 
-def tell_unknown(listener: FrameListener, manner: Manner, complain: Callable[[str], None]) -> None:
+def tell_unknown(listener: FrameListener, manner: WordsFormat, complain: Callable[[str], None]) -> None:
     """At the end of a log: which samples have no sentence, where sentences are shown."""
-    if listener.unknown and manner in (Manner.PLAIN, Manner.BOTH):
+    if listener.unknown and manner in (WordsFormat.PLAIN, WordsFormat.BOTH):
         samples = amount(listener.unknown, "sample has", "samples have")
         complain(f"{samples} no sentence: their parts had joined before the log begins")
 

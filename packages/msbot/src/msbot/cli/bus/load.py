@@ -10,7 +10,7 @@ from math import ceil
 from pathlib import Path
 from typing import Final
 
-from msbot.cli.bus.source import Listening, open_bus
+from msbot.cli.bus.bus_source import Listening, open_bus
 from msbot.config import Blueprint, open_blueprint
 from msbot.pnp import Flow, Forecast, forecast
 from msbot_agent.link.can.protocol import (

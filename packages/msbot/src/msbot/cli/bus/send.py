@@ -10,14 +10,14 @@ from typing import Final
 
 import click
 
-from msbot.cli.bus.source import Listening, open_bus
+from msbot.cli.bus.bus_source import Listening, open_bus
 from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.link.can import BusState
 from msbot_agent.link.can.protocol import Frame, check_frame, format_frame, parse_frame
 from msbot_agent.link.can.sim import SimBus, SimBusDriver, SimBusServer, rates_words
 from msbot_agent.log import TerminalHandler
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, LinkDown, LocalProtocolError
 
@@ -97,7 +97,7 @@ def serve(name: str, bitrate: int, data_bitrate: int | None) -> None:
         LinkDown: another process serves a bus of that name.
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler()])
-    with contextlib.suppress(KeyboardInterrupt), patient_output():
+    with contextlib.suppress(KeyboardInterrupt), nonblocking_output():
         run_to_end(_serve(name, bitrate, data_bitrate))
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from msbot.registry import RobotRecord
 
 
-def details_of(
+def master_details(
     master: Master, db: str, *, mark: str = "", page: str = "", trouble: str | None = None
 ) -> dict[str, str]:
     """What a master says about itself to other programs of its user.

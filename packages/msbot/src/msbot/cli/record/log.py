@@ -20,7 +20,7 @@ from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
-    from msbot.recording.recordings.reading import RecordedMessage, RecordingReader
+    from msbot.recording.recordings.mcap_reader import RecordedMessage, RecordingReader
 
 
 # Names of recordings that a command writes.
@@ -142,7 +142,7 @@ def show(
 
     CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
     """
-    from msbot.recording.recordings.reading import Decoder, RecordingReader
+    from msbot.recording.recordings.mcap_reader import Decoder, RecordingReader
     from msbot.recording.recordings.summary import frame_of, line_of
     from msbot_agent.link.can.protocol import format_frame
 
@@ -191,7 +191,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
 ) -> None:
     """Write a piece of a recording, which begins with the state at that moment."""
     from msbot.recording.recordings.cutting import write_cut
-    from msbot.recording.recordings.reading import began_ns
+    from msbot.recording.recordings.mcap_reader import began_ns
 
     target = recording_name(target)
     wish = _Wish(topics, slots, from_s, to_s)
@@ -219,7 +219,7 @@ def diff(before: Path, after: Path) -> None:
     Times are not compared. Exit status 1: they differ, or one is damaged.
     """
     from msbot.recording.recordings.cutting import differences
-    from msbot.recording.recordings.reading import RecordingReader
+    from msbot.recording.recordings.mcap_reader import RecordingReader
 
     first, second = RecordingReader(before), RecordingReader(after)
     lines = differences(first.messages(), second.messages())
@@ -241,7 +241,7 @@ def export(  # noqa: PLR0917 - what the command was given
     """Write the values of a recording as a table (.csv, .parquet), or its CAN frames (.log, .asc, .blf, .trc)."""
     from msbot.cli.bus.frame_log import FRAME_FORMATS
     from msbot.recording.recorder.new_file import whole_or_none
-    from msbot.recording.recordings.reading import RecordingReader
+    from msbot.recording.recordings.mcap_reader import RecordingReader
 
     if target.exists():
         raise ConfigError(f"{target} is there already: give the file another name")
@@ -272,7 +272,7 @@ def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
 
 
 def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
-    from msbot.recording.recordings.reading import Decoder
+    from msbot.recording.recordings.mcap_reader import Decoder
     from msbot.recording.recordings.summary import rows_of
 
     decoder, count = Decoder(), 0
@@ -291,7 +291,7 @@ def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
 
 def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.cli.bus.frame_log import FrameWriter
-    from msbot.recording.recordings.reading import FRAMES
+    from msbot.recording.recordings.mcap_reader import FRAMES
     from msbot.recording.recordings.summary import frame_of
     from msbot_agent.link.can.protocol import LogLine
 

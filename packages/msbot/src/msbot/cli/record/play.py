@@ -17,9 +17,9 @@ from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
-    from msbot.recording.replay.acts import ActPlayer, RecordedActs
-    from msbot.recording.replay.piece import Piece
-    from msbot.recording.replay.player import Player
+    from msbot.recording.replay.recorded_operations import OperationPlayer, RecordedOperations
+    from msbot.recording.replay.replay_excerpt import ReplayExcerpt
+    from msbot.recording.replay.replay_player import ReplayPlayer
     from msbot_agent.agent import RunningProcess
 
 SLOWEST = 0.01
@@ -80,15 +80,15 @@ def command(
     --slot both keep time with each other.
     """
     from msbot.cli.run.host import run_until_told
-    from msbot.recording.replay.acts import read_acts
-    from msbot.recording.replay.piece import read_piece
+    from msbot.recording.replay.recorded_operations import read_operations
+    from msbot.recording.replay.replay_excerpt import read_excerpt
 
     if len(slots) > 1 and (uid is not None or key is not None):
         raise ConfigError(f"--uid and --key are for a replay of one slot, this one has {len(slots)}")
     if not with_acts and (db is not None or robot is not None):
         raise ConfigError("--db and --robot say in which robot people's acts are done again: they need --acts")
-    acts = read_acts(file, from_s=from_s, to_s=to_s) if with_acts else None
-    piece = read_piece(file, slots, from_s=from_s, to_s=to_s) if slots or acts is None else None
+    acts = read_operations(file, from_s=from_s, to_s=to_s) if with_acts else None
+    piece = read_excerpt(file, slots, from_s=from_s, to_s=to_s) if slots or acts is None else None
     damage = piece.damage if piece is not None else acts.damage if acts is not None else ""
     if damage:
         click.echo(f"msbot: {file} is damaged: {damage}, and is replayed", err=True)
@@ -119,17 +119,17 @@ class _Replay:
     def __init__(self, *, quiet: bool, speed: float) -> None:
         self._quiet = quiet
         self._speed = speed
-        self._player: Player | None = None
-        self._acts: ActPlayer | None = None
+        self._player: ReplayPlayer | None = None
+        self._acts: OperationPlayer | None = None
         self._fault: MsbotError | None = None
 
-    def play(self, piece: Piece, *, uid: str | None, key: str | None) -> None:
+    def play(self, piece: ReplayExcerpt, *, uid: str | None, key: str | None) -> None:
         """Replay parts."""
         from msbot.cli.run.host import identify
         from msbot.part.join.uid import stored_uid
-        from msbot.recording.replay.player import Player
+        from msbot.recording.replay.replay_player import ReplayPlayer
 
-        self._player = Player(
+        self._player = ReplayPlayer(
             piece,
             speed=self._speed,
             say=self._say,
@@ -141,16 +141,16 @@ class _Replay:
             own = uid or stored_uid(part.part_number, f"{slot} {part.local_name}, replayed").hex()
             identify(part, uid=own, key=key)
 
-    def act(self, acts: RecordedActs, master: RunningProcess, begin_ns: int | None) -> None:
+    def act(self, acts: RecordedOperations, master: RunningProcess, begin_ns: int | None) -> None:
         """Do again what people did."""
-        from msbot.recording.replay.acts import ActPlayer
+        from msbot.recording.replay.recorded_operations import OperationPlayer
 
         player = self._player
 
         async def ask(request: Mapping[str, object]) -> Mapping[str, object]:
             return await asyncio.to_thread(master.ask, dict(request))
 
-        self._acts = ActPlayer(
+        self._acts = OperationPlayer(
             acts,
             ask,
             speed=self._speed,
@@ -211,7 +211,7 @@ def _master(db: str | None, robot: str | None) -> RunningProcess:
     return found
 
 
-def _plan(piece: Piece | None, acts: RecordedActs | None, speed: float) -> list[str]:
+def _plan(piece: ReplayExcerpt | None, acts: RecordedOperations | None, speed: float) -> list[str]:
     """What is going to happen."""
     pace = "" if speed == 1 else f", {speed:g} times as fast"
     lines = []
@@ -225,7 +225,7 @@ def _plan(piece: Piece | None, acts: RecordedActs | None, speed: float) -> list[
     return [printable(line) for line in lines]
 
 
-def _outcome(player: Player) -> str:
+def _outcome(player: ReplayPlayer) -> str:
     words = "The replay is over" if player.ended else "The replay was ended before its end"
     left_out = sum(player.left_out.values())
     words += f": {amount(player.published, 'message')} published"

@@ -23,7 +23,7 @@ from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
     from msbot.recording.curves.curve import Curve
-    from msbot.recording.curves.reading import ReadCurves, UnitOf
+    from msbot.recording.curves.curve_reader import ReadCurves, UnitOf
 
 TABLE = ".csv"
 SECONDS = 30.0
@@ -144,7 +144,7 @@ def _check(wish: _Wish, *, watch: bool, out: Path | None) -> None:
     if watch and not wish.names:
         raise click.UsageError("--watch: say which curves")
     if out is not None:
-        from msbot.recording.curves.drawing import PICTURES
+        from msbot.recording.curves.curve_drawing import PICTURES
 
         if out.suffix.lower() not in (*PICTURES, TABLE):
             raise click.UsageError(f"--out {out}: a file that ends with {', '.join(PICTURES)} or {TABLE}")
@@ -161,15 +161,15 @@ def _ring(db: str | None, robot: str | None) -> Path:
 
 def _units(folders: tuple[Path, ...]) -> UnitOf:
     from msbot.config import load_library
-    from msbot.recording.curves.reading import units_of
+    from msbot.recording.curves.curve_reader import units_of
 
     return units_of(load_library(*folders))
 
 
 def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves, float]:
     """What was asked for, and which time is 0."""
-    from msbot.recording.curves.reading import read_curves, ring_files
-    from msbot.recording.recordings.reading import began_ns, ended_ns
+    from msbot.recording.curves.curve_reader import read_curves, ring_files
+    from msbot.recording.recordings.mcap_reader import began_ns, ended_ns
 
     if folder is None:
         assert wish.file is not None
@@ -208,7 +208,7 @@ def _check_name(name: str, read: ReadCurves, folder: Path | None) -> None:
 
 
 def _show(read: ReadCurves, zero_s: float, wish: _Wish, out: Path | None) -> None:
-    from msbot.recording.curves.drawing import save_picture, terminal_plot
+    from msbot.recording.curves.curve_drawing import save_picture, terminal_plot
 
     if not wish.names:
         if not read.known:
@@ -232,7 +232,7 @@ def _show(read: ReadCurves, zero_s: float, wish: _Wish, out: Path | None) -> Non
 
 
 def _print_figures(read: ReadCurves, curves: list[Curve], *, colour: bool) -> None:
-    from msbot.recording.curves.drawing import by_unit, figure_rows, terminal_colour, terminal_letter
+    from msbot.recording.curves.curve_drawing import by_unit, figure_rows, terminal_colour, terminal_letter
 
     alone = {group[0].name for group in by_unit(curves).values() if len(group) == 1}
     rows = [("curve", "values", "mean", "least", "most", "last", "unit"), *figure_rows(curves, read.figures)]

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Protocol
 import click
 
 from msbot.cli.robot_options import library_here, library_option, link_option
-from msbot.cli.run.world import WorldOptions, guest_door, place_option, world_option
+from msbot.cli.run.world_options import WorldOptions, place_option, remote_world, world_option
 from msbot.part import Part
-from msbot.part.join.keys import given_key
+from msbot.part.join.part_keys import given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot.part.run import CAN
 from msbot_agent.cli.group import complain
@@ -24,7 +24,7 @@ from msbot_agent.cli.options import json_option
 from msbot_agent.link import Link, open_link
 from msbot_agent.log import TerminalHandler
 from msbot_agent.process.end_signals import on_end_signal, run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def host_command(
     if as_json and not check:
         raise ConfigError("--json tells what --check finds: write `msbot host --check --json`")
     WorldOptions(world, place).check()
-    door = None if world is None else guest_door(world, place, click.echo)
+    door = None if world is None else remote_world(world, place, click.echo)
     library = library_here(folders)
     parts = read_parts(path, library)
     if as_json:
@@ -162,5 +162,5 @@ def run_until_told(make: Callable[[], tuple[Endable, Coroutine[object, object, N
         on_end_signal(unit.end)
         await work
 
-    with contextlib.suppress(KeyboardInterrupt), patient_output():
+    with contextlib.suppress(KeyboardInterrupt), nonblocking_output():
         run_to_end(main())

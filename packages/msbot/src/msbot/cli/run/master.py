@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.change.robot_access import details_of
+from msbot.cli.change.robot_access import master_details
 from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
     DEFAULT_LINK,
@@ -43,23 +43,23 @@ from msbot.master import (
     stop_file,
 )
 from msbot.operations.dispatch import RunningOperations, perform
-from msbot.part.join.keys import given_key
+from msbot.part.join.part_keys import given_key
 from msbot.pnp import PartEvent
 from msbot.recording.recorder.batch import RecordingRequest
 from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_registry
 from msbot.registry.maintenance import waiting_restore as held
 from msbot.registry.records import database_identity
 from msbot.ros.robot_in_ros import read_description
-from msbot.stop.names import own_group
+from msbot.stop.socket_names import own_group
 from msbot_agent.agent import MASTER, StatusServer
+from msbot_agent.cli.command_services import WantedService, wanted_services
 from msbot_agent.cli.logs import LogOptions, log_options
 from msbot_agent.cli.options import space_option
-from msbot_agent.cli.services import WantedService, wanted_services
 from msbot_agent.cli.until_ended import run_until_signal
 from msbot_agent.link import Link, bound_name, open_link
 from msbot_agent.link.can import CanSettings, Codec
 from msbot_agent.process.end_signals import run_to_end
-from msbot_agent.process.patient_output import patient_output
+from msbot_agent.process.nonblocking_output import nonblocking_output
 from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_xrce import compress, decompress, is_whole
 from msbot_xrce.errors import ConfigError
@@ -221,7 +221,7 @@ def _with_database(  # noqa: PLR0917 - what the command was given
         can = replace(CAN, profile_hash=profile.profile_hash(), node_ids=partial(registry.runs.node_ids, robot))
         links = [open_link(address, serve=True, can=can) for address in addresses]
         try:
-            with patient_output():
+            with nonblocking_output():
                 run_to_end(_main(blueprint, library, links, where, (registry, store, db), beside, description, lease))
         except LeaseLost as error:
             click.echo(str(error))
@@ -325,7 +325,7 @@ async def _main(  # noqa: PLR0917
             master.agent,
             what=MASTER,
             name=f"{profile.name} {profile.version}",
-            details=lambda: details_of(
+            details=lambda: master_details(
                 master,
                 db,
                 mark=operations.blueprint_mark,
@@ -335,7 +335,7 @@ async def _main(  # noqa: PLR0917
             control=partial(perform, operations),
         )
         stop = StopSocket(
-            master, lambda: details_of(master, db, mark=operations.blueprint_mark, page=context.page_address())
+            master, lambda: master_details(master, db, mark=operations.blueprint_mark, page=context.page_address())
         )
         await run_until_signal(
             _serve(master, lease),

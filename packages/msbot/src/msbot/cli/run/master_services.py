@@ -19,8 +19,8 @@ from msbot.pnp.part_events import PartEvent
 from msbot.recording.recorder.batch import RecordingRequest, read_wish
 from msbot_agent.agent import Agent
 from msbot_agent.cli.agent.agent_service import AgentContext
+from msbot_agent.cli.command_services import Beside, CommandService, ServedCommand
 from msbot_agent.cli.logs import EVENTS
-from msbot_agent.cli.services import Beside, CommandService, ServedCommand
 from msbot_agent.link import Link
 from msbot_agent.log import ALWAYS, FIELDS
 from msbot_agent.space import Space, SpaceAddress
@@ -117,7 +117,7 @@ def metrics_beside(
     """
     if port is None:
         return []
-    from msbot.metrics import Collecting, DatabaseFigures, MetricsSampler, MetricsServer
+    from msbot.metrics import DatabaseFigures, MetricsCollector, MetricsSampler, MetricsServer
     from msbot.metrics.figures import meter_of
 
     def database() -> DatabaseFigures:
@@ -129,7 +129,7 @@ def metrics_beside(
     links = agent.links if master is None else master.links
     # The page measures the bus already, if there is one.
     meter = meter_of(links, asyncio.get_running_loop().time) if page is None else None
-    collecting = Collecting(
+    collecting = MetricsCollector(
         agent,
         master=master,
         database=None if registry is None else database,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TextIO
 import click
 
 from msbot.cli.robot_options import library_here, library_option, link_option
-from msbot.cli.run.world import WorldOptions, bring_into_world, guest_door, place_option, world_option
+from msbot.cli.run.world_options import WorldOptions, place_option, put_into_world, remote_world, world_option
 from msbot.config import Reading, Scalar, scalar_text
 from msbot.part import Part, SimGpio
 from msbot.part.run import run_parts
@@ -22,7 +22,7 @@ from msbot.sim import SimulatedPart
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
-    from msbot.sim.arena.connection import WorldConnection
+    from msbot.sim.arena.world_connection import WorldConnection
 
 
 @click.command("part")
@@ -95,7 +95,7 @@ def command(
     if world is not None and (is_wired or name in SAMPLE_PARTS):
         raise ConfigError("only a simulated part of the library can be in a world: leave --world out")
     slot = name
-    door = None if world is None else guest_door(world, place, click.echo)
+    door = None if world is None else remote_world(world, place, click.echo)
     if simulate and name not in SAMPLE_PARTS:
         name, local_name, uid = _stand_in(name, local_name, uid, folders, quiet=quiet)
     if is_wired:
@@ -196,7 +196,7 @@ def _simulated(
     simulated = make_simulator(number, local_name=local_name, library=library_here(folders))
     apply_settings(simulated, settings)
     if door is not None:
-        bring_into_world(simulated, local_name or slot, door)
+        put_into_world(simulated, local_name or slot, door)
     if not quiet:
         PartConsole(simulated, click.echo, sys.stdin)
         click.echo(f"{simulated.part_type.name}; {controls_words(simulated)}")

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from msbot.config.blueprint.model import Binding, Slot, SlotPort, Timing
+from msbot.config.blueprint.blueprint_model import Binding, Slot, SlotPort, Timing
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_wiring import wired_parts
-from msbot.config.library.library import Direction, Library, PartType, Port, scalar_text
+from msbot.config.library.part_library import Direction, Library, PartType, Port, scalar_text
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.problems import MOST_LISTED, quoted, suggestion
 from msbot_agent.toml.table import Table

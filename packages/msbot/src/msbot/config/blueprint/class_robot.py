@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from msbot.config.blueprint.model import Binding, Blueprint, SlotPort
+from msbot.config.blueprint.blueprint_model import Binding, Blueprint, SlotPort
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
 

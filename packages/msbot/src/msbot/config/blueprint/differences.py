@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 
-from msbot.config.blueprint.model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
-from msbot.config.blueprint.reader import parse_blueprint
-from msbot.config.library.library import Library, scalar_text
+from msbot.config.blueprint.blueprint_file_reader import parse_blueprint
+from msbot.config.blueprint.blueprint_model import Blueprint, InDds, Options, RobotProfile, RosOptions, Slot, Timing
+from msbot.config.library.part_library import Library, scalar_text
 from msbot_agent.text.sentence import joined, said
 from msbot_agent.toml.table import Scalar
 from msbot_xrce.lazy import dataclass

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 
 from msbot.config.library.board_drivers import ADDRESS, BOARD_DRIVERS
-from msbot.config.library.library import Library
+from msbot.config.library.part_library import Library
 from msbot.config.library.part_types import DriverSpec, PartType
 from msbot_agent.text.sentence import Sentence, said
 from msbot_agent.toml.problems import suggestion

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from msbot.config.library.library import Library
 from msbot.config.library.message_types import MessageType, standard_message_types
+from msbot.config.library.part_file_reader import add_message_types, open_library_file, read_part_type
+from msbot.config.library.part_library import Library
 from msbot.config.library.part_types import PartType
-from msbot.config.library.reader import add_message_types, open_library_file, read_part_type
 from msbot_agent.toml.document import Document, parse_document
 from msbot_agent.toml.problems import KeyPath, Problems, quoted
 from msbot_agent.toml.table import toml_table, toml_value

@@ -6,7 +6,7 @@ from functools import reduce
 from typing import NamedTuple
 
 from msbot.hardware.driver import Driver, Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.serial_stream import SerialStream
 from msbot_xrce.errors import LinkDown
 

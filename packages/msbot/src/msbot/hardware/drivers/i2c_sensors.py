@@ -6,7 +6,7 @@ import struct
 from typing import NamedTuple
 
 from msbot.hardware.driver import Driver, Mount, Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.i2c import Chip, SmBus, signed
 
 

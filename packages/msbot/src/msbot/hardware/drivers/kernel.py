@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from msbot.hardware.driver import Driver, Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.machine import Machine, read_number, read_text
 
 W1 = "/sys/bus/w1/devices"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msbot.hardware.driver import Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.i2c import signed
 from msbot.hardware.pins import PinDriver
 

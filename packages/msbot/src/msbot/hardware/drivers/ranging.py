@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from msbot.hardware.driver import Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.pins import PinDriver, gpiozero
 
 TRIGGER_S = 10e-6

@@ -7,7 +7,7 @@ import struct
 from typing import BinaryIO
 
 from msbot.hardware.driver import Driver, Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 
 LAMPS = 8
 SPEED_HZ = 2_400_000

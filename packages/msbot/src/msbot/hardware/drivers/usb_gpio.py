@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msbot.config import Scalar
 from msbot.hardware.driver import Driver, Values
-from msbot.hardware.faults import HardwareFault
+from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.serial_stream import SerialStream
 from msbot.part import NumatoGpio
 from msbot_xrce.errors import LinkDown, RemoteProtocolError

@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from random import Random
 
+from msbot.part.client.client_settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot.part.client.connection import Connection, Stall
 from msbot.part.client.entities import Entity, EntityTable, RunningRead
-from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, PingAnswer
 from msbot_agent.link import Link, SignalHandler
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RequestError
 from msbot_xrce.lazy import dataclass

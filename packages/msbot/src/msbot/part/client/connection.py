@@ -21,7 +21,14 @@ from collections.abc import Callable
 from enum import Enum
 from random import Random
 
-from msbot.part.client.settings import ClientCounters, ClientSettings, ConnectionState, News, PingAnswer, Turn
+from msbot.part.client.client_settings import (
+    ChangeNotifier,
+    ClientCounters,
+    ClientSettings,
+    ConnectionState,
+    PingAnswer,
+    WorkScheduler,
+)
 from msbot_agent.link import Link, Peer, Signal, SignalHandler
 from msbot_xrce import ClientSession, ClientSessionSettings, Status
 from msbot_xrce.errors import LinkDown, LinkError, RemoteProtocolError
@@ -164,7 +171,7 @@ class Connection:
         self.counters = ClientCounters()
         self.was_heard = False
         """Whether the agent had acknowledged everything when the session was deleted."""
-        self.news = News()
+        self.news = ChangeNotifier()
         self.link = link
         self._on_state = on_state
         self._on_signal = on_signal
@@ -174,7 +181,7 @@ class Connection:
         self._epoch_ns = epoch_ns
         self._random = random
         self._watch = Watch(quiet_s=settings.quiet_s, ping_s=settings.ping_s, pings=settings.pings)
-        self._turn = Turn(self._flush)
+        self._turn = WorkScheduler(self._flush)
         self._scope: asyncio.Timeout | None = None
         self._heard = False
         self._gone: str | None = None

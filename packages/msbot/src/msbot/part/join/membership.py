@@ -13,9 +13,9 @@ from collections import deque
 from collections.abc import Callable
 
 from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
+from msbot.part.client.client_settings import ConnectionState, WorkScheduler
 from msbot.part.client.entities import Entity
-from msbot.part.client.settings import ConnectionState, Turn
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join import refusal as thesis_master
 from msbot.part.join.joining import (
     AskThesisMaster,
@@ -30,18 +30,18 @@ from msbot.part.join.joining import (
     SendClaim,
     SendProof,
 )
-from msbot.part.join.keys import KEY_VARIABLE
+from msbot.part.join.part_keys import KEY_VARIABLE
 from msbot.part.join.part_seals import PartSeals
 from msbot.part.join.refusal import trouble_pieces
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
 INVENTORY = ServiceNames(
-    plug.INVENTORY_SERVICE,
-    plug.INVENTORY_REQUEST_TYPE,
-    plug.INVENTORY_REPLY_TYPE,
-    plug.INVENTORY_REQUEST_TOPIC,
-    plug.INVENTORY_REPLY_TOPIC,
+    pnp_messages.INVENTORY_SERVICE,
+    pnp_messages.INVENTORY_REQUEST_TYPE,
+    pnp_messages.INVENTORY_REPLY_TYPE,
+    pnp_messages.INVENTORY_REQUEST_TOPIC,
+    pnp_messages.INVENTORY_REPLY_TOPIC,
 )
 """Where a part claims, beats and asks for its configuration."""
 THESIS_INVENTORY = ServiceNames(
@@ -74,17 +74,17 @@ class Membership:
         self,
         make_client: ClientMaker,
         joining: Joining,
-        claim: plug.ClaimMessage,
+        claim: pnp_messages.ClaimMessage,
         *,
         profile_once: bool = False,
         prove: Callable[[bytes], bytes | None] = lambda _: None,
         prove_sealed: Callable[[bytes], tuple[bytes, bytes] | None] = lambda _: None,
         changed: Callable[[Changed], None],
-        configure: Callable[[plug.ConfigurationMessage], None],
-        noticed: Callable[[plug.Notice], None] = lambda _: None,
+        configure: Callable[[pnp_messages.ConfigurationMessage], None],
+        noticed: Callable[[pnp_messages.Notice], None] = lambda _: None,
         on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
         stop_in_beats: Callable[[], tuple[int, ...]] = lambda: (),
-        nature: plug.Nature = plug.Nature.UNKNOWN,
+        nature: pnp_messages.Nature = pnp_messages.Nature.UNKNOWN,
         description: str = "",
         absent: str = "",
     ) -> None:
@@ -119,7 +119,7 @@ class Membership:
             on_room=self._say_on,
         )
         self._claim = claim.encode()
-        self._question = thesis_master.question(claim.part_number, claim.local_name)
+        self._question = thesis_master.probe_request(claim.part_number, claim.local_name)
         self._thesis_requester: Entity | None = None
         self._profile_once = profile_once
         self._changed = changed
@@ -139,12 +139,12 @@ class Membership:
         self._end_reason = ""
         self._leaving: asyncio.TimerHandle | None = None
         """Set while it stays only to say what is unsaid."""
-        self._turn = Turn(self._work)
+        self._turn = WorkScheduler(self._work)
         # Without a name: nobody learns who the part is before it has recognised its robot.
         self.participant = client.create_participant()
         """Parent of everything the part creates."""
         self.subscriber = client.create_subscriber(self.participant)
-        topic = client.create_topic(self.participant, plug.PROFILE_TOPIC, plug.PROFILE_TYPE)
+        topic = client.create_topic(self.participant, pnp_messages.PROFILE_TOPIC, pnp_messages.PROFILE_TYPE)
         self._profile_reader = client.create_reader(self.subscriber, topic)
         self._requester = client.create_requester(self.participant, INVENTORY)
         self._read_profile(JoinState.LOOKING)
@@ -189,7 +189,7 @@ class Membership:
             self._on_topic(object_id, request_id, opened)
             return
         try:
-            profile = plug.ProfileMessage.decode(opened)
+            profile = pnp_messages.ProfileMessage.decode(opened)
         except RemoteProtocolError as error:
             self._drop("profile", error)
             return
@@ -222,29 +222,29 @@ class Membership:
         if opened is None:
             return
         try:
-            reply = plug.decode_reply(opened)
+            reply = pnp_messages.decode_reply(opened)
         except RemoteProtocolError as error:
             self._drop("reply of the inventory", error)
             return
         match reply:
-            case plug.BeatReply():
+            case pnp_messages.BeatReply():
                 self.joining.beat_answered(reply.configuration_version, now)
-            case plug.VerdictMessage():
+            case pnp_messages.VerdictMessage():
                 period_s = max(reply.beat_period_ms, SHORTEST_BEAT_MS) / 1000
                 self.joining.verdict_given(reply.lease, period_s, _refusal_words(reply.reason), now)
-            case plug.Challenge():
+            case pnp_messages.Challenge():
                 self.joining.challenged(reply.nonce, now)
-            case plug.SealedChallenge():
+            case pnp_messages.SealedChallenge():
                 self.joining.challenged(reply.nonce, now, sealed=True)
-            case plug.Notice(kind=plug.NoticeKind.DESCRIBE):
+            case pnp_messages.Notice(kind=pnp_messages.NoticeKind.DESCRIBE):
                 self._describe()
-            case plug.Notice():
+            case pnp_messages.Notice():
                 self._noticed(reply)
-            case plug.ConfigurationMessage():
+            case pnp_messages.ConfigurationMessage():
                 self._configuration_received(reply, now)
         self._drain()
 
-    def _configuration_received(self, configuration: plug.ConfigurationMessage, now: float) -> None:
+    def _configuration_received(self, configuration: pnp_messages.ConfigurationMessage, now: float) -> None:
         if self.joining.configuration_received(configuration.version, configuration.slot, now):
             self._configure(configuration)
         if self.joining.state is JoinState.ACTIVE:
@@ -263,7 +263,7 @@ class Membership:
                         self.client.delete(self._thesis_requester)
                         self._thesis_requester = None
                     self._changed(action)
-                    if action.after is JoinState.ACTIVE and self._nature is not plug.Nature.UNKNOWN:
+                    if action.after is JoinState.ACTIVE and self._nature is not pnp_messages.Nature.UNKNOWN:
                         self._say_nature()
                 case SendClaim():
                     self._send(self._claim, STREAM_RELIABLE)
@@ -277,7 +277,7 @@ class Membership:
                     self._say_absence()
                 case FetchConfiguration():
                     self._read_replies(STREAM_RELIABLE)
-                    request = plug.ConfigurationRequest(lease=action.lease, have_version=action.have_version)
+                    request = pnp_messages.ConfigurationRequest(lease=action.lease, have_version=action.have_version)
                     self._send(request.encode(), STREAM_RELIABLE)
                 case CheckAgent():
                     self.client.check_agent()
@@ -297,14 +297,14 @@ class Membership:
             _log.debug("the thesis' master is not asked for: %s", error)
 
     def _say_nature(self) -> None:
-        message = plug.NatureMessage(lease=self.joining.lease, nature=self._nature)
+        message = pnp_messages.NatureMessage(lease=self.joining.lease, nature=self._nature)
         self._send(message.encode(), STREAM_RELIABLE)
 
     def _describe(self) -> None:
         """The robot asks what the part is; it has not been let in, and may be asked again."""
         if self._description and self.joining.state in (JoinState.CLAIMING, JoinState.REFUSED):
             _log.info("the robot does not know this part number, and asks what the part is: it is told")
-            self._send(plug.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
+            self._send(pnp_messages.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
     def say_trouble(self, sentence: str) -> None:
         """Tell the robot what is wrong with the part's hardware; only a part that has a lease can."""
@@ -337,8 +337,8 @@ class Membership:
         self.client.close_soon(deliver_s=TELL_S if self._has_trouble else 0.0)
 
     def _send_beat(self, lease: int) -> None:
-        said = [plug.StoppedBeat(lease=lease, number=number & 0xFFFF) for number in self._stop_in_beats()]
-        for beat in said or (plug.Beat(lease=lease),):
+        said = [pnp_messages.StoppedBeat(lease=lease, number=number & 0xFFFF) for number in self._stop_in_beats()]
+        for beat in said or (pnp_messages.Beat(lease=lease),):
             self._send(beat.encode(), STREAM_BEST_EFFORT)
 
     def _send(self, request: bytes, stream_id: int) -> bool:
@@ -367,15 +367,15 @@ class Membership:
         return NO_MORE if state is JoinState.CLAIMING and running == ENDLESS else running
 
     def _send_proof(self, challenge: SendProof) -> None:
-        answer: plug.Proof | plug.SealedProof
+        answer: pnp_messages.Proof | pnp_messages.SealedProof
         if challenge.sealed and (sealed := self._prove_sealed(challenge.nonce)) is not None:
             proof, secret = sealed
             self.seals.proved(secret)
-            answer = plug.SealedProof(proof=proof)
+            answer = pnp_messages.SealedProof(proof=proof)
         elif not challenge.sealed and (plain := self._prove(challenge.nonce)) is not None:
-            answer = plug.Proof(proof=plain)
+            answer = pnp_messages.Proof(proof=plain)
         else:
-            words = f"{plug.Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
+            words = f"{pnp_messages.Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
             self.joining.verdict_given(0, 0.0, words, self._turn.now())
             return
         self._send(answer.encode(), STREAM_RELIABLE)
@@ -392,6 +392,6 @@ class Membership:
 
 def _refusal_words(code: int) -> str:
     try:
-        return plug.Refusal(code).words
+        return pnp_messages.Refusal(code).words
     except ValueError:
         return f"refused for reason {code}, which this version does not know"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 
-from msbot.part.join import plug
+from msbot.part.join import pnp_messages
 from msbot.part.join.seal import SEAL_OCTETS, TOO_SHORT, Seal
 
 _log = logging.getLogger("msbot.part")
@@ -34,9 +34,9 @@ class PartSeals:
 
     def open_reply(self, payload: bytes) -> bytes | None:
         """What the inventory says, without its seal; None: refused."""
-        if not plug.is_sealed_reply(len(payload)) or self._may_be_unsealed(payload):
+        if not pnp_messages.is_sealed_reply(len(payload)) or self._may_be_unsealed(payload):
             return payload
-        channel = plug.channel_of_reply(len(payload) - SEAL_OCTETS)
+        channel = pnp_messages.channel_of_reply(len(payload) - SEAL_OCTETS)
         reason = TOO_SHORT
         for seal in self._usable():
             opened = seal.open(channel, payload)
@@ -66,16 +66,16 @@ class PartSeals:
 
     def seal_request(self, request: bytes) -> bytes:
         """A request to the inventory, with its seal if it has one."""
-        if self._present is None or not plug.is_sealed_request(len(request)):
+        if self._present is None or not pnp_messages.is_sealed_request(len(request)):
             return request
-        return self._present.seal(plug.channel_of_request(len(request)), request)
+        return self._present.seal(pnp_messages.channel_of_request(len(request)), request)
 
     def _may_be_unsealed(self, payload: bytes) -> bool:
         if self._present is not None:
             return False
-        if len(payload) == plug.NONCE_OCTETS and not self._insists:
+        if len(payload) == pnp_messages.NONCE_OCTETS and not self._insists:
             self._proved = None  # a plain challenge: this robot seals nothing, whatever was said before
-        return plug.is_refusal(payload) or (self._proved is None and not self._insists)
+        return pnp_messages.is_refusal(payload) or (self._proved is None and not self._insists)
 
     def _usable(self) -> list[Seal]:
         return [seal for seal in (self._proved, self._present) if seal is not None]

@@ -36,7 +36,7 @@ STANDBY = "standby"
 """What the master calls a part that was refused because no slot is free: it waits, and takes over when one is."""
 
 
-def told_state(state: str, reason: str) -> str:
+def displayed_state(state: str, reason: str) -> str:
     """How a part calls its state when it tells people: refused with that reason, it may be a spare that waits."""
     return STANDBY if state == "refused" and reason == Refusal.NO_SLOT.words else state
 
@@ -114,7 +114,7 @@ _MARK = b"?MsBOT"
 _LENGTH = Struct("<I")
 
 
-def question(part_number: str, local_name: str) -> bytes | None:
+def probe_request(part_number: str, local_name: str) -> bytes | None:
     """The request; None if the names are too long for a request of the thesis."""
     content = _string(part_number) + _string(local_name)
     if len(content) + len(_MARK) > BUFFER_BYTES:
@@ -122,12 +122,12 @@ def question(part_number: str, local_name: str) -> bytes | None:
     return content.ljust(BUFFER_BYTES - len(_MARK), b"\0") + _MARK
 
 
-def is_question(request: bytes) -> bool:
+def is_probe_request(request: bytes) -> bool:
     """Whether a request in the thesis' layout is one that only asks who answers."""
     return len(request) == BUFFER_BYTES and request.endswith(_MARK)
 
 
-def request(part_number: str, local_name: str) -> bytes:
+def encode_request(part_number: str, local_name: str) -> bytes:
     """A request as the thesis' parts make it.
 
     Raises:
@@ -136,7 +136,7 @@ def request(part_number: str, local_name: str) -> bytes:
     return _filled(_string(part_number) + _string(local_name))
 
 
-def reply(part_number: str) -> bytes:
+def encode_reply(part_number: str) -> bytes:
     """The reply to it.
 
     Raises:

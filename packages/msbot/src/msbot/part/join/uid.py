@@ -7,7 +7,7 @@ import os
 import secrets
 from pathlib import Path
 
-from msbot.part.join.plug import UID_OCTETS
+from msbot.part.join.pnp_messages import UID_OCTETS
 from msbot_agent.process.user_folders import state_folder
 from msbot_xrce.errors import ConfigError
 

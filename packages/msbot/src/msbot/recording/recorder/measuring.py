@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final
 
 from msbot.pnp import PartInfo
-from msbot_agent.agent import Acknowledgements, Agent, Worst
+from msbot_agent.agent import Acknowledgements, Agent, Maximum
 from msbot_xrce.lazy import dataclass
 
 STEP_S: Final = 0.1
@@ -97,7 +97,7 @@ async def keep_measuring(
         view: the parts, at a time of the robot's clock.
         tell: takes what was measured, and the parts.
     """
-    loop, beats, lateness, latency, acks = asyncio.get_running_loop(), Beats(), Lateness(), Worst(), Acks(agent)
+    loop, beats, lateness, latency, acks = asyncio.get_running_loop(), Beats(), Lateness(), Maximum(), Acks(agent)
     agent.latency.on_delivery(latency.add)
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(lateness.run())

@@ -16,7 +16,7 @@ from msbot.config import Blueprint, InDds, Library
 from msbot.master import Master
 from msbot.operations.dispatch import Operations, PerformedOperation, RunningOperations
 from msbot.part import HelloWorld, Message
-from msbot.part.join.plug import ProfileMessage
+from msbot.part.join.pnp_messages import ProfileMessage
 from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
 from msbot.recording.recorder.batch import (

@@ -13,7 +13,7 @@ from mcap.records import Schema
 from msbot.recording.recorder.bag import BagTopic, BagTopics
 from msbot.recording.recorder.batch import RecordedChannel
 from msbot.recording.recorder.recording_file import ENCAPSULATION
-from msbot.recording.recordings.reading import OWN, Decoder, RecordedMessage
+from msbot.recording.recordings.mcap_reader import OWN, Decoder, RecordedMessage
 from msbot.recording.recordings.summary import flat_fields
 from msbot_xrce.errors import ConfigError
 

@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from msbot.recording.recorder.bag import PROFILE
 from msbot.recording.recorder.new_file import new_file, whole_or_none
 from msbot.recording.recordings.conversions import ChannelKey, RosView, channel_key
-from msbot.recording.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage, RecordingReader
+from msbot.recording.recordings.mcap_reader import FRAMES, OWN, Decoder, RecordedMessage, RecordingReader
 from msbot.recording.recordings.summary import line_of
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError

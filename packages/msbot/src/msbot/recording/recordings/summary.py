@@ -7,7 +7,7 @@ from struct import error as StructError
 
 from msbot.recording.recorder.batch import BLUEPRINT, MEASURED, SHOWN, SLOTS
 from msbot.recording.recorder.schemas import FRAME
-from msbot.recording.recordings.reading import FRAMES, OWN, Decoder, RecordedMessage
+from msbot.recording.recordings.mcap_reader import FRAMES, OWN, Decoder, RecordedMessage
 from msbot_agent.link.can.protocol import Frame
 from msbot_xrce.counting import amount
 

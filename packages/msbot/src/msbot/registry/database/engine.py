@@ -16,8 +16,8 @@ from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from msbot.registry.database.database_errors import ELSE, told_as_registry_error
-from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.errors import RegistryError
 from msbot_xrce.lazy import dataclass
 
@@ -177,7 +177,7 @@ def _check_magic(path: Path) -> None:
     try:
         if in_use[identity_of(path)]:
             return
-        with open_given(path) as stream:
+        with open_input_file(path) as stream:
             beginning = stream.read(len(MAGIC)) or b""
     except OSError as error:
         raise RegistryError(

@@ -18,6 +18,7 @@ from sqlalchemy.exc import DBAPIError
 
 from msbot.process.daemon_threads import DaemonThreads
 from msbot.registry.database.database_errors import told_as_registry_error, was_ended_for_standing_still
+from msbot.registry.database.database_writer import DatabaseWriter
 from msbot.registry.database.engine import (
     MAGIC,
     WAIT_S,
@@ -28,7 +29,6 @@ from msbot.registry.database.engine import (
     make_private,
     sqlite_address,
 )
-from msbot.registry.database.writer import Writer
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import RegistryError
 from msbot_xrce.lazy import dataclass
@@ -204,7 +204,7 @@ class Storage:
         """Whether parts and people depend on this process."""
         self._file = None if read_only or address.path is None else DatabaseFile(engine, address.path)
         self._is_broken_off = False
-        self._writer = None if read_only else Writer(engine, address.words, check=self._check)
+        self._writer = None if read_only else DatabaseWriter(engine, address.words, check=self._check)
         self._threads = DaemonThreads(READERS, "msbot registry reader")
         self._asking: dict[int, float] = {}
         """When each reader that is being served or waiting made its request."""
@@ -224,7 +224,7 @@ class Storage:
         )
 
     @property
-    def writer(self) -> Writer:
+    def writer(self) -> DatabaseWriter:
         """The thread that writes.
 
         Raises:

@@ -31,8 +31,8 @@ from msbot.registry.records import RobotRecord
 from msbot.registry.registry import BUSY_TIMEOUT_S, Registry, open_registry
 from msbot.registry.running import run_lock
 from msbot.registry.running.robot_memory import read_memory
-from msbot_agent.text.given_file import open_given
 from msbot_agent.text.sentence import said, without
+from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
 from msbot_xrce.lazy import dataclass
@@ -155,7 +155,7 @@ def check_backup(path: Path, *, needs_administrator: bool) -> None:
 
 def fault_of(path: str, needs_administrator: bool) -> str:
     """The worst thing that is wrong with it; empty: nothing."""
-    with open_given(Path(path)) as stream:
+    with open_input_file(Path(path)) as stream:
         if stream.read(len(MAGIC)) != MAGIC:
             return said("it is not a database")
     try:

@@ -16,7 +16,7 @@ from sqlalchemy import Connection
 from msbot.config import Blueprint, PartType, Slot, parse_versions, split_number
 from msbot.pnp import Claim, Configuration, Group, PartEvent, PartState, StopRecord
 from msbot.registry.database import statements as store
-from msbot.registry.database.writer import Writer
+from msbot.registry.database.database_writer import DatabaseWriter
 from msbot.registry.records import RobotRecord, UserRecord, uid_text
 from msbot.registry.running import robot_memory as stop_record
 from msbot.registry.running.robot_memory import StoredRobotSnapshot
@@ -48,7 +48,7 @@ class RobotStore:
 
     def __init__(
         self,
-        writer: Writer,
+        writer: DatabaseWriter,
         database: str,
         robot: RobotRecord,
         memory: StoredRobotSnapshot,
@@ -249,7 +249,7 @@ class StoredNodeIds:
 
     def __init__(
         self,
-        writer: Writer,
+        writer: DatabaseWriter,
         robot_id: int,
         link: str,
         *,

@@ -15,12 +15,12 @@ from enum import Enum
 from random import Random
 from typing import Final
 
+from msbot.sim.arena.arena_robot import ArenaRobot, MountedPart, Pose
 from msbot.sim.arena.floor import Floor
 from msbot.sim.arena.gripper import Grippers
-from msbot.sim.arena.robot import ArenaRobot, Seat, Stance
-from msbot.sim.arena.senses import Senses
+from msbot.sim.arena.sensors import SensorModel
 from msbot.sim.arena.wheels import GRAVITY, SENSE_STEPS, STEP_S, push
-from msbot.sim.arena.world import Box, Colour, Point, RobotPlan, WorldPlan
+from msbot.sim.arena.world_plan import Box, Colour, Point, RobotPlan, WorldPlan
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -76,7 +76,7 @@ class Arena:
             self.colours[robot.shape] = place.colour
             self.robots[place.name] = robot
         self.gripper = Grippers(self.space, {thing.shape: thing.plan.size for thing in self.boxes})
-        self.senses = Senses(
+        self.senses = SensorModel(
             plan=self.plan,
             space=self.space,
             floor=self.floor,
@@ -136,7 +136,7 @@ class Arena:
                     self.gripper.update(robot)
                     self.senses.note_motion(robot, STEP_S * SENSE_STEPS)
 
-    def mount(self, robot: str, slot: str, quantities: Iterable[str]) -> Seat:
+    def mount(self, robot: str, slot: str, quantities: Iterable[str]) -> MountedPart:
         """Put a part on a robot."""
         return self.robot(robot).mount(slot, quantities)
 
@@ -150,12 +150,12 @@ class Arena:
         seat = found.seats.get(slot)
         return {} if seat is None else self.senses.sense(found, seat, quantities)
 
-    def poses(self) -> dict[str, Stance]:
+    def poses(self) -> dict[str, Pose]:
         """Where robots and boxes are."""
         found = {name: robot.pose for name, robot in self.robots.items()}
         for thing in self.boxes:
             x, y = thing.body.position
-            found[thing.plan.name] = Stance(float(x), float(y), float(thing.body.angle))
+            found[thing.plan.name] = Pose(float(x), float(y), float(thing.body.angle))
         return found
 
     def digest(self) -> str:
@@ -242,7 +242,7 @@ REACH_M: Final = 0.5
 """What is farther away is not near."""
 
 
-class Side(Enum):
+class RelativeSide(Enum):
     """Where something is, as the robot sees it."""
 
     AHEAD = "ahead"
@@ -251,7 +251,7 @@ class Side(Enum):
     RIGHT = "right"
 
 
-class Sort(Enum):
+class ThingKind(Enum):
     """What it is."""
 
     WALL = "wall"
@@ -263,12 +263,12 @@ class Sort(Enum):
 class Nearby:
     """One thing near a robot."""
 
-    sort: Sort
+    sort: ThingKind
     name: str
     """As the world file calls it; empty for a wall."""
     distance_m: float
     """From the middle of the robot to the nearest point of the thing."""
-    side: Side
+    side: RelativeSide
 
 
 def surroundings(arena: Arena, robot: ArenaRobot) -> list[Nearby]:
@@ -276,18 +276,18 @@ def surroundings(arena: Arena, robot: ArenaRobot) -> list[Nearby]:
     pose = robot.pose
     boxes = {thing.shape: thing.plan.name for thing in arena.boxes if thing.body is not robot.held}
     robots = {other.shape: other.plan.name for other in arena.robots.values()}
-    found: dict[tuple[Sort, str], Nearby] = {}
+    found: dict[tuple[ThingKind, str], Nearby] = {}
     for info in arena.space.point_query((pose.x, pose.y), REACH_M, robot.filter):
         if info.shape is None or (robot.held is not None and info.shape.body is robot.held):
             continue
         angle = math.degrees(math.atan2(info.point.y - pose.y, info.point.x - pose.x) - pose.angle) % 360.0
-        side = (Side.AHEAD, Side.LEFT, Side.BEHIND, Side.RIGHT)[round(angle / 90.0) % 4]
+        side = (RelativeSide.AHEAD, RelativeSide.LEFT, RelativeSide.BEHIND, RelativeSide.RIGHT)[round(angle / 90.0) % 4]
         if info.shape in boxes:
-            sort, name = Sort.BOX, boxes[info.shape]
+            sort, name = ThingKind.BOX, boxes[info.shape]
         elif info.shape in robots:
-            sort, name = Sort.ROBOT, robots[info.shape]
+            sort, name = ThingKind.ROBOT, robots[info.shape]
         else:
-            sort, name = Sort.WALL, ""
+            sort, name = ThingKind.WALL, ""
         one = Nearby(sort, name, max(0.0, float(info.distance)), side)
         key = (sort, name or side.value)
         if key not in found or one.distance_m < found[key].distance_m:

@@ -6,7 +6,7 @@ import math
 
 import pymunk
 
-from msbot.sim.arena.world import Area, Colour, Point, Stripe, WorldPlan
+from msbot.sim.arena.world_plan import Area, Colour, Point, Stripe, WorldPlan
 
 ORDINARY_GRIP = 0.8
 """Grip of a tyre on the floor where no area says something else."""

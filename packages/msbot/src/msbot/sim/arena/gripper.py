@@ -6,8 +6,8 @@ import math
 
 import pymunk
 
-from msbot.sim.arena.robot import ArenaRobot, Seat
-from msbot.sim.arena.world import Point
+from msbot.sim.arena.arena_robot import ArenaRobot, MountedPart
+from msbot.sim.arena.world_plan import Point
 
 REACH_M = 0.035
 """How far in front of it a gripper holds a box."""
@@ -30,7 +30,7 @@ class Grippers:
         self._space = space
         self._sizes = sizes
 
-    def thing_mm(self, robot: ArenaRobot, seat: Seat) -> float:
+    def thing_mm(self, robot: ArenaRobot, seat: MountedPart) -> float:
         """Width of what is between the fingers in mm; 0 = nothing."""
         shape = self._between(robot, seat)
         return 0.0 if shape is None else 1000 * self._width(robot, seat, shape)
@@ -60,7 +60,7 @@ class Grippers:
             self._space.remove(*robot.hold)
         robot.hold, robot.held = (), None
 
-    def _between(self, robot: ArenaRobot, seat: Seat) -> pymunk.Shape | None:
+    def _between(self, robot: ArenaRobot, seat: MountedPart) -> pymunk.Shape | None:
         """The box between the fingers."""
         pose = robot.looking(seat)
         if robot.held is not None:
@@ -70,13 +70,13 @@ class Grippers:
             return None
         return info.shape if self._width(robot, seat, info.shape) <= seat.place.width_m else None
 
-    def _width(self, robot: ArenaRobot, seat: Seat, shape: pymunk.Shape) -> float:
+    def _width(self, robot: ArenaRobot, seat: MountedPart, shape: pymunk.Shape) -> float:
         """How wide a box is as the fingers feel it."""
         length, width = self._sizes[shape]
         turned = shape.body.angle - robot.looking(seat).angle
         return abs(length * math.sin(turned)) + abs(width * math.cos(turned))
 
-    def _take(self, robot: ArenaRobot, seat: Seat, box: pymunk.Body) -> None:
+    def _take(self, robot: ArenaRobot, seat: MountedPart, box: pymunk.Body) -> None:
         pose = robot.looking(seat)
         at = box.position
         joints = (

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from msbot.config import DRIVES, SENSES, Control, PartType
 from msbot.sim.arena.wheels import SENSE_STEPS, STEP_S
-from msbot.sim.arena.world import Point
+from msbot.sim.arena.world_plan import Point
 from msbot.sim.simulated_reading import as_number
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Sensed = float | bool
 
 
-class Inhabitant(Protocol):
+class WorldPart(Protocol):
     """A part in a world: in this process, or in another one."""
 
     def doing(self) -> Mapping[str, float]:
@@ -38,7 +38,7 @@ class Inhabitant(Protocol):
         """Show it what it senses now, by the words of `SENSES`."""
 
 
-class Simulates(Protocol):
+class PartSimulation(Protocol):
     """The face of a `SimulatedPart` that is needed here."""
 
     @property
@@ -61,13 +61,13 @@ def quantities_of(part_type: PartType) -> tuple[str, ...]:
     return (*senses, *(reading.drives for reading in simulator.readings if reading.drives))
 
 
-class SimulatedInhabitant:
+class SimulatedWorldPart:
     """A simulated part of this process in a world.
 
     What the world shows it sets its controls, within their limits; what its readings say is what it does.
     """
 
-    def __init__(self, simulated: Simulates) -> None:
+    def __init__(self, simulated: PartSimulation) -> None:
         simulator = simulated.part_type.simulator
         self._simulated = simulated
         controls = () if simulator is None else simulator.controls
@@ -76,7 +76,7 @@ class SimulatedInhabitant:
         self._drives = {reading.drives: reading.name for reading in readings if reading.drives}
 
     def doing(self) -> Mapping[str, float]:
-        """See `Inhabitant.doing`."""
+        """See `WorldPart.doing`."""
         found = {}
         for quantity, reading in self._drives.items():
             value = self._simulated.source(reading)
@@ -84,7 +84,7 @@ class SimulatedInhabitant:
         return found
 
     def sense(self, values: Mapping[str, Sensed]) -> None:
-        """See `Inhabitant.sense`."""
+        """See `WorldPart.sense`."""
         wanted: dict[str, bool | int | float | str] = {}
         for quantity, value in values.items():
             control = self._controls.get(quantity)
@@ -111,7 +111,7 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
 class ArenaPart:
     """A part in the world."""
 
-    inhabitant: Inhabitant
+    inhabitant: WorldPart
     senses: tuple[str, ...]
     """What it is shown."""
     acts: bool
@@ -151,7 +151,7 @@ class RunningArena:
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
-    def seat(self, robot: str, slot: str, quantities: Iterable[str], inhabitant: Inhabitant) -> None:
+    def seat(self, robot: str, slot: str, quantities: Iterable[str], inhabitant: WorldPart) -> None:
         """Put a part into the world.
 
         Raises:

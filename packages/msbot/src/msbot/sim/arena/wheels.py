@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from random import Random
 
-from msbot.sim.arena.world import Chassis, ChassisKind, Point
+from msbot.sim.arena.world_plan import Chassis, ChassisKind, Point
 from msbot_xrce.lazy import dataclass
 
 STEP_S = 0.005

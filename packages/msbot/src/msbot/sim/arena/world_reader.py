@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
-from msbot.sim.arena.world import (
+from msbot.sim.arena.world_plan import (
     COLOURS,
     Area,
     Box,

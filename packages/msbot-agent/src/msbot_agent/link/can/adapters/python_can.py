@@ -19,7 +19,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final
 
-from msbot_agent.link.can.adapters.driver import RING_FRAMES, RING_FULL, ChannelOwner
+from msbot_agent.link.can.adapters.can_driver import RING_FRAMES, RING_FULL, ChannelOwner
 from msbot_agent.link.can.adapters.error_frames import read_report
 from msbot_agent.link.can.controller import CanBusInfo
 from msbot_agent.link.can.protocol.frames import Frame

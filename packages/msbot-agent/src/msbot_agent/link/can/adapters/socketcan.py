@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from struct import Struct
 from typing import Final
 
-from msbot_agent.link.can.adapters.driver import ChannelOwner
+from msbot_agent.link.can.adapters.can_driver import ChannelOwner
 from msbot_agent.link.can.adapters.error_frames import (
     BACK_WORDS,
     EXTENDED,

@@ -1,9 +1,10 @@
 """Frames of a CAN bus in words, for people who watch it: who sends what to whom, down to the DDS-XRCE message.
 
 Theory of operation. A decoder is fed every frame of a bus, in order, and keeps for each node and direction what the
-receiver keeps: a `FrameJoiner`. The caller supplies the meaning of a whole packet (`Explain`), because a link does not
-know DDS-XRCE. A decoder that starts in the middle has not seen the ASSIGN that says whether headers are compressed, so
-it tries both (the first octet distinguishes a short form from a message). Nothing here raises, whatever the input.
+receiver keeps: a `FrameJoiner`. The caller supplies the meaning of a whole packet (`PacketExplainer`), because a link
+does not know DDS-XRCE. A decoder that starts in the middle has not seen the ASSIGN that says whether headers are
+compressed, so it tries both (the first octet distinguishes a short form from a message). Nothing here raises, whatever
+the input.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _SESSION_ID: Final = 0x80
 _CAPS = {CAN_FD: "CAN FD", COMPRESSION: "header compression"}
 
 
-class Explain(Protocol):
+class PacketExplainer(Protocol):
     """Says what a packet means."""
 
     def __call__(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
@@ -62,7 +63,7 @@ class CanDecoder:
     """Understands the bus of a robot (docs/reference/can.md)."""
 
     def __init__(
-        self, explain: Explain, *, decompress: Callable[[bytes], bytes] | None = None, ids: CanIds | None = None
+        self, explain: PacketExplainer, *, decompress: Callable[[bytes], bytes] | None = None, ids: CanIds | None = None
     ) -> None:
         """Begin to listen.
 
@@ -74,7 +75,7 @@ class CanDecoder:
         self._explain = explain
         self._decompress = decompress
         self._ids = ids or CanIds()
-        self._lanes: dict[tuple[int, bool], _Lane] = {}
+        self._lanes: dict[tuple[int, bool], _NodeDirection] = {}
         self._use: dict[int, int] = {}
 
     def decode(self, frame: Frame, now: float) -> list[str]:
@@ -90,7 +91,7 @@ class CanDecoder:
     def _segment(self, frame: Frame, node: int, now: float, *, up: bool) -> list[str]:
         lane = self._lanes.get((node, up))
         if lane is None:
-            lane = self._lanes[node, up] = _Lane()
+            lane = self._lanes[node, up] = _NodeDirection()
         words = f"node {node} to master" if up else f"master to node {node}"
         if frame.data:
             header = frame.data[0]
@@ -144,7 +145,9 @@ class CanDecoder:
 class LegacyDecoder:
     """Understands the bus of the thesis' firmware: one component, one pair of identifiers (`legacy_frames.py`)."""
 
-    def __init__(self, explain: Explain, is_whole: Callable[[bytes], bool], *, up: int = UP, down: int = DOWN) -> None:
+    def __init__(
+        self, explain: PacketExplainer, is_whole: Callable[[bytes], bool], *, up: int = UP, down: int = DOWN
+    ) -> None:
         """Begin to listen.
 
         Args:
@@ -155,8 +158,8 @@ class LegacyDecoder:
         """
         self._explain = explain
         self._ways = {
-            down: _LegacyWay(is_whole, "master to component"),
-            up: _LegacyWay(is_whole, "component to master"),
+            down: _LegacyDirection(is_whole, "master to component"),
+            up: _LegacyDirection(is_whole, "component to master"),
         }
         self._up = up
 
@@ -189,7 +192,7 @@ class _Dropped(Tally):
         return news
 
 
-class _LegacyWay:
+class _LegacyDirection:
     """One of the two directions."""
 
     def __init__(self, is_whole: Callable[[bytes], bool], words: str) -> None:
@@ -198,7 +201,7 @@ class _LegacyWay:
         self.joiner = LegacyJoiner(is_whole, dropped=self.dropped)
 
 
-class _Lane:
+class _NodeDirection:
     """One node in one direction."""
 
     def __init__(self) -> None:

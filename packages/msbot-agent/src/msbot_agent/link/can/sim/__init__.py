@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING
 from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from msbot_agent.link.can.sim.driver import SimBusDriver, SimCanBus
-    from msbot_agent.link.can.sim.model.bus import SimBus
-    from msbot_agent.link.can.sim.names import DEFAULT_NAME, check_free, rates_words
-    from msbot_agent.link.can.sim.server import SimBusServer
+    from msbot_agent.link.can.sim.bus_names import DEFAULT_NAME, check_free, rates_words
+    from msbot_agent.link.can.sim.model.sim_bus import SimBus
     from msbot_agent.link.can.sim.sim_address import open_sim_bus
+    from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver, SimCanBus
+    from msbot_agent.link.can.sim.sim_bus_server import SimBusServer
 
 _NAMES = {
-    "msbot_agent.link.can.sim.driver": (
+    "msbot_agent.link.can.sim.sim_bus_driver": (
         "SimBusDriver",
         "SimCanBus",
     ),
-    "msbot_agent.link.can.sim.model.bus": ("SimBus",),
-    "msbot_agent.link.can.sim.names": (
+    "msbot_agent.link.can.sim.model.sim_bus": ("SimBus",),
+    "msbot_agent.link.can.sim.bus_names": (
         "DEFAULT_NAME",
         "check_free",
         "rates_words",
     ),
-    "msbot_agent.link.can.sim.server": ("SimBusServer",),
+    "msbot_agent.link.can.sim.sim_bus_server": ("SimBusServer",),
     "msbot_agent.link.can.sim.sim_address": ("open_sim_bus",),
 }
 

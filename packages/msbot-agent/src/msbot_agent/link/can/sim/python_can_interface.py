@@ -25,9 +25,9 @@ import can
 from msbot_agent.link.can.adapters.python_can import frame_of, message_of
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame, check_frame
-from msbot_agent.link.can.sim.client import CONNECT_S, LOST_WORDS, SimBusRequest
-from msbot_agent.link.can.sim.model.bus import MAILBOXES
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim.bus_names import DEFAULT_NAME, existing_bus, list_buses, rates_words
+from msbot_agent.link.can.sim.model.sim_bus import MAILBOXES
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     BusFrame,
     FrameRejected,
     FrameSent,
@@ -41,8 +41,8 @@ from msbot_agent.link.can.sim.model.messages import (
     Welcome,
     encode,
 )
-from msbot_agent.link.can.sim.names import DEFAULT_NAME, existing_bus, list_buses, rates_words
-from msbot_agent.link.can.sim.thread import hold, release
+from msbot_agent.link.can.sim.sim_bus_client import CONNECT_S, LOST_WORDS, SimBusRequest
+from msbot_agent.link.can.sim.sim_bus_thread import hold, release
 from msbot_xrce.errors import LinkDown, LocalProtocolError, MsbotError, RemoteProtocolError
 
 UNREAD_FRAMES: Final = 65536

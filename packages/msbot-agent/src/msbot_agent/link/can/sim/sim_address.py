@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from msbot_agent.link.can.adapters.driver import CanDriver
+from msbot_agent.link.can.adapters.can_driver import CanDriver
 from msbot_agent.link.can.can_address import CanSettings, flag, native_link, rate
 from msbot_agent.link.can.protocol.ids import CanIds
-from msbot_agent.link.can.sim.client import SimAdapter, SimBusRequest, WhenAbsent
+from msbot_agent.link.can.sim.sim_bus_client import SimAdapter, SimBusRequest, WhenAbsent
 from msbot_agent.link.contract import Link
 from msbot_xrce.errors import ConfigError
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.model.bus import MAILBOXES, SimBus
 from msbot_agent.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from msbot_agent.link.can.sim.model.sim_bus import MAILBOXES, SimBus
 from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError
 from tests.effort import tries
 

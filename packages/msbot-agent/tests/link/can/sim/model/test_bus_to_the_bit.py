@@ -9,8 +9,8 @@ import pytest
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import frame_bits
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.model.bus import SimBus
 from msbot_agent.link.can.sim.model.events import BusEvent, Delivered, Sent, StateChanged
+from msbot_agent.link.can.sim.model.sim_bus import SimBus
 from msbot_xrce.errors import LocalProtocolError
 
 FRAME = Frame(0x100, b"1")

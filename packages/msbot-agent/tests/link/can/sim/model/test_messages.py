@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.frames import Frame
-from msbot_agent.link.can.sim.model.messages import (
+from msbot_agent.link.can.sim.model.sim_bus_messages import (
     MAX_MESSAGE,
     BusFrame,
     FrameRejected,

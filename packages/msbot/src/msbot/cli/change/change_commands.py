@@ -1,0 +1,211 @@
+"""The commands that change a robot by one operation, made from the table of operations.
+
+`msbot.cli.change.change_commands:swap` is the command for the operation `swap`, for entry points. Commands that
+do more than one operation have a file each.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from typing import Any
+
+import click
+
+from msbot.cli.change.robot_access import perform, say
+from msbot.cli.change.stop_commands import ChosenRobots, say_go
+from msbot.cli.robot_options import answer_options, robot_options, stop_group_option, wants_json
+from msbot.config import scalar_text
+from msbot.operations.operation import Argument, ArgumentKind, Operation
+from msbot.operations.table import OPERATIONS
+from msbot_agent.cli.options import FiniteRange, WholeRange
+from msbot_xrce.errors import ConfigError
+
+
+def verb(name: str) -> click.Command:
+    """The command that carries out an operation."""
+    operation = OPERATIONS[name]
+
+    def run(db: str | None, robot: str | None, **given: object) -> None:
+        say(db, robot, name, _arguments(operation, given))
+
+    run.__doc__ = f"{operation.summary}\n\n{operation.help}"
+    decorated: Callable[..., object] = answer_options(run)
+    for argument in reversed(operation.arguments):
+        decorated = _decorate(argument)(decorated)
+    # Several values may be negative numbers, which look like options.
+    takes_values = any(argument.kind is ArgumentKind.TEXTS and not argument.option for argument in operation.arguments)
+    return click.command(name, context_settings={"ignore_unknown_options": takes_values})(decorated)
+
+
+def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, object]:
+    """What the person typed, in the form that the operation takes."""
+    wish: dict[str, object] = {}
+    for argument in operation.arguments:
+        value = given[argument.passed_as]
+        if argument.kind is ArgumentKind.FLAG:
+            value = bool(value) != argument.default  # the option reverses the default
+        wish[argument.name] = list(value) if isinstance(value, tuple) else value
+    return wish
+
+
+def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[..., object]]:
+    if not argument.option:
+        count = -1 if argument.kind is ArgumentKind.TEXTS else 1
+        return click.argument(
+            argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None, nargs=count
+        )
+    if argument.kind is ArgumentKind.FLAG:
+        return click.option(argument.option, argument.passed_as, is_flag=True, help=argument.help)
+    default = "" if argument.default == "" else None
+    return click.option(
+        argument.option,
+        argument.passed_as,
+        required=argument.is_needed,
+        metavar=argument.shown_as or None,
+        multiple=argument.kind is ArgumentKind.TEXTS,
+        default=() if argument.kind is ArgumentKind.TEXTS else default,
+        help=argument.help,
+        type=FiniteRange() if argument.kind is ArgumentKind.NUMBER else str,
+    )
+
+
+def __getattr__(name: str) -> click.Command:
+    if name not in OPERATIONS:
+        raise AttributeError(f"there is no operation {name!r}")
+    return verb(name)
+
+
+# `msbot adopt`: let a part into a slot.
+
+
+WINDOW_S = 60.0
+
+
+@click.command("adopt")
+@click.argument("part", required=False)
+@click.option("--slot", metavar="SLOT", help="The slot it goes into; else the one empty slot that fits.")
+@click.option(
+    "--window",
+    type=FiniteRange(),
+    metavar="SECONDS",
+    help="For so long, parts can be let in that the library does not know or that do not fit.",
+)
+@answer_options
+def adopt_command(part: str | None, slot: str | None, window: float | None, db: str | None, robot: str | None) -> None:
+    """Put PART, which stands by or is not let in, into a slot.
+
+    A part that the library does not know, and that says what it is, gets a part type and a slot of its own; --slot says
+    what the slot is called. The wires that fit are printed as commands.
+
+    Without PART the adoption window is opened (60 s unless told otherwise); with --slot, the next newcomer gets that
+    slot: plug it in then.
+    """
+    if part is None or window is not None:
+        wish = None if part is not None else slot
+        say(db, robot, "window", {"seconds": WINDOW_S if window is None else window, "slot": wish})
+    if part is not None:
+        for offer in say(db, robot, "adopt", {"part": part, "slot": slot}).get("offers", ()):
+            if not wants_json():
+                click.echo(f"  fits: {_bind(offer)}")
+
+
+def _bind(offer: dict[str, Any]) -> str:
+    """The command that makes a wire."""
+    to = " ".join(f"--to {shlex.quote(end)}" for end in offer["to"])
+    topic, kind, source = (shlex.quote(offer[key]) for key in ("topic", "type", "from"))
+    return f"msbot bind {topic} --type {kind} --from {source} {to}"
+
+
+# `msbot go`: STOP is over.
+
+
+@click.command("go")
+@click.option("--stop", "number", type=WholeRange(1), help="End this STOP, and none that was said after it.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@stop_group_option
+@robot_options
+def go_command(db: str | None, robot: str | None, *, number: int | None, as_json: bool, stop_group: str | None) -> None:
+    """End STOP at one robot: its parts may work again. Where several run, say which one."""
+    answer = say_go(ChosenRobots(db, robot, stop_group), number)
+    if as_json:
+        click.echo(json.dumps({"stopped": answer["stopped"], "stored": answer["stored"]}))
+        return
+    click.echo("STOP is over: the parts may work again")
+    if answer["trouble"]:
+        click.echo(f"{answer['trouble']}; after a restart of the master STOP may hold again")
+    elif not answer["stored"]:
+        click.echo("this is not stored yet: if the master is started anew before, STOP may hold again")
+
+
+# `msbot set`: the parameters of a slot.
+
+
+@click.command("set")
+@click.argument("slot")
+@click.argument("name", required=False)
+@click.argument("value", required=False)
+@click.option("--reset", is_flag=True, help="Take back what was set by hand: blueprint or library hold again.")
+@answer_options
+def set_command(
+    slot: str, name: str | None, value: str | None, db: str | None, robot: str | None, *, reset: bool
+) -> None:
+    """Set parameter NAME of SLOT to VALUE; its part gets it at once.
+
+    Without VALUE the parameters are shown, with the values that hold and where these come from.
+    """
+    if reset and (name is None or value is not None):
+        raise click.UsageError("--reset takes SLOT and NAME, and no VALUE")
+    if reset:
+        say(db, robot, "reset", {"slot": slot, "name": name})
+    elif value is not None:
+        say(db, robot, "set", {"slot": slot, "name": name, "value": value})
+    else:
+        _show(db, robot, slot, name)
+
+
+def _show(db: str | None, robot: str | None, slot: str, name: str | None) -> None:
+    values = perform(db, robot, "values", {"slot": slot})["values"]
+    assert isinstance(values, list)
+    shown = [value for value in values if name in (None, value["name"])]
+    if not shown and name is not None:
+        known = ", ".join(value["name"] for value in values) or "none"
+        raise ConfigError(f"slot {slot} has no parameter {name!r}; it has {known}")
+    if wants_json():
+        click.echo(json.dumps(shown))
+        return
+    if not shown:
+        click.echo(f"slot {slot} has no parameters")
+    for value in shown:
+        unit = f" {value['unit']}" if value["unit"] else ""
+        origin = f"by hand, {value['who']}" if value["origin"] == "hand" else value["origin"]
+        words = f"{value['name']} = {scalar_text(value['value'])}{unit}  ({origin})  {value['description']}"
+        click.echo(words.rstrip())
+
+
+# `msbot undo`: undo a change.
+
+
+@click.command("undo")
+@click.argument("number", type=WholeRange(1, 2**53), required=False)
+@click.option("--list", "show", is_flag=True, help="Show what was changed lately, the newest last, and change nothing.")
+@click.option("--last", type=WholeRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
+@answer_options
+def undo_command(number: int | None, last: int, db: str | None, robot: str | None, *, show: bool) -> None:
+    """Undo change NUMBER, or the newest one; a spare's takeover is a change, too."""
+    if not show:
+        say(db, robot, "undo", {"edit": number})
+        return
+    edits = perform(db, robot, "edits", {"limit": last})["edits"]
+    assert isinstance(edits, list)
+    if wants_json():
+        click.echo(json.dumps(edits[::-1]))
+        return
+    for edit in reversed(edits):
+        when = datetime.fromtimestamp(edit["at_ns"] / 1e9).strftime("%Y-%m-%d %H:%M:%S")
+        undone = "  (taken back)" if edit["undone"] else ""
+        click.echo(f"{edit['id']:>5}  {when}  {edit['who']}: {edit['words']}{undone}")
+    if not edits:
+        click.echo("Nothing was changed yet.")

@@ -1,0 +1,310 @@
+"""How commands look into a robot's database: quickly if possible, else through the registry."""
+
+from __future__ import annotations
+
+import json
+import re
+import sqlite3
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import wrap
+from typing import TYPE_CHECKING, Protocol
+
+import click
+
+from msbot.cli.change.robot_access import database_to_read, one_robot, perform, running_master, until_stored
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database, robot_options
+from msbot.pnp import PartState
+from msbot.registry import JournalEntry, PartRecord, RobotRecord
+from msbot.registry.read_only_database import look_into
+from msbot_agent.cli.options import WholeRange, json_option
+from msbot_xrce.errors import ConfigError, RegistryError
+
+if TYPE_CHECKING:
+    from msbot.registry import Registry
+
+
+class RobotDatabase(Protocol):
+    """What these commands read."""
+
+    @property
+    def database(self) -> str:
+        """The database, for messages."""
+
+    def robots(self) -> list[RobotRecord]:
+        """All robots, the one with the most recently applied blueprint first."""
+
+    def is_run(self, robot: RobotRecord) -> bool:
+        """Whether a master is running this robot now."""
+
+    def slot_names(self, robot: RobotRecord) -> list[str]:
+        """The slots of a robot."""
+
+    def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
+        """All parts that were ever seen, of one robot or of all."""
+
+    def journal(self, limit: int, part: str, robot: RobotRecord | None = None) -> list[JournalEntry]:
+        """The newest lines of the journal about a part, of one robot or of all."""
+
+
+@contextmanager
+def open_robot_database(database: str) -> Iterator[RobotDatabase]:
+    """A database, open for reading.
+
+    Raises:
+        RegistryError: it cannot be read; the text says why and what to do.
+    """
+    quick = look_into(database)
+    if quick is not None:
+        try:
+            with quick:
+                yield quick
+        except sqlite3.Error as error:
+            raise RegistryError(f"the database {database} cannot be read ({error}): look at `msbot db check`") from None
+        return
+    from msbot.registry import open_registry
+
+    with open_registry(database, read_only=True) as registry:
+        yield _RegistryDatabase(registry)
+
+
+class _RegistryDatabase:
+    """A `RobotDatabase` at whatever the registry can open."""
+
+    def __init__(self, registry: Registry) -> None:
+        self.database = registry.database
+        self.robots = registry.robots.all
+        self.is_run = registry.runs.is_run
+        self.slot_names = registry.robots.slot_names
+        self.parts = registry.robots.parts
+        self._robots = registry.robots
+
+    def journal(self, limit: int, part: str, robot: RobotRecord | None = None) -> list[JournalEntry]:
+        """See `RobotDatabase.journal`."""
+        return self._robots.journal(limit, part, robot=robot)
+
+
+# Long sentences in a terminal: they go on in the next line between two words, and never within one.
+
+
+INDENT = 4
+"""Spaces before what goes on, besides those of the sentence itself."""
+LEAST_COLUMNS = 40
+"""In a narrower terminal the terminal itself breaks the lines."""
+
+
+def for_terminal(line: str) -> str:
+    """The line as it is printed: folded in a terminal; in a pipe or a file a sentence stays one line."""
+    return folded(line, get_terminal_size().columns) if sys.stdout.isatty() else line
+
+
+def folded(line: str, columns: int) -> str:
+    """A line as lines of at most that many columns; a word that is longer than that (a path) stays whole."""
+    if len(line) <= columns or columns < LEAST_COLUMNS:
+        return line
+    before = re.match(r"( *)(?:- )?", line)  # the mark of a list never stands alone
+    assert before is not None
+    rest, further = line[before.end() :], " " * (before.end(1) + INDENT)
+    return "\n".join(
+        wrap(
+            rest,
+            columns,
+            initial_indent=before[0],
+            subsequent_indent=further,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    )
+
+
+# `msbot parts`: what a robot's database knows about its parts.
+
+
+@click.command("parts")
+@robot_options
+@json_option
+def parts_command(db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """List every part that the robot has seen: slot, state, since when.
+
+    States come from the journal of transitions, which the master writes; heartbeats are never stored.
+    """
+    path = database_to_read(db, robot)
+    until_stored(path)
+    with open_robot_database(path) as look:
+        robots = look.robots()
+        several = robot is None and len(robots) > 1
+        rows = look.parts(None if robot is None else one_robot(look.database, robots, robot))
+    if as_json:
+        click.echo(json.dumps([_parts_as_json(row) for row in rows]))
+        return
+    if not rows:
+        click.echo("No part has been seen yet.")
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table()
+    for title in (*["robot"] * several, "part", "number", "slot", "state", "since", "reason"):
+        table.add_column(title)
+    for row in rows:
+        since = _when(datetime.fromtimestamp(row.changed_ns / 1e9), datetime.now())
+        table.add_row(*[row.robot] * several, row.name, row.part_number, row.slot or "-", row.state, since, row.reason)
+    Console().print(table)
+
+
+def _when(at: datetime, now: datetime) -> str:
+    """When something was, as briefly as can be: so the reason has room on a narrow terminal."""
+    return at.strftime("%H:%M:%S" if at.date() == now.date() else "%Y-%m-%d %H:%M")
+
+
+def _parts_as_json(row: PartRecord) -> dict[str, str | int | None]:
+    return {
+        "robot": row.robot,
+        "name": row.name,
+        "part_number": row.part_number,
+        "uid": row.uid.hex(),
+        "slot": row.slot,
+        "state": row.state,
+        "reason": row.reason,
+        "address": row.address,
+        "changed_at_ms": row.changed_ns // 1_000_000,
+    }
+
+
+# `msbot robots`: the robots of a database.
+
+
+@click.command("robots")
+@db_option
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of a table.")
+def robots_command(db: str | None, *, as_json: bool) -> None:
+    """List the robots of a database, the latest blueprint first."""
+    path = existing_database(db)
+    until_stored(path)
+    with open_robot_database(path) as look:
+        rows = [_row(look, robot) for robot in look.robots()]
+    if as_json:
+        click.echo(json.dumps(rows))
+        return
+    if not rows:
+        click.echo("There is no robot in it yet: `msbot apply robot.toml` or `msbot master robot.toml` puts one there.")
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table()
+    for title in ("robot", "serial number", "master", "slots", "blueprint applied"):
+        table.add_column(title, no_wrap=True)
+    for row in rows:
+        applied = datetime.fromtimestamp(int(row["applied_at_ms"]) / 1000).strftime("%Y-%m-%d %H:%M")
+        filled = f"{row['filled']} of {row['slots']} filled" if row["running"] else str(row["slots"])
+        master = "runs" if row["running"] else "-"
+        table.add_row(str(row["name"]), str(row["serial_number"]), master, filled, applied)
+    Console().print(table)
+
+
+def _row(look: RobotDatabase, robot: RobotRecord) -> dict[str, str | int | bool]:
+    active = {part.slot for part in look.parts(robot) if PartState(part.state).is_registered}
+    return {
+        "name": robot.name,
+        "serial_number": robot.serial_number,
+        "version": robot.version,
+        "manufacturer": robot.manufacturer,
+        "running": look.is_run(robot),
+        "slots": len(look.slot_names(robot)),
+        "filled": len(active),
+        "applied_at_ms": robot.applied_ns // 1_000_000,
+    }
+
+
+# `msbot why`: the reason for a part's state, with the evidence.
+
+
+@click.command("why")
+@click.argument("part")
+@click.option("--last", type=WholeRange(min=1), default=3, show_default=True, help="How many changes to explain.")
+@robot_options
+@json_option
+def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_json: bool) -> None:
+    """Explain why PART (a name, slot, part number or UID) is in the robot, or is not.
+
+    Prints its latest changes of state, newest last, each with the rules that were tried and what came of them, and
+    its present state if the robot runs.
+    """
+    master = running_master(db, robot)
+    lines: list[str] = []
+    troubles: list[str] = []
+    if master is not None:
+        found = perform(db, robot, "why", {"part": part})
+        lines, troubles = _texts(found["lines"]), _texts(found["troubles"])
+        if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
+            db = master.details.get("database")
+    try:
+        entries, several = _read(part, last, db, robot, must_be_there=not lines)
+    except RegistryError as error:
+        if not lines:
+            raise
+        click.echo(f"msbot: {error}; this is what the master knows:", err=True)
+        if as_json:
+            click.echo(json.dumps({"history": [], "now": lines, "troubles": troubles}))
+            return
+        for line in lines:
+            click.echo(for_terminal(line))
+        return
+    if as_json:
+        history = [_why_as_json(entry) for entry in entries]
+        click.echo(json.dumps({"history": history, "now": lines, "troubles": troubles}))
+        return
+    for entry in entries:
+        when = datetime.fromtimestamp(entry.at_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
+        first, *evidence = entry.event.sentences()
+        click.echo(for_terminal(f"{when}  {entry.robot}: {first}" if several else f"{when}  {first}"))
+        for line in evidence:
+            click.echo(for_terminal(line))
+    if lines:
+        click.echo(for_terminal(f"now: {lines[0]}"))
+    for line in troubles:
+        click.echo(for_terminal(f"now: {line}"))
+
+
+def _why_as_json(entry: JournalEntry) -> dict[str, object]:
+    event = entry.event
+    return {
+        "at_ms": entry.at_ns // 1_000_000,
+        "robot": entry.robot,
+        "part": event.part,
+        "slot": event.slot,
+        "from": None if event.from_state is None else event.from_state.value,
+        "to": event.to_state.value,
+        "reason": event.reason,
+        "evidence": [list(pair) for pair in event.evidence],
+    }
+
+
+def _texts(found: object) -> list[str]:
+    assert isinstance(found, list)
+    return found
+
+
+def _read(
+    part: str, last: int, db: str | None, robot: str | None, *, must_be_there: bool
+) -> tuple[list[JournalEntry], bool]:
+    """The lines of the journal, and whether they may be those of several robots."""
+    path = existing_database(db)
+    until_stored(path)
+    with open_robot_database(path) as look:
+        robots = look.robots()
+        meant = None if robot is None else one_robot(look.database, robots, robot)
+        entries = look.journal(last, part, meant)
+        if not entries and must_be_there:
+            raise ConfigError(f"no part {part!r} is in the journal; {_seen(look, meant)}")
+    return entries, meant is None and len(robots) > 1
+
+
+def _seen(look: RobotDatabase, robot: RobotRecord | None) -> str:
+    names = sorted({record.name for record in look.parts(robot)})
+    return f"seen so far: {', '.join(names)}" if names else "nothing has been plugged in yet"

@@ -1,0 +1,269 @@
+"""Driving a port by hand: a person controls the fan, the lamp, the servo in place of the wire that leads there.
+
+A person who drives a port holds it for a while. Each new value extends the hold; when nobody renews it, the port gets
+its safe value and is connected to its wire again. STOP ends the hold at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+from msbot.config import Direction, FieldKind, Port, Scalar
+from msbot.operations.operation import Outcome
+from msbot.operations.running_robot import RunningRobot, endpoint_of
+from msbot.part import Message
+from msbot.part.messages.message import fields_of
+from msbot.pnp import HeldPort, StopStatus, message_words
+from msbot.registry import EditKind
+from msbot.sim.model_part import message_class
+from msbot_agent.space import Qos, Topic, Writer
+from msbot_agent.text.sentence import said
+from msbot_xrce.errors import ConfigError, RegistryError
+from msbot_xrce.lazy import dataclass
+
+REPEAT_S = 0.5
+"""Period in which the value is repeated while the port is held, in case its reader came after the first time."""
+LETTING_GO_S = 0.3
+"""How long the safe value is published before the wire is connected again."""
+_GUID = bytes.fromhex("4d73424f540000000000000068616e64")
+"""The writer's identity in the data space: `MsBOT`, `hand`."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Hold:
+    """A port that is held."""
+
+    held: HeldPort
+    message: Message
+    safe: Message | None
+    writer: Writer
+    who: str
+    until: float
+    timer: asyncio.TimerHandle | None = None
+    ending: bool = False
+
+
+class ManualControl:
+    """The ports of one running robot that people hold."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._holds: dict[tuple[str, str], _Hold] = {}
+        running.master.on_stop(self._stopped)
+
+    def publish(self, port: str, values: Sequence[str], seconds: float, who: str) -> Outcome:
+        """Drive a port with these values, and hold it for this many seconds."""
+        if self._running.master.stop.stopped:
+            raise ConfigError(said("STOP is in force: {port} stays in its safe state until GO", port=port))
+        end = endpoint_of(self._running, port)
+        holder = self._running.holder(end.slot)
+        if holder is None or not holder.state.is_registered:
+            raise ConfigError(said("slot {slot} has no part now: there is nothing to drive", slot=end.slot))
+        declared = self._port(end.slot, end.port, holder.part_number)
+        message = _message(declared, end.slot, values)
+        hold = self._holds.get((end.slot, end.port))
+        if hold is None or hold.ending:
+            hold = self._take(declared, end.slot, message, who)
+            self._running.note(
+                EditKind.HAND, said("{who} drives {slot}.{port} by hand", who=who, slot=end.slot, port=end.port), who
+            )
+        hold.message, hold.who = message, who
+        hold.until = self._running.now() + seconds
+        self._say(hold)
+        assert declared.message is not None
+        shown = message_words(message, declared.message.units)
+        return Outcome(
+            said(
+                "{slot}.{port}: {shown}, for {seconds:g} s", slot=end.slot, port=end.port, shown=shown, seconds=seconds
+            )
+        )
+
+    def let_go(self, port: str, who: str) -> Outcome:
+        """Release a port: it gets its safe value, then what its wire carries."""
+        end = endpoint_of(self._running, port)
+        hold = self._holds.get((end.slot, end.port))
+        if hold is None or hold.ending:
+            raise ConfigError(said("nobody drives {port} by hand", port=port))
+        hold.who = who
+        self._end(hold)
+        return Outcome(said("{port} gets its safe value and follows its wire again", port=port))
+
+    def end_those_of(self, people: Collection[str]) -> None:
+        """Release the ports that these people hold: each gets its safe value, then its wire."""
+        self.end_where(lambda _slot, who: who in people)
+
+    def end_where(self, is_over: Callable[[str, str], bool]) -> None:
+        """The same for those of which `(slot, who holds it)` is true."""
+        for hold in list(self._holds.values()):
+            if not hold.ending and is_over(hold.held.slot, hold.who):
+                self._end(hold)
+
+    def held(self) -> Mapping[tuple[str, str], str]:
+        """Who drives which port: `(slot, port)` -> name."""
+        return {where: hold.who for where, hold in self._holds.items() if not hold.ending}
+
+    def said(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
+        """What people send to the ports that they hold: `(slot, port)` -> fields."""
+        return {
+            where: {field.name: getattr(hold.message, field.name) for field in fields_of(type(hold.message))}
+            for where, hold in self._holds.items()
+            if not hold.ending
+        }
+
+    def _stopped(self, status: StopStatus) -> None:
+        if status.stopped:
+            for hold in list(self._holds.values()):
+                self._join_again(hold)
+
+    def _port(self, slot: str, name: str, number: str) -> Port:
+        library = self._running.library
+        part_type = None if library is None else library.find(number)
+        if part_type is None:
+            raise ConfigError(
+                said(
+                    "the library does not know {number}: nobody can say what {slot}.{name} takes",
+                    number=number,
+                    slot=slot,
+                    name=name,
+                )
+            )
+        declared = part_type.port(name)
+        drivable = [one.name for one in part_type.ports if one.direction is Direction.SUBSCRIBE and one.message]
+        if declared is None or declared.name not in drivable:
+            known = ", ".join(f"{slot}.{one}" for one in drivable) or "it has none"
+            raise ConfigError(
+                said(
+                    "{slot}.{name} is not a port that can be driven; those of {number}: {known}",
+                    slot=slot,
+                    name=name,
+                    number=number,
+                    known=known,
+                )
+            )
+        return declared
+
+    def _take(self, declared: Port, slot: str, message: Message, who: str) -> _Hold:
+        inventory = self._running.inventory
+        assert declared.message is not None
+        old = self._holds.pop((slot, declared.name), None)
+        if old is not None:
+            self._drop(old)
+        held = inventory.hand.take(slot, declared.name, message.type_name)
+        try:
+            self._running.configure([slot])
+        except RegistryError:
+            inventory.hand.let_go(slot, declared.name)
+            raise
+        safe = None if declared.safe is None else message_class(declared.message)(**declared.safe)
+        writer = self._running.master.space.writer(Topic(held.topic, held.type_name), Qos(), _GUID)
+        hold = _Hold(held, message, safe, writer, who, self._running.now())
+        self._holds[slot, declared.name] = hold
+        return hold
+
+    def _say(self, hold: _Hold) -> None:
+        if hold.timer is not None:
+            hold.timer.cancel()
+        if self._running.now() >= hold.until and not hold.ending:
+            self._end(hold)
+            return
+        hold.writer.write(hold.message.encode())
+        hold.timer = self._running.loop.call_later(REPEAT_S, self._say, hold)
+
+    def _end(self, hold: _Hold) -> None:
+        """The safe value first, then the wire."""
+        hold.ending = True
+        if hold.timer is not None:
+            hold.timer.cancel()
+        if hold.safe is not None:
+            hold.writer.write(hold.safe.encode())
+        hold.timer = self._running.loop.call_later(LETTING_GO_S, self._join_again, hold)
+
+    def _join_again(self, hold: _Hold) -> None:
+        where = hold.held.slot, hold.held.port
+        if self._holds.get(where) is not hold:
+            return
+        del self._holds[where]
+        self._drop(hold)
+        self._running.inventory.hand.let_go(*where)
+        try:
+            self._running.configure([where[0]])
+        except RegistryError as error:
+            _log.warning("%s.%s follows its wire again when its part comes back: %s", *where, error)
+        self._running.note(EditKind.HAND, said("{where} is no longer driven by hand", where=".".join(where)), hold.who)
+
+    def _drop(self, hold: _Hold) -> None:
+        if hold.timer is not None:
+            hold.timer.cancel()
+        hold.writer.close()
+
+
+def _message(declared: Port, slot: str, values: Sequence[str]) -> Message:
+    """The message that people mean: values in the order of the fields, or `field=value`.
+
+    Raises:
+        ConfigError: a field is missing, unknown, or cannot have that value.
+    """
+    assert declared.message is not None
+    fields = declared.message.fields
+    where = f"{slot}.{declared.name}"
+    shown = ", ".join(f"{name} ({kind.value})" for name, kind in fields.items())
+    given: dict[str, str] = {}
+    if len(fields) == 1 and next(iter(fields.values())) is FieldKind.TEXT and not _is_named(values, fields):
+        values = [" ".join(values)]
+    for place, text in enumerate(values):
+        name, equals, value = text.partition("=")
+        if not equals or name not in fields:
+            if place >= len(fields):
+                raise ConfigError(
+                    said(
+                        "{where} takes {count} values, not {count2}: {shown}",
+                        where=where,
+                        count=len(fields),
+                        count2=len(values),
+                        shown=shown,
+                    )
+                )
+            name, value = list(fields)[place], text
+        given[name] = value
+    if missing := [name for name in fields if name not in given]:
+        raise ConfigError(
+            said(
+                "{where} needs a value for {missing}; it takes {shown}",
+                where=where,
+                missing=", ".join(missing),
+                shown=shown,
+            )
+        )
+    return message_class(declared.message)(**{name: _value(where, name, fields[name], given[name]) for name in fields})
+
+
+def _is_named(values: Sequence[str], fields: Mapping[str, FieldKind]) -> bool:
+    return len(values) == 1 and values[0].partition("=")[0] in fields and "=" in values[0]
+
+
+def _value(where: str, name: str, kind: FieldKind, text: str) -> Scalar:
+    value: Scalar
+    try:
+        if kind is FieldKind.TEXT:
+            value = text
+        elif kind is FieldKind.BOOL:
+            value = {"true": True, "on": True, "1": True, "false": False, "off": False, "0": False}[text.casefold()]
+        else:
+            value = int(text, 0) if kind.is_whole else float(text)
+    except (KeyError, ValueError):
+        needed = "on or off" if kind is FieldKind.BOOL else "a whole number" if kind.is_whole else "a number"
+        raise ConfigError(
+            said("{where}: {name} must be {needed}, not {text!r}", where=where, name=name, needed=needed, text=text)
+        ) from None
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(
+            said("{where}: {name} must be {needed}, not {text!r}", where=where, name=name, needed="a number", text=text)
+        )
+    if fault := kind.fault(value):
+        raise ConfigError(f"{where}: {name} {fault}")
+    return value

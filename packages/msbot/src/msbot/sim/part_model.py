@@ -1,0 +1,240 @@
+"""The little world of one simulated part: controls, messages and settings in, readings and messages out. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from random import Random
+
+from msbot.config import Direction, FieldKind, Output, PartType, Port, Scalar, Simulator, format_text
+from msbot.part.messages.wire_types import FLOAT32_MAX
+from msbot.sim.simulated_reading import SimulatedReading, as_number, number
+
+STEP_S = 0.02
+"""Longest time step in which movement is computed."""
+MOST_STEPS = 250
+"""Most steps for one advance; a longer time is divided into this many."""
+MOST_WAITING = 32
+"""Most changes that wait to be published; beyond that the oldest is dropped."""
+
+
+class PartModel:
+    """Everything about a simulated part but its link to the robot."""
+
+    def __init__(self, part_type: PartType, random: Random, *, ideal: bool = False) -> None:
+        """Start with everything at rest.
+
+        Args:
+            part_type: its simulator is the model.
+            random: the source of noise and of whatever readings draw.
+            ideal: add no noise and no lag, because the real device has its own. Limits from settings still apply.
+        """
+        simulator = part_type.simulator or Simulator()
+        self.forgotten = 0
+        """Changes that were never published because too many were waiting."""
+        self._ports = {port.name: port for port in part_type.ports}
+        self._values: dict[str, Scalar] = {entry.name: entry.default for entry in part_type.parameters}
+        self._values |= {control.name: control.start for control in simulator.controls}
+        # For a port that publishes, this is the number of the next message, from 1.
+        self._values |= {f"#{port.name}": int(port.direction is Direction.PUBLISH) for port in part_type.ports}
+        for port in part_type.ports:
+            if port.direction is Direction.SUBSCRIBE and port.message is not None:
+                rest = {name: kind.zero for name, kind in port.message.fields.items()} | dict(port.safe or {})
+                self._values |= {f"{port.name}.{name}": value for name, value in rest.items()}
+        self._measured: dict[str, Scalar] = {}
+        readings = [replace(reading, noise=0.0, lag_s=0.0) if ideal else reading for reading in simulator.readings]
+        self._gauges = [SimulatedReading(reading, random) for reading in readings]
+        self._moves = any(gauge.moves for gauge in self._gauges)
+        self._is_timeless = all(gauge.is_timeless for gauge in self._gauges)
+        self._is_changed = True
+        """Something has changed of which the readings do not know yet."""
+        self._came_at: dict[str, float] = {}
+        self._now: float | None = None
+        self._mouths = [_OutputState(output, self._ports[output.port]) for output in simulator.outputs]
+        self._evaluate(0.0, 0.0, final=True)
+
+    def advance(self, now: float) -> None:
+        """Let time pass until `now`."""
+        if self._now is None:
+            self._now = now
+        if not self._is_changed and (self._is_timeless or now == self._now):
+            self._now = now
+            return
+        passed_s = max(0.0, now - self._now)
+        steps = min(MOST_STEPS, math.ceil(passed_s / STEP_S)) if self._moves else 1
+        for step in range(1, steps + 1):
+            self._evaluate(self._now + passed_s * step / steps, passed_s / steps, final=step == steps)
+        if steps == 0:
+            self._evaluate(now, 0.0, final=True)
+        self._now = now
+
+    def start_at(self, now: float) -> None:
+        """Start the clock: nothing has happened before `now`."""
+        self._now = now
+
+    def value(self, source: str) -> Scalar:
+        """The value of a source."""
+        return self._values[source]
+
+    def set(self, source: str, value: Scalar, now: float) -> None:
+        """Change a control or a parameter."""
+        self.advance(now)
+        self._values[source] = value
+        self._is_changed = True
+        self.advance(now)
+
+    def feed(self, measured: Mapping[str, Scalar], now: float) -> None:
+        """Take values measured at the real device: controls, or readings, which are then no longer computed."""
+        self.advance(now)
+        names = {gauge.reading.name for gauge in self._gauges}
+        self._measured |= {name: value for name, value in measured.items() if name in names}
+        self._values |= measured
+        self._is_changed = True
+        self.advance(now)
+
+    def settle(self, now: float) -> None:
+        """Let everything that moves arrive at once: a safe value has no ramp."""
+        self.advance(now)
+        self._evaluate(now, math.inf, final=True)
+
+    def receive(self, port: str, fields: Mapping[str, Scalar], now: float, *, counts: bool = True) -> None:
+        """Take a message at a subscribing port; `counts` is False for a safe value, which nobody has sent."""
+        self.advance(now)
+        self._values |= {f"{port}.{name}": value for name, value in fields.items()}
+        if counts:
+            self._values[f"#{port}"] = int(as_number(self._values[f"#{port}"])) + 1
+        self._came_at[port] = now
+        self._is_changed = True
+        self.advance(now)
+
+    def readings(self) -> dict[str, Scalar]:
+        """What one would see, by name."""
+        return {gauge.reading.name: self._values[gauge.reading.name] for gauge in self._gauges if gauge.reading.shown}
+
+    @property
+    def values(self) -> Mapping[str, Scalar]:
+        """Every source by its name."""
+        return self._values
+
+    def join(self, now: float) -> None:
+        """Begin to publish: every output is due."""
+        self.advance(now)
+        for mouth in self._mouths:
+            mouth.begin(now)
+
+    def look(self) -> None:
+        """Note what has changed and must be published, even if it changes back before that can happen."""
+        for mouth in self._mouths:
+            if not mouth.look(self._values):
+                self.forgotten += 1
+
+    def say(self, now: float) -> list[tuple[str, dict[str, Scalar]]]:
+        """The messages that are due, each with its port; call `advance` first."""
+        self.look()
+        said = []
+        for mouth in self._mouths:
+            for fields in mouth.due(self._values, now):
+                said.append((mouth.output.port, fields))
+                self._values[f"#{mouth.output.port}"] = int(as_number(self._values[f"#{mouth.output.port}"])) + 1
+                self._is_changed = True
+        return said
+
+    def _evaluate(self, now: float, step_s: float, *, final: bool) -> None:
+        values, measured, came_at = self._values, self._measured, self._came_at
+        for gauge in self._gauges:
+            name = gauge.reading.name
+            if name in measured:
+                values[name] = measured[name]
+            else:
+                values[name] = gauge.update(values, now, step_s, came_at.get(gauge.port), final=final)
+        self._is_changed = False
+
+
+class _OutputState:
+    """One output: what it published last and when it publishes again."""
+
+    def __init__(self, output: Output, port: Port) -> None:
+        self.output = output
+        self._kinds = port.message.fields if port.message is not None else {}
+        self._said: dict[str, Scalar] | None = None
+        self._next_at = 0.0
+        self._waiting: deque[dict[str, Scalar]] = deque(maxlen=MOST_WAITING)
+
+    def begin(self, now: float) -> None:
+        """Publish at the next opportunity."""
+        self._said = None
+        self._next_at = now
+        self._waiting.clear()
+
+    def look(self, values: Mapping[str, Scalar]) -> bool:
+        """Queue what has changed; False when an older change had to be dropped to make room."""
+        if not self.output.on_change or self._is_silent(values):
+            return True
+        fields = self._fields(values)
+        if self._said is not None and not self._differs(fields, values):
+            return True
+        self._said = fields
+        full = len(self._waiting) == MOST_WAITING
+        self._waiting.append(fields)
+        return not full
+
+    def due(self, values: Mapping[str, Scalar], now: float) -> list[dict[str, Scalar]]:
+        """The messages to publish now."""
+        said = list(self._waiting)
+        self._waiting.clear()
+        period_s = number(self.output.every, values)
+        # A shortened period takes effect at once.
+        self._next_at = min(self._next_at, now + period_s)
+        if period_s > 0 and now >= self._next_at - 1e-9:
+            behind = max(0.0, now - self._next_at)
+            self._next_at += (behind // period_s + 1) * period_s
+            if not said and not self._is_silent(values):
+                fields = self._fields(values)
+                if self._said is None or self._differs(fields, values):
+                    self._said = fields
+                said.append(self._said)  # a value that has hardly changed is repeated as it was
+        return said
+
+    def _is_silent(self, values: Mapping[str, Scalar]) -> bool:
+        return bool(self.output.only_if) and not values[self.output.only_if]
+
+    def _fields(self, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        return {name: fit(self._kinds[name], _said(source, values)) for name, source in self.output.fields.items()}
+
+    def _differs(self, fields: Mapping[str, Scalar], values: Mapping[str, Scalar]) -> bool:
+        assert self._said is not None
+        least = number(self.output.change, values)
+        for name, value in fields.items():
+            before = self._said[name]
+            if value == before:
+                continue
+            if isinstance(value, float) and isinstance(before, float) and abs(value - before) < least:
+                continue
+            return True
+        return False
+
+
+def fit(kind: FieldKind, value: Scalar) -> Scalar:
+    """A value in the form that a message field accepts: rounded, limited, or as text."""
+    match kind:
+        case FieldKind.BOOL:
+            return bool(value)
+        case FieldKind.TEXT:
+            # Neither NUL nor half a character can travel.
+            return format_text("{value}", {"value": value}).replace("\0", "").encode(errors="replace").decode()
+        case FieldKind.FLOAT32:
+            return min(FLOAT32_MAX, max(-FLOAT32_MAX, as_number(value)))
+        case FieldKind.FLOAT64:
+            return as_number(value)
+        case _:
+            least, most = kind.limits
+            return min(most, max(least, round(as_number(value))))
+
+
+def _said(source: Scalar, values: Mapping[str, Scalar]) -> Scalar:
+    """The value of a source, of a text with sources in it, or of a constant."""
+    if not isinstance(source, str):
+        return source
+    return format_text(source, values) if "{" in source else values[source]
