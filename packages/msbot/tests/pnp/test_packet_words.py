@@ -45,9 +45,9 @@ def test_every_message_of_the_inventory_has_a_sentence_of_its_own() -> None:
         for kind in requests | replies
     }
     told |= {
-        kind: inventory_sentence(pnp_messages.Notice(number=1, binding=0, kind=kind), "knob")
+        kind: inventory_sentence(pnp_messages.Notice(number=1, binding=0, kind=kind), "knob")  # type: ignore[misc]
         for kind in pnp_messages.NoticeKind
-    }  # type: ignore[misc]
+    }
     assert None not in told.values()
     alike: dict[type, type] = {
         pnp_messages.Proof: pnp_messages.SealedProof,
