@@ -6,8 +6,8 @@ from pathlib import Path
 
 SCRIPT = """
 import sys
-from msbot.process.daemon_threads import load_late
-load_late("late_one", "late_other", "nothing_of_that_name")
+from msbot.process.daemon_threads import load_lazily
+load_lazily("late_one", "late_other", "nothing_of_that_name")
 import late_one
 print(loaded)
 late_one.WORD

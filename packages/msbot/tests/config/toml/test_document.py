@@ -50,7 +50,7 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("msbot_agent.toml.document.open_given", refuse)
+    monkeypatch.setattr("msbot_agent.toml.document.open_input_file", refuse)
     path = tmp_path / "robot.toml"
     assert _read(path) == f"{path}: no permission to read it; try `chmod u+r {path}`"
 

@@ -127,7 +127,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     path = tmp_path / "robot.db"
     path.touch()
-    monkeypatch.setattr("msbot.registry.database.engine.open_given", refuse)
+    monkeypatch.setattr("msbot.registry.database.engine.open_input_file", refuse)
     assert _refused(path) == (
         f"the database {path} cannot be read (Permission denied): mend that, or choose another --db"
     )

@@ -143,7 +143,7 @@ def test_which_file_may_become_a_database(tmp_path: Path, monkeypatch: pytest.Mo
         def refuse(*_: object) -> None:
             raise PermissionError(13, "Permission denied")
 
-        monkeypatch.setattr("msbot.registry.database.engine.open_given", refuse)
+        monkeypatch.setattr("msbot.registry.database.engine.open_input_file", refuse)
     may: set[Path] = set()
     monkeypatch.setattr(os, "access", lambda asked, mode: mode != os.W_OK or Path(asked) in may)
     before = sorted(tmp_path.iterdir())
