@@ -89,7 +89,9 @@ def test_a_file_that_is_well_is_held_by_one_connection_and_known_to_be_in_use(
     assert in_use[identity_of(path)] == 1
     engine.dispose()
     assert sorted({*_open_below(path.parent)}) == FILES
-    monkeypatch.setattr("msbot.registry.database.engine.open_input_file", None)  # closing it would take SQLite's locks away
+    monkeypatch.setattr(
+        "msbot.registry.database.engine.open_input_file", None
+    )  # closing it would take SQLite's locks away
     check_file(parse_address(path), create=False, read_only=False)
 
 
