@@ -31,7 +31,7 @@ from msbot_web.pages.banner import show_banner
 from msbot_web.pages.class_banner import raise_hand_button, show_class_banner
 from msbot_web.pages.easy_reading import is_easy, read_easily
 from msbot_web.pages.help import help_button, offer_tour
-from msbot_web.pages.menu import show_menu
+from msbot_web.pages.menu import search_button, show_menu
 from msbot_web.pages.time_slider import PATHS, TimeSlider
 from msbot_web.robot_view import LiveRobotView, RobotView
 from msbot_web.root_path import root
@@ -117,6 +117,14 @@ class Page:
     def may(self, right: Right) -> bool:
         """Whether to offer something at all; whether it may be done is checked again when it is done."""
         return self.session.may(right)
+
+    def may_at(self, right: Right, slot: str) -> bool:
+        """Whether to offer something at a slot: nothing at one of another group."""
+        if not self.may(right) or self.may(Right.ARRANGE):
+            return self.may(right)
+        control = self.service.operations.pupils
+        owner = next((group.name for group in control.groups if slot in group.slots), "")
+        return owner in ("", control.group_of(self.session.name))
 
     async def act(self, operation: str, *, quiet: bool = False, **arguments: Any) -> ChangeResult | None:  # noqa: ANN401 - as the table has them
         """Have an operation of the table done for the person, and say what came of it; None when it was refused."""
@@ -317,6 +325,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         )
         ui.label(service.robot_name).classes("ms-robot")
         raise_hand_button(page)
+        search_button(page)
         help_button(page, path)
         _who(page, dark)
     show_menu(page, path, menu)

@@ -1,13 +1,17 @@
-"""The menu: which pages there are, and for whom."""
+"""The menu: which pages there are, for whom, and in which group; pupils have a short one. And the search for all."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from nicegui import ui
 
 from msbot.operations.rights import Right
+from msbot_agent.text.sentence import said
+from msbot_web.html import render
 from msbot_web.pages.easy_reading import ENTRIES
 from msbot_web.pages.extension_page import brought_pages
 from msbot_web.pages.lost_parts import lost_slots, notify_lost
@@ -25,28 +29,35 @@ class MenuEntry:
     icon: str
     title: str
     right: Right = Right.SEE
+    group: str = ""
+    """The heading that it stands under."""
 
 
+ROBOT, TEACH, LOOK, CARE = said("Robot"), said("Teach"), said("Look"), said("Care")
+GROUPS = (ROBOT, TEACH, LOOK, CARE)
 MENU = (
-    MenuEntry("/", "smart_toy", "Robot"),
-    MenuEntry("/arrivals", "move_to_inbox", "Arrivals"),
-    MenuEntry("/settings", "tune", "Settings"),
-    MenuEntry("/bus", "cable", "Bus"),
-    MenuEntry("/wires", "hub", "Wires"),
-    MenuEntry("/program", "code", "Program", Right.JOIN),
-    MenuEntry("/arena", "sports_esports", "Arena"),
-    MenuEntry("/plots", "ssid_chart", "Plots"),
-    MenuEntry("/timeline", "timeline", "Timeline"),
-    MenuEntry("/learn", "school", "Learn"),
-    MenuEntry("/library", "menu_book", "Library"),
-    MenuEntry("/journal", "history", "Journal"),
-    MenuEntry("/missions", "travel_explore", "Missions"),
-    MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE),
-    MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE),
-    MenuEntry("/pupils", "groups", "Pupils", Right.ARRANGE),
-    MenuEntry("/class", "grid_view", "Class"),
-    MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER),
+    MenuEntry("/", "smart_toy", "Robot", Right.SEE, ROBOT),
+    MenuEntry("/arrivals", "move_to_inbox", "Arrivals", Right.SEE, ROBOT),
+    MenuEntry("/settings", "tune", "Settings", Right.SEE, ROBOT),
+    MenuEntry("/wires", "hub", "Wires", Right.SEE, ROBOT),
+    MenuEntry("/program", "code", "Program", Right.JOIN, ROBOT),
+    MenuEntry("/arena", "sports_esports", "Arena", Right.SEE, ROBOT),
+    MenuEntry("/learn", "school", "Learn", Right.SEE, TEACH),
+    MenuEntry("/missions", "travel_explore", "Missions", Right.SEE, TEACH),
+    MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE, TEACH),
+    MenuEntry("/pupils", "groups", "Pupils", Right.ARRANGE, TEACH),
+    MenuEntry("/bus", "cable", "Bus", Right.SEE, LOOK),
+    MenuEntry("/plots", "ssid_chart", "Plots", Right.SEE, LOOK),
+    MenuEntry("/timeline", "timeline", "Timeline", Right.SEE, LOOK),
+    MenuEntry("/journal", "history", "Journal", Right.SEE, LOOK),
+    MenuEntry("/library", "menu_book", "Library", Right.SEE, LOOK),
+    MenuEntry("/class", "grid_view", "Class", Right.SEE, CARE),
+    MenuEntry("/doctor", "medical_services", "Doctor", Right.ARRANGE, CARE),
+    MenuEntry("/admin", "manage_accounts", "Admin", Right.ADMINISTER, CARE),
 )
+HELP_ENTRY = MenuEntry("/handbook", "help_outline", "Help")
+PUPILS_ENTRIES = frozenset({"/", "/program", "/learn", "/arena", "/handbook"})
+"""A pupil's menu; the other pages are behind one more word, or found by the search."""
 
 
 def show_menu(page: Page, path: str, button: ui.button) -> None:
@@ -61,8 +72,14 @@ def show_menu(page: Page, path: str, button: ui.button) -> None:
     with drawer:
         brought = [MenuEntry(path, one.icon, one.title, one.right) for path, one in brought_pages().items()]
         ways = [way for way in (*MENU, *brought) if page.may(way.right)]
-        others = [way for way in ways if page.easy and way.path not in ENTRIES and way.path != path]
-        _entries(page, path, [way for way in ways if way not in others])
+        if is_pupil(page):
+            ways.append(HELP_ENTRY)
+        short = PUPILS_ENTRIES if is_pupil(page) else ENTRIES if page.easy else None
+        others = [way for way in ways if short is not None and way.path not in short and way.path != path]
+        if short is None:
+            _groups(page, path, ways)
+        else:
+            _entries(page, path, [way for way in ways if way not in others])
         if others:
             with ui.element("details").classes("w-full"):
                 with ui.element("summary"):
@@ -70,6 +87,41 @@ def show_menu(page: Page, path: str, button: ui.button) -> None:
                 _entries(page, path, others)
         notify_lost(page)
     button.on("click", js_handler=f"() => getElement({drawer.id}).toggle()")
+
+
+def is_pupil(page: Page) -> bool:
+    """Whether somebody takes part who does not teach."""
+    return page.may(Right.OPERATE) and not page.may(Right.ARRANGE)
+
+
+def search_button(page: Page) -> None:
+    """What opens the search, beside Ctrl-K; and the search itself, which is the browser's (`static/find.js`)."""
+    words = page.say("Search (Ctrl-K)")
+    button = ui.button(icon="search").props("flat round dense color=primary id=ms-find-open")
+    button.props["aria-label"] = button.props["title"] = words
+    groups = page.service.operations.pupils.groups
+    group_of = {slot: group.name for group in groups for slot in group.slots}
+    more = [
+        [card.name, group_of.get(card.name, page.say(card.type_name)), f"/?slot={quote(card.name)}"]
+        for card in page.service.robot().slots
+    ]
+    if page.may(Right.ARRANGE):
+        names = {name: group.name for group in groups for name in group.pupils}
+        names |= {name: names.get(name, "") for name in page.service.pupils.pupils()}
+        more += [[name, names[name], f"/pupil?name={quote(name)}"] for name in sorted(names, key=str.casefold)]
+    ui.add_body_html(str(render("find", say=page.say, more=json.dumps(more))))
+
+
+def _groups(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
+    for group in (*GROUPS, ""):  # what extensions bring comes last
+        found = [way for way in ways if way.group == group]
+        if not found:
+            continue
+        title = page.say(group or "More")
+        with ui.element("div").props("role=group").classes("ms-nav-group") as box:
+            box.props["aria-label"] = box.props["data-group"] = title
+            ui.label(title).classes("ms-nav-head").props("aria-hidden=true")
+            _entries(page, path, found)
 
 
 def _drawer() -> ui.element:
@@ -93,11 +145,13 @@ def _entries(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
     for way in ways:
         with ui.link(target=way.path).props('aria-current="page"' if way.path == path else ""):
             ui.icon(way.icon, size="1.3rem").props("aria-hidden=true")
-            ui.label(page.say(way.title))
+            ui.label(page.say(way.title)).props("data-title")
             if way.path == "/":
                 _count(page, lambda: len(lost_slots(page.service.robot())), "bad")
             elif way.path == "/arrivals":
                 _count(page, lambda: page.service.robot().arrivals, "")
+            elif way.path == "/pupils":
+                _count(page, lambda: len(page.service.pupils.passes.waiting.names()), "")
 
 
 def _count(page: Page, of: Callable[[], int], look: str) -> None:

@@ -76,7 +76,7 @@ class _ParameterRow:
                 self._field = self._make_field()
                 self._said = self._field.value
                 """What the field showed last; another value in it is being typed."""
-            if value.kind == "part" and page.may(Right.SET):
+            if value.kind == "part" and page.may_at(Right.SET, slot):
                 wires = ui.button(icon="cable", on_click=self._edit_wires).props("flat round dense")
                 words = page.say("Choose part and pins")
                 wires.props["aria-label"] = wires.props["title"] = f"{words}: {value.name}"
@@ -84,7 +84,7 @@ class _ParameterRow:
             self._reset = ui.button(icon="restart_alt", on_click=self._forget).props("flat round dense")
             words = page.say("Forget what was set by hand")
             self._reset.props["aria-label"] = self._reset.props["title"] = words
-        if not page.may(Right.SET):
+        if not page.may_at(Right.SET, slot):
             self._field.props("readonly disable")
         self.show(value)
 
@@ -94,7 +94,7 @@ class _ParameterRow:
         if self._field.value == self._said:
             self._field.value = self._said = self._shown(value)
         self._origin.set_content(render("origin", origin=value.origin, words=self._page.say(value.origin)))
-        self._reset.set_visibility(value.origin == "hand" and self._page.may(Right.SET))
+        self._reset.set_visibility(value.origin == "hand" and self._page.may_at(Right.SET, self._slot))
 
     async def _typed(self) -> None:
         self._said = self._field.value

@@ -151,9 +151,8 @@ def _who_waits(page: Page) -> None:
                 with ui.element("div").classes("row spread w-full line"):
                     ui.label(name).style("font-weight:600;flex:1;min-width:min(14rem,100%)")
                     let_in = partial(pupils.let_in, names=[name])
-                    ui.button(say("Let in"), on_click=partial(page.do, let_in)).props(
-                        f'dense aria-label="{say("Let {name} in", name=name)}"'
-                    )
+                    yes = ui.button(say("Let in"), on_click=partial(page.do, let_in)).props("dense")
+                    yes.props["aria-label"] = say("Let {name} in", name=name)
                     no = partial(pupils.turn_away, name=name)
                     ui.button(say("No"), on_click=partial(page.do, no)).props("flat dense")
 

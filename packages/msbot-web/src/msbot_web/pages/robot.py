@@ -1,11 +1,14 @@
 """The home page: every slot as a card with its state, its beat and its value; a click opens the drawer.
 
+A pupil of a group sees the group's slots first, and those of other groups folded.
+
 All cards are one element: a robot of a thousand slots opens in a moment, and only cards that have changed are sent.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 
 from fastapi import Request
 from nicegui import ui
@@ -15,6 +18,7 @@ from msbot.operations.rights import Right
 from msbot_web.api.models import PartLine, PortLine, Robot, SlotCard
 from msbot_web.html import Markup, render
 from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.menu import is_pupil
 from msbot_web.pages.page_elements import set_html
 from msbot_web.pages.slot_drawer import open_slot_drawer
 from msbot_web.service import Service
@@ -29,6 +33,9 @@ from msbot_web.svg.drawings import (
     state_chip,
 )
 
+MANY = 12
+"""With more slots than this, there is a field that leaves only some of the cards."""
+
 
 def register(service: Service) -> None:
     """Make the page known."""
@@ -37,6 +44,8 @@ def register(service: Service) -> None:
     def home(request: Request, slot: str = "") -> None:
         with page_frame(service, request, "/", "Robot") as page:
             _summary(page)
+            if len(page.service.robot().slots) > MANY:
+                ui.html(render("cards_find", say=page.say), sanitize=False).classes("w-full")
             _Grid(page)
             if slot:
                 open_slot_drawer(page, slot)
@@ -81,7 +90,7 @@ class _Grid:
 
     def _show(self) -> None:
         robot = self._page.sight.robot()
-        places = (self._page.is_past, [card.name for card in robot.slots])
+        places = (self._page.is_past, [card.name for card in robot.slots], self._groups, self._own)
         looks = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
         if places != self._places:
             self._places, self._shown = places, dict(looks)
@@ -97,18 +106,42 @@ class _Grid:
             ui.run_javascript(f"msbotCards('{self._element.html_id}', {json.dumps(changed)})")
 
     def _whole(self, robot: Robot) -> Markup:
-        may_plug = self._page.may(Right.OPERATE)
+        group_of = {slot: group for group, slots in self._groups for slot in slots}
         places = [
             {
                 "name": card.name,
+                "group": group_of.get(card.name, ""),
                 "html": card_html(self._page, card, robot),
                 "is_plugged": card.plugged,
                 "open_words": self._page.say("Open slot {name}", name=card.name),
-                "plug_words": self._plug_words(card) if may_plug else "",
+                "plug_words": self._plug_words(card) if self._page.may_at(Right.OPERATE, card.name) else "",
             }
             for card in robot.slots
         ]
-        return render("grid", say=self._page.say, places=places)
+        return render("grid", say=self._page.say, sections=self._sections(places))
+
+    @property
+    def _groups(self) -> list[tuple[str, tuple[str, ...]]]:
+        return [(group.name, group.slots) for group in self._page.service.operations.pupils.groups]
+
+    @property
+    def _own(self) -> str:
+        return self._page.service.operations.pupils.group_of(self._page.session.name)
+
+    def _sections(self, places: Sequence[Mapping[str, object]]) -> list[Mapping[str, object]]:
+        """The cards in the order in which the person needs them; teachers see them as the blueprint has them."""
+        page, own = self._page, self._own
+        if not is_pupil(page) or not any(place["group"] for place in places):
+            return [{"title": "", "places": places, "look": ""}]
+        mine = [place for place in places if own and place["group"] == own]
+        others = [place for place in places if place["group"] not in ("", own)]
+        common = [place for place in places if not place["group"]]
+        sections: list[Mapping[str, object]] = [
+            {"title": page.say("Your group: {group}", group=own), "places": mine, "look": "own"},
+            {"title": page.say("For everybody"), "places": common, "look": ""},
+            {"title": page.say("Other groups ({count})", count=len(others)), "places": others, "look": "others"},
+        ]
+        return [section for section in sections if section["places"]]
 
     def _plug_words(self, card: SlotCard) -> str:
         if card.plugged is None:

@@ -43,7 +43,7 @@ RANGES = {"%": (-100.0, 100.0), "deg": (-180.0, 180.0), "Hz": (0.0, 5000.0), "1/
 def manual_control_panel(page: Page, slot: str, part_number: str) -> None:
     """The controls for every port of a slot that can be driven; nothing when there is none, or no right to."""
     part_type = page.service.views.library.find(part_number) if part_number else None
-    if part_type is None or not page.may(Right.OPERATE):
+    if part_type is None or not page.may_at(Right.OPERATE, slot):
         return
     ports = [port for port in part_type.ports if port.direction is Direction.SUBSCRIBE and port.message is not None]
     if not ports:
@@ -204,7 +204,7 @@ def open_slot_drawer(page: Page, slot: str) -> None:
 def _present(page: Page, slot: str) -> None:
     """All about the slot as it is now."""
     _state(page, slot)
-    if page.may(Right.OPERATE):
+    if page.may_at(Right.OPERATE, slot):
         _following(page, slot, lambda card: card.simulated, lambda card: _simulator(page, card))
     _ports(page, slot)
     _following(
@@ -370,7 +370,7 @@ class _PartActions:
         page, part, slot = self._page, card.part, ("slot", card.name)
         if part is not None and part.uid:
             uid = ("part", part.uid)
-            if page.may(Right.OPERATE):
+            if page.may_at(Right.OPERATE, card.name):
                 named = uid if page.may(Right.ARRANGE) else ("part", card.name)
                 yield _PartAction(page.say("Identify"), "lightbulb", "identify", (named,))
             if page.may(Right.ARRANGE):
