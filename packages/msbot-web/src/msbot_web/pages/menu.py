@@ -96,7 +96,7 @@ def is_pupil(page: Page) -> bool:
 
 def search_button(page: Page) -> None:
     """What opens the search, beside Ctrl-K; and the search itself, which is the browser's (`static/find.js`)."""
-    words = page.say("Search (Ctrl-K)")
+    words = page.say("Find (Ctrl-K)")
     button = ui.button(icon="search").props("flat round dense color=primary id=ms-find-open")
     button.props["aria-label"] = button.props["title"] = words
     groups = page.service.operations.pupils.groups

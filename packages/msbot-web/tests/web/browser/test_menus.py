@@ -66,7 +66,7 @@ def test_a_teachers_menu_has_four_groups(site: Site, teacher: Page) -> None:
 def test_everything_is_found_by_typing(site: Site, teacher: Page) -> None:
     go(teacher, f"{site.base}/journal")
     teacher.keyboard.press("Control+k")
-    field = teacher.get_by_role("combobox", name="Search pages, slots and pupils")
+    field = teacher.get_by_role("combobox", name="Find pages, slots and pupils")
     expect(field).to_be_focused()
     expect(teacher.locator("#ms-stop")).to_be_enabled()  # STOP stays within reach
     field.press_sequentially("lamp team17")
@@ -76,21 +76,21 @@ def test_everything_is_found_by_typing(site: Site, teacher: Page) -> None:
     field.press("ArrowDown")
     field.press("Enter")
     teacher.wait_for_url("**/pupil?name=Ada")
-    teacher.get_by_role("button", name="Search (Ctrl-K)").click()
+    teacher.get_by_role("button", name="Find (Ctrl-K)").click()
     field.fill("dioct")
     expect(teacher.get_by_text("Nothing fits.")).to_be_visible()
     field.press("Escape")
-    expect(teacher.get_by_role("button", name="Search (Ctrl-K)")).to_be_focused()
+    expect(teacher.get_by_role("button", name="Find (Ctrl-K)")).to_be_focused()
 
     go(teacher, f"{site.base}/")
     cards = teacher.locator(".place:visible")
     expect(cards).to_have_count(150)
-    teacher.get_by_label("Search the cards").fill("team17 wheels")
+    teacher.get_by_label("Find cards").fill("team17 wheels")
     expect(cards).to_have_count(1)
     expect(teacher.locator("#ms-cards-count")).to_have_text("1 / 150")
-    teacher.get_by_label("Search the cards").fill("team8")
+    teacher.get_by_label("Find cards").fill("team8")
     expect(cards).to_have_count(5)
-    teacher.get_by_label("Search the cards").fill("")
+    teacher.get_by_label("Find cards").fill("")
     expect(cards).to_have_count(150)
 
 
