@@ -3,8 +3,11 @@
 # Where packages come with other hashes (piwheels on a Raspberry Pi):  make demo HASHES=no
 
 # A Python with pip, the system's before that of an environment which happens to be activated; .venv has none.
-PYTHON ?= $(shell all=$$(printf %s "$$PATH" | sed 's,$(CURDIR)/.venv/bin:,,g'); \
-	system=$$(printf %s "$$all" | sed "s,$${VIRTUAL_ENV:-$(CURDIR)/.venv}/bin:,,g"); \
+# The name of a folder may have any characters: it is a word of the shell, and no part of a pattern.
+HERE := '$(subst ','\'',$(CURDIR))'
+PYTHON ?= $(shell without() { IFS=:; kept=; for one in $$2; do \
+	[ "$$one" = "$$1" ] || kept="$$kept$${kept:+:}$$one"; done; unset IFS; printf %s "$$kept"; }; here=$(HERE)/.venv; \
+	all=$$(without "$$here/bin" "$$PATH"); system=$$(without "$${VIRTUAL_ENV:-$$here}/bin" "$$all"); \
 	for needed in 'import pip, sys' 'import sys'; do for PATH in "$$system" "$$all"; do \
 	for p in python3 python3.13 python3.12 python3.11; do command -v $$p >/dev/null 2>&1 && \
 	$$p -c "$$needed; sys.exit(sys.version_info < (3, 11))" 2>/dev/null && command -v $$p && exit; done; done; done)
@@ -41,6 +44,7 @@ help:
 
 $(BIN)/python:
 	@test -n '$(PYTHON)' || { echo 'MsBOT needs Python 3.11 or newer; none was found. Install it, or call: make PYTHON=/path/to/python3' >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo 'MsBOT needs Python 3.11 or newer, and $(PYTHON) is older or does not run. Call: make PYTHON=/path/to/python3' >&2; exit 1; }
 	@$(PYTHON) -m pip --version >/dev/null 2>&1 || { echo 'MsBOT needs pip, and $(PYTHON) has none. On Debian, Ubuntu, Raspberry Pi OS: sudo apt install python3-pip' >&2; exit 1; }
 	@$(PYTHON) -m venv --without-pip $(VENV)
 

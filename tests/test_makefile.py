@@ -35,15 +35,15 @@ def python(folder: Path, *, pip: bool) -> Path:
     return program
 
 
-def chosen(*path: Path, environment: Path | None = None) -> str:
+def chosen(*path: Path, environment: Path | None = None, project: Path = PROJECT) -> str:
     """What the Makefile takes when these folders are searched and this environment is activated."""
-    ask = f"include {PROJECT}/Makefile\nshow-python:\n\t@echo '$(PYTHON)'\n"
+    ask = "include Makefile\nshow-python:\n\t@echo '$(PYTHON)'\n"
     variables = {"PATH": ":".join(map(str, path))} | ({"VIRTUAL_ENV": str(environment)} if environment else {})
     done = subprocess.run(
         [shutil.which("make") or "make", "-s", "-f", "-", "show-python"],
         input=ask,
         env=variables,
-        cwd=PROJECT,
+        cwd=project,
         capture_output=True,
         text=True,
         check=True,
@@ -75,3 +75,24 @@ def test_without_pip_anywhere_a_python_is_named_all_the_same(tmp_path: Path, too
 
 def test_where_there_is_no_python_there_is_none(tools: Path) -> None:
     assert chosen(tools) == ""
+
+
+@pytest.mark.parametrize("name", ["Meyer, Anna", "Kathe's", 'a "b" $(c) `d`', "50% & more; #1"])
+def test_a_folder_may_have_any_name(name: str, tmp_path: Path, tools: Path) -> None:
+    folder = tmp_path / name
+    own = python(folder / ".venv/bin", pip=False)
+    system = python(tmp_path / "system", pip=True)
+    shutil.copy(PROJECT / "Makefile", folder)
+    assert chosen(own.parent, system.parent, tools, environment=folder / ".venv", project=folder) == str(system)
+
+
+def test_a_python_that_is_too_old_is_told_of(tmp_path: Path) -> None:
+    shutil.copy(PROJECT / "Makefile", tmp_path)
+    old = tmp_path / "python3.10"
+    old.write_text("#!/bin/sh\nexit 1\n")
+    old.chmod(0o755)
+    done = subprocess.run(
+        ["make", "-s", f"PYTHON={old}", ".venv/bin/python"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode
+    assert done.stderr.startswith(f"MsBOT needs Python 3.11 or newer, and {old} is older or does not run. Call: make ")

@@ -77,6 +77,19 @@ MISTAKES = {
         "thread.start()\nthread.join()\nimport os\nos._exit(0)\n",
         "program.py:4 in <lambda>: the part does not run: publish in a function below @part.every or @part.on",
     ),
+    "a field without a size, before any part is made": (
+        "from msbot import Message\nclass Light(Message):\n    value: int\n",
+        "program.py:2: class Light: field value: int says no size on the wire: "
+        "write int32 (or int8, int16, int64, uint8 to uint64)",
+    ),
+    "a field without a form": (
+        "from msbot import Message\nclass Light(Message):\n    value: float\n",
+        "program.py:2: class Light: field value: float says no size on the wire: write float32 (or float64)",
+    ),
+    "seconds with their unit": (
+        HEAD + "@part.every('1s')\ndef tell():\n    pass\npart.run()\n",
+        'program.py:3: every("1s"): seconds are a number without quotes: every(1); a text is the name of a setting',
+    ),
     "a value that does not fit": (
         HEAD + "HelloWorld(index=-1, message='x')\npart.run()\n",
         "program.py:3: HelloWorld.index cannot be -1: uint32 needs a whole number from 0 to 4294967295",

@@ -244,7 +244,7 @@ def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_j
         if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
             db = master.details.get("database")
     try:
-        entries, several = _read(part, last, db, robot, must_be_there=not lines)
+        entries, several, empty = _read(part, last, db, robot, must_be_there=not lines)
     except RegistryError as error:
         if not lines:
             raise
@@ -255,6 +255,8 @@ def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_j
         for line in lines:
             click.echo(for_terminal(line))
         return
+    if empty:
+        lines = [empty]
     if as_json:
         history = [_why_as_json(entry) for entry in entries]
         click.echo(json.dumps({"history": history, "now": lines, "troubles": troubles}))
@@ -292,8 +294,9 @@ def _texts(found: object) -> list[str]:
 
 def _read(
     part: str, last: int, db: str | None, robot: str | None, *, must_be_there: bool
-) -> tuple[list[JournalEntry], bool]:
-    """The lines of the journal, and whether they may be those of several robots."""
+) -> tuple[list[JournalEntry], bool, str]:
+    """The lines of the journal, whether they may be those of several robots, and what there is to say of an empty
+    slot."""
     path = existing_database(db)
     until_stored(path)
     with open_robot_database(path) as look:
@@ -301,8 +304,16 @@ def _read(
         meant = None if robot is None else one_robot(look.database, robots, robot)
         entries = look.journal(last, part, meant)
         if not entries and must_be_there:
-            raise ConfigError(f"no part {part!r} is in the journal; {_seen(look, meant)}")
-    return entries, meant is None and len(robots) > 1
+            empty = [slot for one in robots if meant in (None, one) for slot in look.slot_names(one)]
+            slot = next((slot for slot in empty if slot.casefold() == part.casefold()), None)
+            if slot is None:
+                raise ConfigError(f"no part {part!r} is in the journal; {_seen(look, meant)}")
+            return (
+                [],
+                False,
+                f"no part has ever been in slot {slot}; `msbot simulate {slot}` lets a simulated one stand in",
+            )
+    return entries, meant is None and len(robots) > 1, ""
 
 
 def _seen(look: RobotDatabase, robot: RobotRecord | None) -> str:

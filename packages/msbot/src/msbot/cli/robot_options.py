@@ -38,7 +38,8 @@ robot_option = click.option("--robot", metavar="NAME", help="Which robot, when t
 db_option = click.option(
     "--db",
     metavar="FILE",
-    help="The robot's database, a file or postgresql://...; default: robot.db beside the blueprint or in this folder.",
+    help="The robot's database, a file or postgresql://...; default: the blueprint's name with .db, beside it (for "
+    "robot.toml, and where no blueprint is named: robot.db).",
 )
 
 
@@ -145,6 +146,9 @@ def is_there(db: str) -> bool:
 
 def no_database(db: str) -> str:
     """What is said of a database that does not exist, wherever one is not made on purpose."""
+    others = sorted(str(file) for file in Path(db).parent.glob("*.db")) if "://" not in db else []
+    if others:
+        return f"there is no database {db}; name the one that is meant: --db {' or --db '.join(others[:3])}"
     return (
         f"there is no database {db}: `msbot master robot.toml` or `msbot apply robot.toml` makes one; "
         "name another one with --db"

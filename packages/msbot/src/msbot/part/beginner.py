@@ -1,7 +1,7 @@
 """Tells students about mistakes that Python would not report, or not in a friendly way.
 
 * A program that makes a part and forgets `part.run()` gets a warning when it ends.
-* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback, in any thread.
+* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback (`mistakes`).
 * A function that blocks is reported while it blocks: `HandlerWatch` looks from a thread of its own.
 """
 
@@ -12,17 +12,15 @@ import logging
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol
 from weakref import WeakSet
 
 from msbot.part.join.joining import Joining, JoinState
 from msbot.part.join.refusal import DOES_NOT_JOIN
+from msbot.part.mistakes import tell_mistakes_as_sentences
 from msbot_agent.process.user_folders import own_folders
-from msbot_xrce.errors import MsbotError
 
 STUCK_S = 0.5
 """A function that has not returned for this long is reported."""
@@ -63,29 +61,13 @@ def part_was_made(part: _NamedPart) -> None:
     if not _waiting.is_installed:
         _waiting.is_installed = True
         atexit.register(_say_what_was_forgotten)
-        sys.excepthook = _as_sentence(sys.excepthook)
-        threading.excepthook = _thread_as_sentence(threading.excepthook)
+        tell_mistakes_as_sentences()
 
 
 def part_is_run(part: _NamedPart) -> None:
     """The part is being run, so no warning is needed."""
     _waiting.parts.discard(part)
     _waiting.places.pop(id(part), None)
-
-
-def line_of(error: BaseException) -> str | None:
-    """The innermost line of the program's own code: `my_part.py:12 in measure`."""
-    for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        if not frame.filename.startswith(own_folders()) and not frame.filename.startswith("<frozen"):
-            return f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}".replace(" in <module>", "")
-    return None
-
-
-def sentence(error: BaseException) -> str:
-    """A mistake as one line, with the line of the program if it is known."""
-    place = line_of(error)
-    words = " ".join(str(error).split())
-    return words if place is None or place in words else f"{place}: {words}"
 
 
 def silence_words(joining: Joining, link: str, local_name: str) -> str:
@@ -174,28 +156,3 @@ def _say_what_was_forgotten() -> None:
             f"{place}: part {part.local_name} was made and never run: end the program with part.run(), "
             "or msbot.run(part, ...) for several\n"
         )
-
-
-_Hook = Callable[[type[BaseException], BaseException, TracebackType | None], object]
-
-
-def _as_sentence(before: _Hook) -> _Hook:
-    def say(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        if isinstance(error, MsbotError):
-            sys.stderr.write(f"{sentence(error)}\n")
-        else:
-            before(kind, error, trace)
-
-    return say
-
-
-def _thread_as_sentence(
-    before: Callable[[threading.ExceptHookArgs], object],
-) -> Callable[[threading.ExceptHookArgs], object]:
-    def say(args: threading.ExceptHookArgs, /) -> None:
-        if isinstance(args.exc_value, MsbotError):
-            sys.stderr.write(f"{sentence(args.exc_value)}\n")
-        else:
-            before(args)
-
-    return say

@@ -11,7 +11,7 @@ import inspect
 import logging
 from collections.abc import Callable
 
-from msbot.part.beginner import line_of
+from msbot.part.mistakes import line_of
 from msbot_xrce.errors import ConfigError
 
 _log = logging.getLogger("msbot.part")

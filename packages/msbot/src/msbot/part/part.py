@@ -15,6 +15,7 @@ A part has two halves: the `Program` holds its functions, the `ProgramRunner` ca
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from random import Random, SystemRandom
@@ -38,6 +39,7 @@ _M = TypeVar("_M", bound=Message)
 _A = TypeVar("_A", bound=Action)
 _P = TypeVar("_P", bound=PortAction)
 _F = TypeVar("_F")
+_BEGINS_WITH_NUMBER = re.compile(r"\s*\d+(?:\.\d+)?")
 
 
 class Part:
@@ -108,6 +110,11 @@ class Part:
         if callable(period):
             name = getattr(period, "__name__", "...")
             raise ConfigError(f"@part.every above {name} needs the seconds in parentheses: @part.every(1.0)")
+        if isinstance(period, str) and (number := _BEGINS_WITH_NUMBER.match(period)):
+            raise ConfigError(
+                f'every("{period}"): seconds are a number without quotes: every({number[0].strip()}); '
+                "a text is the name of a setting"
+            )
         if not isinstance(period, str) and not period > 0:
             raise ConfigError(f"every({period}): the period must be more than 0 seconds")
         if default is not None and not isinstance(period, str):

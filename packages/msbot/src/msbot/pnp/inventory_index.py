@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from random import Random
 
 from msbot.pnp.inventory_record import InventoryRecord
@@ -162,19 +161,28 @@ class InventoryIndex:
         if self._by_identity.get(record.identity) is record:
             del self._by_identity[record.identity]
 
-    def find(self, word: str, *, by_name: bool = False) -> Iterator[InventoryRecord]:
+    def find(self, word: str, *, by_name: bool = False) -> list[InventoryRecord]:
         """Parts that a person may mean by a word: name, slot, number, UID, address or client key.
+
+        The one that holds the slot of that name comes first, then those that are in the robot, then the others.
 
         With `by_name`, the last three do not count: who may not see them does not find a part by them.
         """
         wanted = word.casefold()
-        for record in self.records:
-            claim = record.claim
-            names = [record.slot or ""]
-            if claim is not None:
-                names += [record.name, claim.part_number, claim.local_name]
-            if not by_name:
-                uid = "" if claim is None else claim.uid.hex()
-                names += [record.name, record.address, f"{record.client_key:08x}", uid]
-            if wanted in (name.casefold() for name in names):
-                yield record
+        found = [record for record in self.records if self._is_called(record, wanted, by_name=by_name)]
+        return sorted(found, key=lambda record: (not self._holds(record, wanted), not record.is_registered))
+
+    @staticmethod
+    def _holds(record: InventoryRecord, wanted: str) -> bool:
+        return record.holds_slot and (record.slot or "").casefold() == wanted
+
+    @staticmethod
+    def _is_called(record: InventoryRecord, wanted: str, *, by_name: bool) -> bool:
+        claim = record.claim
+        names = [record.slot or ""]
+        if claim is not None:
+            names += [record.name, claim.part_number, claim.local_name]
+        if not by_name:
+            uid = "" if claim is None else claim.uid.hex()
+            names += [record.name, record.address, f"{record.client_key:08x}", uid]
+        return wanted in (name.casefold() for name in names)

@@ -55,15 +55,7 @@ class ReadOnlyDatabase:
 
     def is_run(self, robot: RobotRecord) -> bool:
         """Whether a master is running this robot now; see `running.run_lock`."""
-        lock = lock_file(self._path, robot.id)
-        if not lock.exists():
-            return False
-        with contextlib.closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
-            try:
-                connection.execute("BEGIN EXCLUSIVE")
-            except sqlite3.OperationalError as error:
-                return error.sqlite_errorname == "SQLITE_BUSY"
-        return False
+        return is_locked(lock_file(self._path, robot.id))
 
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of a robot's blueprint, in its order."""
@@ -109,6 +101,18 @@ def look_into(address: str) -> ReadOnlyDatabase | None:
 def lock_file(database: Path, robot_id: int) -> Path:
     """The file whose lock says that a master runs this robot."""
     return database.with_name(f"{database.name}.running{robot_id}")
+
+
+def is_locked(lock: Path) -> bool:
+    """Whether a master holds that lock; see `running.run_lock`."""
+    if not lock.exists():
+        return False
+    with contextlib.closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
+        try:
+            connection.execute("BEGIN EXCLUSIVE")
+        except sqlite3.OperationalError as error:
+            return error.sqlite_errorname == "SQLITE_BUSY"
+    return False
 
 
 def without_master(record: PartRecord) -> PartRecord:

@@ -263,3 +263,18 @@ def test_every_command_that_changes_a_robot_can_be_told_which() -> None:
         found = msbot.get_command(click.Context(msbot), name)
         assert found is not None
         assert {"db", "robot"} <= {param.name for param in found.params}
+
+
+def test_a_robot_that_runs_out_of_sight_is_told_as_that(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        said = await typed("identify", "AA", "--db", str(tmp_path / "robot.db"))
+        assert said.startswith("msbot: robot MSBOT_MASTER runs, but its master is not among the programs in ")
+        assert "XDG_RUNTIME_DIR of the master" in said
+        assert "another --db" not in said
+
+    play(tmp_path, act, parts=("AA=ABCD",))
+
+
+def test_a_database_of_another_name_is_named(tmp_path: Path) -> None:
+    (tmp_path / "r.db").touch()
+    assert command("parts") == "msbot: there is no database robot.db; name the one that is meant: --db r.db"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from random import Random
@@ -256,6 +257,24 @@ def test_a_part_that_was_never_there_is_a_mistake_with_the_names_of_those_that_w
     why(tmp_path, unknown_part)
     with pytest.raises(Exception, match="no part 'XX' is in the journal; seen so far: DD"):
         CliRunner().invoke(why_command, ["XX", "--db", str(tmp_path / "robot.db")], catch_exceptions=False)
+
+
+def test_a_slot_that_was_never_filled_is_told_as_that(tmp_path: Path) -> None:
+    assert "no part has ever been in slot AA; `msbot simulate AA`" in why(tmp_path, unknown_part, "aa")
+    asked = ["AA", "--db", str(tmp_path / "robot.db"), "--json"]
+    told = json.loads(CliRunner().invoke(why_command, asked, catch_exceptions=False).stdout)
+    assert (told["history"], told["now"][0][:38]) == ([], "no part has ever been in slot AA; `msb")
+
+
+def test_the_part_that_holds_the_slot_is_spoken_of_first(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.do.release("BB", who="ann")
+        await asyncio.sleep(6.0)
+        found = stage.master.inventory.find("BB", asyncio.get_running_loop().time())
+        assert [one.part for one in found] == ["DD", "BB"]
+        assert stage.master.why("bb")[0].startswith("DD")
+
+    play(tmp_path, scene, parts=("BB=EFGH", "DD=EFGH"))
 
 
 def test_in_a_database_of_several_robots_the_one_that_is_named_answers(tmp_path: Path) -> None:

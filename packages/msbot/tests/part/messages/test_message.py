@@ -152,8 +152,8 @@ def test_an_unknown_field_is_named_with_the_known_ones() -> None:
     ("annotations", "words"),
     [
         ({"lux": complex}, "class Bad: field lux: complex has no form on the wire; use one of uint8"),
-        ({"lux": int}, "field lux: int has no form on the wire"),
-        ({"lux": float}, "field lux: float has no form"),
+        ({"lux": int}, "field lux: int says no size on the wire: write int32"),
+        ({"lux": float}, "field lux: float says no size"),
         ({"lux": list[complex]}, "field lux: list"),
         ({"lux": list}, "field lux: list has no form"),
         ({"lux": Annotated[uint8, AtMost(3)]}, "field lux"),

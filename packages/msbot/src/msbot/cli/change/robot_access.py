@@ -21,6 +21,7 @@ from msbot.cli.robot_options import (
 from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
 from msbot_agent.log import TerminalHandler
+from msbot_agent.process.user_folders import running_folder
 from msbot_agent.startup.extensions import own_version
 from msbot_xrce.errors import ConfigError
 
@@ -165,6 +166,11 @@ def _on_database(path: str, robot: str | None, request: Mapping[str, object]) ->
 
     with open_registry(path, create=False) as registry:
         meant = one_robot(registry.database, registry.robots.all(), robot)
+        if registry.runs.is_run(meant):
+            raise ConfigError(
+                f"robot {meant.name} runs, but its master is not among the programs in {running_folder()}: call this "
+                "as the user and with the XDG_RUNTIME_DIR of the master, or on the computer where it runs"
+            )
 
         async def act() -> dict[str, object]:
             return await perform(stored_operations(registry, meant), request)

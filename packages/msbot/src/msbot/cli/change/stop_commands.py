@@ -295,13 +295,12 @@ def _show_status(reached: StopAnswers, meant: ChosenRobots, *, as_json: bool) ->
         return
     stopped = [one for one in reached.answers if one["stopped"]]
     if not stopped:
-        click.echo("no STOP holds")
+        click.echo(f"no STOP holds at {', '.join(robot_label(one) for one in reached.answers)}")
     for one in stopped:
         since, why = one["since"], f": {one['reason']}" if one["reason"] else ""
         assert isinstance(since, int | float)
-        where = f" at {robot_label(one)}" if len(reached.answers) > 1 else ""
         at = f"{datetime.fromtimestamp(since):%Y-%m-%d %H:%M:%S}"
-        click.echo(f"STOP {one['number']}{where} since {at}, said by {one['by']}{_from(one)}{why}")
+        click.echo(f"STOP {one['number']} at {robot_label(one)} since {at}, said by {one['by']}{_from(one)}{why}")
         for line in _lines([one], meant, among=reached.answers):
             click.echo(line)
     if reached.silent:

@@ -21,7 +21,8 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias, TypeVar, dataclass_transform, get_origin, get_type_hints
 
 from msbot.part.messages.wire_types import FieldCodec, codec_for
-from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
+from msbot.part.mistakes import tell_mistakes_as_sentences
+from msbot_xrce.errors import LocalProtocolError, MsbotError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import CdrReader, CdrWriter
 
@@ -230,6 +231,19 @@ class Message:
         return message
 
 
+class MessageClassError(MsbotError, TypeError):
+    """A message class of a program is wrong; the text says which field, and what would be right."""
+
+
+_SIZED = {int: "int32 (or int8, int16, int64, uint8 to uint64)", float: "float32 (or float64)"}
+
+
+def _mistake(words: str) -> MessageClassError:
+    """The error of a class, which a program that has made no part yet tells as a sentence as well."""
+    tell_mistakes_as_sentences()
+    return MessageClassError(words)
+
+
 def fields_of(message_class: type[Message]) -> tuple[Field, ...]:
     """The fields of a message class in the order of the wire."""
     return tuple(message_class._fields.values())
@@ -239,7 +253,8 @@ def _compile(cls: type[Message]) -> dict[str, Field]:
     try:
         hints = get_type_hints(cls, include_extras=True)
     except NameError as error:
-        raise TypeError(f"class {cls.__name__}: {error}; types must be known where the class is defined") from error
+        words = f"class {cls.__name__}: {error}; types must be known where the class is defined"
+        raise _mistake(words) from error
     fields = {}
     for name, annotation in hints.items():
         if get_origin(annotation) is not ClassVar:
@@ -260,20 +275,23 @@ def _fixed_form(field: Field) -> str | FixedSize | None:
 def _field(cls: type[Message], name: str, annotation: object) -> Field:
     where = f"class {cls.__name__}: field {name}"
     if name.startswith("_") or hasattr(Message, name):
-        raise TypeError(f"{where} needs another name: this one belongs to Message")
+        raise _mistake(f"{where} needs another name: this one belongs to Message")
     codec = codec_for(annotation, _record)
     if codec is None:
+        sized = _SIZED.get(annotation) if isinstance(annotation, type) else None
+        if sized is not None:
+            raise _mistake(f"{where}: {annotation.__name__} says no size on the wire: write {sized}")  # type: ignore[attr-defined]  # a type has one
         words = getattr(annotation, "__name__", None) or str(annotation)
         known = (
             "uint8 to uint64, int8 to int64, float32, float64, bool, str, bytes, list[...], an IntEnum, a Message class"
         )
-        raise TypeError(f"{where}: {words} has no form on the wire; use one of {known}")
+        raise _mistake(f"{where}: {words} has no form on the wire; use one of {known}")
     default = getattr(cls, name, None)
     if default is None:
         default = codec.zero()
     field = Field(name, codec, default)
     if not codec.fits(default):
-        raise TypeError(_misfit(cls, field, default))
+        raise _mistake(_misfit(cls, field, default))
     return field
 
 

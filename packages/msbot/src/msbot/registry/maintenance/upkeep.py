@@ -27,6 +27,7 @@ from msbot.registry.database.tables import edits, journal, library, metadata, pa
 from msbot.registry.edits import wires
 from msbot.registry.edits.edit_log import read_edits
 from msbot.registry.edits.users import ROLES
+from msbot.registry.read_only_database import is_locked
 from msbot.registry.records import RobotRecord
 from msbot.registry.registry import BUSY_TIMEOUT_S, Registry, open_registry
 from msbot.registry.running import run_lock
@@ -290,6 +291,8 @@ def find_backup(source: Path) -> None:
 def restore(source: Path, address: str) -> Path | None:
     """Replace the content of a database by that of a backup; returns a copy of the old content if it had robots.
 
+    A file that is damaged is set aside and returned.
+
     Raises:
         RegistryError: the backup or the database cannot be used, or a master is running one of its robots.
     """
@@ -299,6 +302,7 @@ def restore(source: Path, address: str) -> Path | None:
         make_private(copy)
         shutil.copyfile(source, copy)
         check_backup(copy, needs_administrator=False)
+        damaged = _set_damaged_aside(address)
         open_registry(address).close()
         where, engine = _open(address)
         try:
@@ -306,7 +310,42 @@ def restore(source: Path, address: str) -> Path | None:
             _replace(copy, where, engine)
         finally:
             engine.dispose()
-    return kept
+    return damaged or kept
+
+
+def _set_damaged_aside(address: str) -> Path | None:
+    """A file that cannot be read as the database gives way to the backup; nothing of it is deleted.
+
+    Raises:
+        RegistryError: a master is running a robot of it.
+    """
+    where = parse_address(address)
+    path = where.path
+    if path is None or not path.is_file() or not _is_damaged(path):
+        return None
+    for lock in path.parent.glob(f"{path.name}.running*"):
+        if is_locked(lock):
+            raise RegistryError(
+                said("a master is running a robot with the database {words}: stop it first", words=where.words)
+            )
+    number = 1
+    while (aside := path.with_name(f"{path.name}.damaged.{number}")).exists():
+        number += 1
+    path.rename(aside)
+    for ending in ("-wal", "-shm"):  # they belong to the damaged file, and would spoil the new one
+        beside = path.with_name(f"{path.name}{ending}")
+        if beside.exists():
+            beside.rename(aside.with_name(f"{aside.name}{ending}"))
+    return aside
+
+
+def _is_damaged(path: Path) -> bool:
+    """Whether SQLite cannot read the file, or what it reads contradicts itself."""
+    try:
+        with closing(sqlite3.connect(f"file:{path.absolute().as_posix()}?mode=ro", uri=True)) as connection:
+            return bool(connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",))
+    except sqlite3.DatabaseError as error:
+        return error.sqlite_errorname.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB"))
 
 
 def check(address: str) -> list[str]:
