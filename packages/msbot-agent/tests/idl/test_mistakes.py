@@ -33,7 +33,7 @@ MISTAKES = {
     "/* open": "a.idl:1:1: this comment is never closed: */ is missing",
     "struct A { long ä; };": "a.idl:1:17: 'ä' has no place in IDL",
     "sturct A { long x; };": "a.idl:1:1: a definition begins with module, struct, enum, typedef or const, not sturct",
-    '#include "gone.idl"': "a.idl:1:1: gone.idl cannot be read",
+    '#include "gone.idl"': "a.idl:1:1: gone.idl is not there (looked into .)",
     "struct A { long double x; };": "a.idl:1:12: long double is not supported; use double",
 }
 

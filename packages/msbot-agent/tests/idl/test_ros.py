@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from msbot import Message, ros2
-from msbot_agent.idl import read_definitions, to_python
+from msbot_agent.idl import read_definitions, to_c, to_python
+from msbot_xrce.errors import ConfigError
 from tests.idl.generated import module_from
 
 
@@ -51,6 +53,49 @@ def test_a_message_without_fields_has_the_one_that_ros_puts_there(tmp_path: Path
     folder = package(tmp_path, msg_Nothing="# nothing to say\n")
     module = module_from(to_python(read_definitions(folder / "msg/Nothing.msg"), "Nothing.msg"), "generated_nothing")
     assert module.Nothing().encode() == b"\0"
+
+
+def test_values_are_written_as_the_language_has_them(tmp_path: Path) -> None:
+    folder = package(
+        tmp_path,
+        msg_Lamp=(
+            "byte[3] colour [255, 128, 0]\nbyte[] more [1, 2]\nuint8[<=4] some [9]\nfloat32 limit inf\n"
+            "float64 last nan\nfloat32 NEVER=-inf\nfloat64[2] ends [1.5, 2]\nbool[] flags [true, false]\n"
+            "string NAME='a \"b\" \\ c'\n"
+        ),
+    )
+    found = read_definitions(folder / "msg/Lamp.msg")
+    module = module_from(to_python(found, "Lamp.msg"), "generated_lamp")
+    lamp: Any = module.Lamp()
+    assert (lamp.colour, lamp.more, lamp.some) == (b"\xff\x80\x00", b"\x01\x02", b"\t")
+    assert (lamp.limit, lamp.NEVER, lamp.ends, lamp.flags) == (math.inf, -math.inf, [1.5, 2.0], [True, False])
+    assert math.isnan(lamp.last)
+    assert lamp.NAME == 'a "b" \\ c'
+    header, _ = to_c(found, "Lamp.msg", "lamp")
+    assert "#define my_robot_msg_Lamp_NEVER (-INFINITY)\n" in header
+    assert "#include <math.h>\n" in header
+    assert '#define my_robot_msg_Lamp_NAME "a \\042b\\042 \\134 c"\n' in header
+
+
+def test_a_number_that_its_type_does_not_have_is_refused(tmp_path: Path) -> None:
+    folder = package(tmp_path, msg_Lamp="byte[2] colour [255, 256]\n")
+    with pytest.raises(ConfigError, match=r"Lamp\.msg:1:1: uint8 goes from 0 to 255, so it cannot be 256"):
+        read_definitions(folder / "msg/Lamp.msg")
+
+
+def test_a_package_is_named_by_its_manifest_and_not_by_its_folder(tmp_path: Path) -> None:
+    package(tmp_path, msg_Wheel="uint64 timestamp\n").rename(tmp_path / "my_robot-main")
+    wheel = tmp_path / "my_robot-main/msg/Wheel.msg"
+    with pytest.raises(ConfigError, match=r"'my_robot-main' is no name of a ROS package, .*: say --package NAME"):
+        read_definitions(wheel)
+    (tmp_path / "my_robot-main/package.xml").write_text(
+        '<?xml version="1.0"?><package format="3"><!-- <name>old</name> --><name>my_robot</name></package>'
+    )
+    assert [one.type_name for one in read_definitions(wheel).structs.values()] == ["my_robot::msg::dds_::Wheel_"]
+    other = tmp_path / "elsewhere/Cart.msg"
+    other.parent.mkdir()
+    other.write_text("my_robot/Wheel wheel\n")
+    assert ("my_robot", "msg", "Wheel") in read_definitions(other, package="cart", include=[tmp_path]).structs
 
 
 def test_another_dds_implementation_writes_the_same_octets() -> None:

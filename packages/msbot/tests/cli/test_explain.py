@@ -121,6 +121,20 @@ def test_a_capture_of_a_network_in_words(tmp_path: Path) -> None:
     assert any("CREATE requester" in line for one in told for line in one["words"])
 
 
+def test_what_is_no_xrce_in_a_capture_is_named_as_what_it_is(tmp_path: Path) -> None:
+    file = tmp_path / "beside.pcap"
+    rtps, mdns = b"RTPS\x02\x03\x01\x0f" + bytes(12) + b"\x09\x01\x08\0" + bytes(8), b"\0\0\x84\0\0\0\0\1" + bytes(20)
+    with file.open("wb") as stream:
+        writer = dpkt.pcap.Writer(stream)
+        for octets, port in ((rtps, 7400), (mdns, 5353), (rtps, 8888)):
+            udp = dpkt.udp.UDP(sport=port, dport=port, data=octets, ulen=8 + len(octets))
+            packet = dpkt.ip.IP(src=b"\x0a\0\0\2", dst=b"\x0a\0\0\1", p=17, data=udp, len=28 + len(octets))
+            writer.writepkt(bytes(dpkt.ethernet.Ethernet(type=2048, data=packet)), ts=1.0)
+    told = [one["words"] for one in json.loads(run(str(file), "--json", "--fields").output)]
+    assert [words[0].split(",")[0] for words in told] == ["RTPS 2.3", "mDNS", "RTPS 2.3"]
+    assert [len(words) for words in told] == [1, 1, 1]
+
+
 def test_a_capture_of_a_can_bus(tmp_path: Path) -> None:
     file = tmp_path / "can.pcap"
     octets = (0x103).to_bytes(4, "big") + bytes((4, 0, 0, 0)) + bytes.fromhex("C181000A") + bytes(4)

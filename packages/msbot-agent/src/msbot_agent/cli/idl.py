@@ -11,14 +11,24 @@ from msbot_agent.idl import read_definitions, to_c, to_idl, to_python
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 _PACKAGE = click.option(
-    "--package", default="", metavar="NAME", help="The ROS package of a .msg or .srv file; else from its folder."
+    "--package",
+    default="",
+    metavar="NAME",
+    help="The ROS package of a .msg or .srv file; else from its package.xml or folder.",
 )
 _INCLUDE = click.option(
     "--include",
     multiple=True,
     metavar="FOLDER",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="A folder that holds ROS packages; may be repeated.",
+    help="A folder that holds ROS packages, or the files that an .idl file includes; may be repeated.",
+)
+_DEFINE = click.option(
+    "--define",
+    "-D",
+    multiple=True,
+    metavar="NAME",
+    help="What #ifdef takes as defined in an .idl file; may be repeated.",
 )
 _ROS = click.option("--ros", is_flag=True, help="Type names as ROS 2 has them in DDS, for an .idl file.")
 _OUT = click.option(
@@ -36,10 +46,15 @@ def command() -> None:
 @_ROS
 @_PACKAGE
 @_INCLUDE
+@_DEFINE
 @_OUT
-def to_python_command(file: Path, *, ros: bool, package: str, include: tuple[Path, ...], out: Path | None) -> None:
+def to_python_command(
+    file: Path, *, ros: bool, package: str, include: tuple[Path, ...], define: tuple[str, ...], out: Path | None
+) -> None:
     """Message classes for msbot programs."""
-    _put(to_python(read_definitions(file, package=package, include=include, is_ros=ros), file.name), out)
+    _put(
+        to_python(read_definitions(file, package=package, include=include, is_ros=ros, defined=define), file.name), out
+    )
 
 
 @command.command("to-idl")
@@ -47,10 +62,13 @@ def to_python_command(file: Path, *, ros: bool, package: str, include: tuple[Pat
 @_ROS
 @_PACKAGE
 @_INCLUDE
+@_DEFINE
 @_OUT
-def to_idl_command(file: Path, *, ros: bool, package: str, include: tuple[Path, ...], out: Path | None) -> None:
+def to_idl_command(
+    file: Path, *, ros: bool, package: str, include: tuple[Path, ...], define: tuple[str, ...], out: Path | None
+) -> None:
     """OMG IDL for other DDS tools (fastddsgen, idlc)."""
-    _put(to_idl(read_definitions(file, package=package, include=include, is_ros=ros), file.name), out)
+    _put(to_idl(read_definitions(file, package=package, include=include, is_ros=ros, defined=define), file.name), out)
 
 
 @command.command("to-c")
@@ -58,6 +76,7 @@ def to_idl_command(file: Path, *, ros: bool, package: str, include: tuple[Path, 
 @_ROS
 @_PACKAGE
 @_INCLUDE
+@_DEFINE
 @click.option(
     "--out",
     "-o",
@@ -85,13 +104,14 @@ def to_c_command(
     ros: bool,
     package: str,
     include: tuple[Path, ...],
+    define: tuple[str, ...],
     out: Path | None,
     text_bound: int,
     sequence_bound: int,
 ) -> None:
     """C for the Micro XRCE-DDS client: structs, and functions on Micro-CDR's API."""
     stem = out or Path(file.stem)
-    definitions = read_definitions(file, package=package, include=include, is_ros=ros)
+    definitions = read_definitions(file, package=package, include=include, is_ros=ros, defined=define)
     header, source = to_c(definitions, file.name, stem.name, text_bound=text_bound, sequence_bound=sequence_bound)
     _put(header, stem.with_name(f"{stem.name}.h"))
     _put(source, stem.with_name(f"{stem.name}.c"))

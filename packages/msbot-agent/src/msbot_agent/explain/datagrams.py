@@ -66,6 +66,24 @@ def read_capture(path: Path) -> Iterator[Datagram | CapturedFrame]:
         raise ConfigError(f"{path} is no capture that can be read ({reason}): pcap or pcapng") from None
 
 
+_OTHER_PORTS: Final = {
+    53: "DNS", 67: "DHCP", 68: "DHCP", 123: "NTP", 1900: "SSDP", 5353: "mDNS", 5355: "LLMNR",
+}  # fmt: skip
+"""Ports that other protocols have for themselves (IANA)."""
+
+
+def other_protocol(found: Datagram) -> str:
+    """What a datagram is that is no message of DDS-XRCE, in words; empty: it may be one.
+
+    RTPS is told by the octets that every one of its messages begins with (RTPS 2.5, 8.3.3), others by their ports.
+    """
+    if found.octets[:4] in (b"RTPS", b"RTPX"):
+        version = f" {found.octets[4]}.{found.octets[5]}" if len(found.octets) >= 6 else ""
+        return f"RTPS{version}, what DDS programs speak among each other: no DDS-XRCE"
+    name = _OTHER_PORTS.get(found.target_port) or _OTHER_PORTS.get(found.source_port)
+    return f"{name}, by its port: no DDS-XRCE" if name else ""
+
+
 CAN_SOCKETCAN: Final = 227
 """Link types, https://www.tcpdump.org/linktypes.html."""
 _NULL, _ETHERNET, _RAW, _SLL, _SLL2 = 0, 1, (12, 14, 101), 113, 276

@@ -8,8 +8,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from math import isfinite, isnan
 
-from msbot_agent.idl.model import Array, Basic, Definitions, Enum, Name, Reference, Sequence, StringType, Struct, Type
+from msbot_agent.idl.model import (
+    Array,
+    Basic,
+    Definitions,
+    Enum,
+    Name,
+    Reference,
+    Sequence,
+    StringType,
+    Struct,
+    Type,
+    Value,
+)
 from msbot_xrce.errors import ConfigError
 
 TEXT_BOUND = 255
@@ -67,6 +80,7 @@ class _Writer:
             f"#ifndef {guard}",
             f"#define {guard}",
             "",
+            *(["#include <math.h>"] if self._has_no_number() else []),
             "#include <stdbool.h>",
             "#include <stdint.h>",
             "",
@@ -78,8 +92,7 @@ class _Writer:
             "",
         ]
         for one in self._all.constants.values():
-            value = f'"{one.value}"' if isinstance(one.value, str) else str(one.value)
-            head.append(f"#define {_c_name(one.name)} {value.lower() if isinstance(one.value, bool) else value}")
+            head.append(f"#define {_c_name(one.name)} {_literal(one.value)}")
         body = [f'#include "{self._stem}.h"', ""]
         for name in self._all.order:
             if name in self._all.enums:
@@ -91,6 +104,13 @@ class _Writer:
         head += ["#ifdef __cplusplus", "}", "#endif", "", f"#endif /* {guard} */", ""]
         return "\n".join(head), "\n".join(body)
 
+    def _has_no_number(self) -> bool:
+        constants = [
+            *self._all.constants.values(),
+            *(one for all_ in self._all.structs.values() for one in all_.constants),
+        ]
+        return any(isinstance(one.value, float) and not isfinite(one.value) for one in constants)
+
     def _enum(self, one: Enum) -> list[str]:
         name = self._names[one.name]
         members = [f"    {name}_{member} = {number}," for member, number in one.members]
@@ -98,11 +118,7 @@ class _Writer:
 
     def _struct(self, one: Struct) -> list[str]:
         name = self._names[one.name]
-        constants = [
-            f"#define {name}_{constant.name[-1]} "
-            + (f'"{constant.value}"' if isinstance(constant.value, str) else str(constant.value).lower())
-            for constant in one.constants
-        ]
+        constants = [f"#define {name}_{constant.name[-1]} {_literal(constant.value)}" for constant in one.constants]
         members = [f"    {self._declare(member.type, _c_field(member.name))}" for member in one.members]
         return [
             *constants,
@@ -222,6 +238,22 @@ class _Writer:
     def _loop(self, depth: int, count: str, inside: list[str]) -> list[str]:
         head = f"for (uint32_t i{depth} = 0; ok && i{depth} < {count}; ++i{depth}) {{"
         return [head, *("    " + line for line in inside), "}"]
+
+
+def _literal(value: Value) -> str:
+    """A value as C writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not isfinite(value):
+        return "NAN" if isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
+    if isinstance(value, str):
+        octets = value.encode()
+        return (
+            '"'
+            + "".join(chr(one) if 32 <= one < 127 and one not in b'"\\?' else f"\\{one:03o}" for one in octets)
+            + '"'
+        )
+    return str(value)
 
 
 def _c_name(name: Name) -> str:

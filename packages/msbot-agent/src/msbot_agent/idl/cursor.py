@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import Enum
 
+from msbot_agent.idl.directives import Conditions
 from msbot_agent.idl.model import Name, SourceLocation
 from msbot_xrce.lazy import dataclass
 
@@ -40,7 +41,7 @@ _WORDS = re.compile(
     r"|(?P<line>\n)"
     r"|//(?P<comment>[^\n]*)"
     r"|/\*(?P<block>.*?)\*/"
-    r"|(?P<directive>\#[^\n]*)"
+    r"|(?P<directive>\#(?:[^\n\\]|\\.)*)"
     r"|(?P<number>0[xX][0-9a-fA-F]+|(?:\d+\.\d*|\.\d+|\d+)(?:[eE][+-]?\d+)?[fFdD]?)"
     r"|(?P<name>[A-Za-z_]\w*)"
     r'|(?P<text>"(?:[^"\\\n]|\\.)*")'
@@ -49,18 +50,27 @@ _WORDS = re.compile(
 )
 
 
-def scan(text: str, file: str) -> list[Word]:
-    """The words of a file; the last one marks its end.
+_SKIPPED = re.compile(r"[^\n]*")
+
+
+def scan(text: str, file: str, conditions: Conditions) -> Iterator[Word]:
+    """The words of a file that count, each read when it is asked for; the last one marks the end.
+
+    Of the directives only `#include` is a word: it is read before what follows it, and may define what that asks for.
 
     Raises:
         ConfigError: a character that IDL does not allow.
     """
-    words: list[Word] = []
     offset, line, start = 0, 1, 0
     remark: list[str] = []
     while offset < len(text):
         place = SourceLocation(file, line, offset - start + 1)
         found = _WORDS.match(text, offset)
+        if not conditions.counts and text[offset] not in "# \t\r\f\v\n":
+            found = _SKIPPED.match(text, offset)
+            assert found is not None
+            offset = found.end()
+            continue
         if text.startswith("/*", offset) and (found is None or found.lastgroup != "block"):
             raise place.error("this comment is never closed: */ is missing")
         if found is None:
@@ -73,17 +83,21 @@ def scan(text: str, file: str) -> list[Word]:
             remark += [part.strip(" \t*/!<") for part in inside.splitlines()]
         elif kind == "line" and text[offset - 1 : offset] == "\n":
             remark = []  # an empty line: the comment before it belongs to no word
+        elif kind == "directive" and not conditions.obey(inside, place):
+            pass
         elif kind not in ("space", "line"):
+            if kind == "name":
+                conditions.check_name(inside, place)
             shown = " ".join(part for part in remark if part)
-            words.append(Word(TokenKind[str(kind).upper()], inside, place, shown))
+            yield Word(TokenKind[str(kind).upper()], inside, place, shown)
             remark = []
         breaks = found[0].count("\n")
         if breaks:
             line += breaks
             start = offset + found[0].rindex("\n") + 1
         offset = found.end()
-    words.append(Word(TokenKind.END, "", SourceLocation(file, line, offset - start + 1)))
-    return words
+    conditions.check_end()
+    yield Word(TokenKind.END, "", SourceLocation(file, line, offset - start + 1))
 
 
 DEEPEST = 32
@@ -103,19 +117,22 @@ _BINARY: list[dict[str, Callable[[int, int], int]]] = [
 class Cursor:
     """The words of one file, one after the other; every method raises ConfigError when it finds something else."""
 
-    def __init__(self, words: list[Word]) -> None:
+    def __init__(self, words: Iterator[Word]) -> None:
         self._words = words
-        self._at = 0
+        self._next: Word | None = None
 
     @property
     def word(self) -> Word:
         """The word that comes next."""
-        return self._words[self._at]
+        if self._next is None:
+            self._next = next(self._words)
+        return self._next
 
     def take(self) -> Word:
         """Take the next word; at the end of the file this returns the end again."""
         word = self.word
-        self._at = min(self._at + 1, len(self._words) - 1)
+        if word.kind is not TokenKind.END:
+            self._next = None
         return word
 
     def has(self, text: str) -> bool:
@@ -150,9 +167,12 @@ class Cursor:
             parts.append(self.need_name("a type").text)
         return tuple(parts), place
 
-    def halve(self) -> None:
-        """Take the first half of a `>>` that closes two brackets."""
-        self._words[self._at] = Word(TokenKind.SIGN, ">", self.word.place)
+    def close_bracket(self) -> None:
+        """Take a `>`, also the first half of a `>>` that closes two brackets: `sequence<string<8>>`."""
+        if self.has(">>"):
+            self._next = Word(TokenKind.SIGN, ">", self.word.place)
+        else:
+            self.need(">")
 
     def shown(self) -> str:
         """The next word for a person."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from importlib.resources import files
+from itertools import islice
 from pathlib import Path
 
 from msbot_agent.idl.model import Definitions, Name, SourceLocation
@@ -14,19 +16,30 @@ from msbot_xrce.errors import ConfigError
 
 MOST_FILES = 500
 """How many files one file may need."""
+MANIFEST = "package.xml"
+_REMARK = re.compile(r"<!--.*?-->", re.DOTALL)
+_NAME = re.compile(r"<name>\s*([^<]*?)\s*</name>")
+_PACKAGE = re.compile(r"[a-z][a-z0-9_]*")
 ROS_FILE = "ros2.idl"
 """The common ROS 2 types that MsBOT brings."""
 
 
 def read_definitions(
-    path: Path, *, package: str = "", include: Sequence[Path] = (), is_ros: bool = False
+    path: Path,
+    *,
+    package: str = "",
+    include: Sequence[Path] = (),
+    is_ros: bool = False,
+    defined: Sequence[str] = (),
 ) -> Definitions:
     """Read an interface file and everything it needs.
 
     Args:
         path: an `.idl`, `.msg` or `.srv` file.
-        package: the ROS package of a `.msg` or `.srv` file; the folder above `msg` or `srv` if absent.
+        package: the ROS package of a `.msg` or `.srv` file; if absent, that of the `package.xml` in the folder above
+            `msg` or `srv`, or the name of that folder.
         include: folders that hold ROS packages, in addition to the one that the file is in.
+        defined: what the conditions of an `.idl` file take as defined.
         is_ros: give the structs of an `.idl` file type names in the style of ROS 2; those of other files always have
             them.
 
@@ -34,9 +47,23 @@ def read_definitions(
         ConfigError: the file cannot be read, or has a mistake: its line, column, and what would be right.
     """
     if path.suffix == ".idl":
+        if package:
+            raise ConfigError(f"{path}: --package is for .msg and .srv files; an .idl file names its modules itself")
         found = Definitions()
-        read_idl(_text(path), str(path), found, is_ros=is_ros)
+        folder = path.resolve().parent
+        around = [folder.parent.parent] if folder.name in ("msg", "srv") else []
+        read_idl(
+            _text(path),
+            str(path),
+            found,
+            is_ros=is_ros,
+            include=[*include, *around],
+            defined=defined,
+            other=lambda name, place: _take_common(name, place, found),
+        )
         return found
+    if defined:
+        raise ConfigError(f"{path}: --define is for .idl files; there are no conditions in others")
     if path.suffix in (".msg", ".srv"):
         return _RosFiles(path, package, include).read()
     raise ConfigError(f"{path}: the name must end in .idl, .msg or .srv")
@@ -56,7 +83,7 @@ class _RosFiles:
         self._path = path
         folder = path.resolve().parent
         in_package = folder.name in ("msg", "srv")
-        self._package = package or (folder.parent.name if in_package else "")
+        self._package = package or (package_of(folder.parent) if in_package else "")
         self._folders = [*include, *([folder.parent.parent] if in_package else [])]
         self._beside = folder
         self._found = Definitions()
@@ -68,6 +95,11 @@ class _RosFiles:
             raise ConfigError(
                 f"{self._path}: which ROS package does it belong to? Put it into PACKAGE/{self._path.suffix[1:]}/, "
                 "or say --package NAME"
+            )
+        if not _PACKAGE.fullmatch(self._package):
+            raise ConfigError(
+                f"{self._path}: {self._package!r} is no name of a ROS package, which has small letters, digits and _ "
+                "and begins with a letter: say --package NAME"
             )
         self._read(self._path, (self._package, self._path.suffix[1:], self._path.stem))
         return self._found
@@ -84,27 +116,49 @@ class _RosFiles:
         if name in self._open:
             raise place.error(f"{'/'.join(name)} contains itself")
         for folder in self._folders:
-            path = folder.joinpath(*name).with_suffix(".msg")
+            path = package_folder(folder, name[0]).joinpath(*name[1:]).with_suffix(".msg")
             if path.is_file():
                 self._read(path, name)
                 return
         beside = self._beside / f"{name[-1]}.msg"
         if name[0] == self._package and beside.is_file():
             self._read(beside, name)
-        elif name in common_ros_definitions().structs:
-            self._take_common(name, place)
-        else:
+        elif not _take_common(name, place, self._found):
             raise place.error(
                 f"the type {'/'.join((name[0], name[-1]))} is nowhere: give the folder that holds the package "
                 f"{name[0]} with --include"
             )
 
-    def _take_common(self, name: Name, place: SourceLocation) -> None:
-        known = common_ros_definitions()
-        needed = known.needed_by(name)
-        for one in known.order:
-            if one in needed and one not in self._found.structs and one not in self._found.enums:
-                self._found.add(known.structs[one] if one in known.structs else known.enums[one], place)
+
+def _take_common(name: Name, place: SourceLocation, found: Definitions) -> bool:
+    """Add one of the common types and what it needs; False: it is none of them."""
+    known = common_ros_definitions()
+    if name not in known.structs:
+        return False
+    needed = known.needed_by(name)
+    for one in known.order:
+        if one in needed and one not in found.structs and one not in found.enums:
+            found.add(known.structs[one] if one in known.structs else known.enums[one], place)
+    return True
+
+
+def package_of(folder: Path) -> str:
+    """The ROS package in a folder: as its `package.xml` says, since an archive's folder has the branch in its name."""
+    try:
+        octets = read_input_file(folder / MANIFEST, LARGEST_FILE, "a package.xml")
+    except (OSError, ConfigError):
+        return folder.name
+    found = _NAME.search(_REMARK.sub("", octets.decode("utf-8", "replace")))
+    return found[1] if found else folder.name
+
+
+def package_folder(folder: Path, package: str) -> Path:
+    """The folder of a ROS package among those in a folder: the one of its name, or the one whose manifest has it."""
+    named = folder / package
+    if named.is_dir():
+        return named
+    manifests = islice(folder.glob(f"*/{MANIFEST}"), MOST_FILES)
+    return next((one.parent for one in manifests if package_of(one.parent) == package), named)
 
 
 def _text(path: Path) -> str:

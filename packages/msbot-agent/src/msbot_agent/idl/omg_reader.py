@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import field
 from pathlib import Path
 
 from msbot_agent.idl.cursor import Cursor, Expressions, TokenKind, scan
+from msbot_agent.idl.directives import Conditions
 from msbot_agent.idl.model import (
     LARGEST_ARRAY,
     Array,
@@ -16,6 +19,7 @@ from msbot_agent.idl.model import (
     Name,
     Reference,
     Sequence,
+    SourceLocation,
     StringType,
     Struct,
     Type,
@@ -23,6 +27,7 @@ from msbot_agent.idl.model import (
 )
 from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
 
 DEEPEST = 32
 """Deepest nesting of modules, types and included files."""
@@ -44,7 +49,21 @@ _NOT_SUPPORTED = {
 }  # fmt: skip
 
 
-def read_idl(text: str, file: str, into: Definitions, *, is_ros: bool = False) -> None:
+def no_other(_: Name, __: SourceLocation) -> bool:
+    """Where there are no types but those of files."""
+    return False
+
+
+def read_idl(
+    text: str,
+    file: str,
+    into: Definitions,
+    *,
+    is_ros: bool = False,
+    include: Iterable[Path] = (),
+    defined: Iterable[str] = (),
+    other: Callable[[Name, SourceLocation], bool] = no_other,
+) -> None:
     """Read one IDL file and those that it includes.
 
     Args:
@@ -52,26 +71,42 @@ def read_idl(text: str, file: str, into: Definitions, *, is_ros: bool = False) -
         file: its name, for messages and for finding included files beside it.
         into: where the definitions are added.
         is_ros: whether structs get type names as in ROS 2.
+        include: where else included files are looked for.
+        defined: what conditions take as defined.
+        other: adds what a file that is nowhere would define, `(package, "msg", name)`; returns whether it could.
 
     Raises:
         ConfigError: a mistake, with line, column, and what would be right.
     """
-    _Reader(text, file, into, is_ros=is_ros, typedefs={}, seen=set()).read()
+    shared = _Shared(into, is_ros, tuple(include), dict.fromkeys(defined, ""), other)
+    _Reader(text, file, shared).read()
+
+
+@dataclass(slots=True)
+class _Shared:
+    """What the files have in common that are read together."""
+
+    into: Definitions
+    is_ros: bool
+    include: tuple[Path, ...]
+    defined: dict[str, str]
+    other: Callable[[Name, SourceLocation], bool]
+    typedefs: dict[Name, Type] = field(default_factory=dict)
+    seen: set[Path] = field(default_factory=set)
 
 
 class _Reader:
     """One file, word by word."""
 
-    def __init__(
-        self, text: str, file: str, into: Definitions, *, is_ros: bool, typedefs: dict[Name, Type], seen: set[Path]
-    ) -> None:
-        self._words = Cursor(scan(text, file))
+    def __init__(self, text: str, file: str, shared: _Shared) -> None:
+        self._words = Cursor(scan(text, file, Conditions(shared.defined)))
         self._expressions = Expressions(self._words, self._constant_named)
         self._file = file
-        self._into = into
-        self._is_ros = is_ros
-        self._typedefs = typedefs
-        self._seen = seen
+        self._shared = shared
+        self._into = shared.into
+        self._is_ros = shared.is_ros
+        self._typedefs = shared.typedefs
+        self._seen = shared.seen
         self._scope: Name = ()
 
     def read(self) -> None:
@@ -108,19 +143,26 @@ class _Reader:
 
     def _directive(self) -> None:
         word = self._words.take()
-        verb, _, rest = word.text[1:].strip().partition(" ")
-        if verb != "include":
-            return  # guards and pragmas do not affect data
+        name = word.text[1:].strip().removeprefix("include").split("//")[0].strip().strip('"<>')
         if len(self._seen) > DEEPEST:
             raise word.place.error(f"more than {DEEPEST} files are included")
-        path = Path(self._file).parent / rest.strip().strip('"<>')
+        places = [folder / name for folder in (Path(self._file).parent, *self._shared.include)]
+        path = next((one for one in places if one.exists()), places[0])
         if path in self._seen:
+            return
+        wanted = Path(name).with_suffix("").parts
+        if not path.exists() and self._shared.other(wanted, word.place):
             return
         try:
             text = read_input_file(path, LARGEST_FILE, "a file with message definitions").decode("utf-8")
+        except FileNotFoundError:
+            where = ", ".join(str(one.parent) for one in dict.fromkeys(places))
+            raise word.place.error(
+                f"{name} is not there (looked into {where}): give the folder that it is in with --include"
+            ) from None
         except (OSError, UnicodeDecodeError, ConfigError) as error:
             raise word.place.error(f"{path} cannot be read: {error}") from None
-        _Reader(text, str(path), self._into, is_ros=self._is_ros, typedefs=self._typedefs, seen=self._seen).read()
+        _Reader(text, str(path), self._shared).read()
 
     def _annotations(self) -> bool:
         """Skip annotations; True when nothing follows."""
@@ -268,7 +310,7 @@ class _Reader:
             bound = None
             if self._words.took("<"):
                 bound = self._bound()
-                self._words.need(">")
+                self._words.close_bracket()
             return StringType(bound)
         if word.text in _NOT_SUPPORTED:
             raise word.place.error(f"{_NOT_SUPPORTED[word.text]} is not supported")
@@ -280,10 +322,7 @@ class _Reader:
         self._words.need("<")
         element = self._type(depth + 1)
         bound = self._bound() if self._words.took(",") else None
-        if self._words.has(">>"):  # two in a row: sequence<sequence<long>>
-            self._words.halve()
-        else:
-            self._words.need(">")
+        self._words.close_bracket()
         return Sequence(element, bound)
 
     def _basic(self) -> Type:

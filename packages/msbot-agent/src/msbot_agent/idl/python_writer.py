@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Mapping
+from math import isfinite
 
 from msbot_agent.idl.model import (
     Array,
@@ -18,6 +19,7 @@ from msbot_agent.idl.model import (
     StringType,
     Struct,
     Type,
+    Value,
 )
 from msbot_xrce.errors import ConfigError
 
@@ -96,7 +98,7 @@ def _field_name(name: str) -> str:
 
 def _constant(one: Constant) -> str:
     comment = f"  # {_plain(one.comment)}" if one.comment else ""
-    return f"{_safe(one.name[-1])} = {one.value!r}{comment}"
+    return f"{_safe(one.name[-1])} = {_literal(one.type, one.value)}{comment}"
 
 
 def _enum(one: Enum, names: Mapping[Name, str]) -> str:
@@ -112,7 +114,7 @@ def _struct(one: Struct, names: Mapping[Name, str], used: set[str]) -> str:
     for constant in one.constants:
         used.add("ClassVar")
         kind = type(constant.value).__name__
-        lines.append(f"    {_safe(constant.name[-1])}: ClassVar[{kind}] = {constant.value!r}")
+        lines.append(f"    {_safe(constant.name[-1])}: ClassVar[{kind}] = {_literal(constant.type, constant.value)}")
     if one.constants:
         lines.append("")
     lines += [_member(member, names, used) for member in one.members]
@@ -120,11 +122,24 @@ def _struct(one: Struct, names: Mapping[Name, str], used: set[str]) -> str:
 
 
 def _member(member: Member, names: Mapping[Name, str], used: set[str]) -> str:
-    default = "" if member.default is None else f" = {member.default!r}"
-    if isinstance(member.default, list):
+    default = "" if member.default is None else f" = {_literal(member.type, member.default)}"
+    if isinstance(member.default, list) and default.endswith("]"):
         default += "  # noqa: RUF012 - copied for each message" if not member.comment else ""
     comment = f"  # {_plain(member.comment)}" if member.comment else ""
     return f"    {_field_name(member.name)}: {_annotation(member.type, names, used)}{default}{comment}"
+
+
+def _literal(kind: Type, value: Value | list[Value]) -> str:
+    """A value as Python writes it."""
+    match kind, value:
+        case ((Sequence(Basic("uint8")) | Array(Basic("uint8"))), list()):
+            return repr(bytes(octet for octet in value if isinstance(octet, int)))
+        case ((Sequence(element) | Array(element)), list()):
+            return f"[{', '.join(_literal(element, one) for one in value)}]"
+        case _, float() if not isfinite(value):
+            return f'float("{value}")'
+        case _:
+            return repr(value)
 
 
 def _annotation(kind: Type, names: Mapping[Name, str], used: set[str]) -> str:

@@ -192,11 +192,16 @@ def _value(kind: Type, text: str, place: SourceLocation) -> Value | list[Value]:
                 return float(text)
             except ValueError:
                 raise place.error(f"a number is needed, not {text}") from None
-        case Basic():
+        case Basic(word):
             try:
-                return int(text, 0)
+                number = int(text, 0)
             except ValueError:
                 raise place.error(f"a whole number is needed, not {text}") from None
+            bits, signed = int(word.lstrip("uint")), word.startswith("i")
+            least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+            if not least <= number <= most:
+                raise place.error(f"{word} goes from {least} to {most}, so it cannot be {number}")
+            return number
         case Sequence(element) | Array(element):
             try:
                 values = read_json(text.replace("'", '"').replace("True", "true").replace("False", "false"))

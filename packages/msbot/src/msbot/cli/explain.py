@@ -139,20 +139,21 @@ def _captured(
     found: Datagram | CapturedFrame, listener: object, overhearer: SessionListener, agent_port: int, *, fields: bool
 ) -> dict[str, object]:
     from msbot.pnp import FrameListener
-    from msbot_agent.explain.datagrams import Datagram
+    from msbot_agent.explain.datagrams import Datagram, other_protocol
 
     if isinstance(found, Datagram):
         up = found.target_port == agent_port
         peer: Hashable = (found.source, found.source_port) if up else (found.target, found.target_port)
-        said = overhearer.hear(found.octets, peer, up=up)
+        other = other_protocol(found)
+        said = None if other else overhearer.hear(found.octets, peer, up=up)
         way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
-        facts = _message_facts(found.octets) if fields else {}
+        facts = _message_facts(found.octets) if fields and said is not None else {}
         return {
             "at_s": found.at,
             "way": way,
             "octets": len(found.octets),
-            "plain": list(said.plain),
-            "words": list(said.protocol),
+            "plain": [] if said is None else list(said.plain),
+            "words": [other] if said is None else list(said.protocol),
             **facts,
         }
     assert isinstance(listener, FrameListener)

@@ -1,7 +1,7 @@
 """Tells students about mistakes that Python would not report, or not in a friendly way.
 
 * A program that makes a part and forgets `part.run()` gets a warning when it ends.
-* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback (`mistakes`).
+* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback, in any thread (`mistakes`).
 * A function that blocks is reported while it blocks: `HandlerWatch` looks from a thread of its own.
 """
 
@@ -19,8 +19,9 @@ from weakref import WeakSet
 
 from msbot.part.join.joining import Joining, JoinState
 from msbot.part.join.refusal import DOES_NOT_JOIN
-from msbot.part.mistakes import tell_mistakes_as_sentences
+from msbot.part.mistakes import sentence, tell_mistakes_as_sentences
 from msbot_agent.process.user_folders import own_folders
+from msbot_xrce.errors import MsbotError
 
 STUCK_S = 0.5
 """A function that has not returned for this long is reported."""
@@ -62,6 +63,7 @@ def part_was_made(part: _NamedPart) -> None:
         _waiting.is_installed = True
         atexit.register(_say_what_was_forgotten)
         tell_mistakes_as_sentences()
+        threading.excepthook = _thread_as_sentence(threading.excepthook)
 
 
 def part_is_run(part: _NamedPart) -> None:
@@ -156,3 +158,15 @@ def _say_what_was_forgotten() -> None:
             f"{place}: part {part.local_name} was made and never run: end the program with part.run(), "
             "or msbot.run(part, ...) for several\n"
         )
+
+
+def _thread_as_sentence(
+    before: Callable[[threading.ExceptHookArgs], object],
+) -> Callable[[threading.ExceptHookArgs], object]:
+    def say(args: threading.ExceptHookArgs, /) -> None:
+        if isinstance(args.exc_value, MsbotError):
+            sys.stderr.write(f"{sentence(args.exc_value)}\n")
+        else:
+            before(args)
+
+    return say

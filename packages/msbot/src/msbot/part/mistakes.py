@@ -1,10 +1,8 @@
-"""A mistake in a program that MsBOT recognises is one sentence with the program's line, not a traceback, in any
-thread."""
+"""A mistake in a program that MsBOT recognises is one sentence with the program's line, not a traceback."""
 
 from __future__ import annotations
 
 import sys
-import threading
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +31,6 @@ def tell_mistakes_as_sentences() -> None:
     """From now on, in this process; a prompt and errors of others are left as they are."""
     if not getattr(sys.excepthook, "is_of_msbot", False):
         sys.excepthook = _as_sentence(sys.excepthook)
-        threading.excepthook = _thread_as_sentence(threading.excepthook)
 
 
 _Hook = Callable[[type[BaseException], BaseException, TracebackType | None], object]
@@ -47,16 +44,4 @@ def _as_sentence(before: _Hook) -> _Hook:
             before(kind, error, trace)
 
     say.is_of_msbot = True  # type: ignore[attr-defined]  # a function carries what it is told to
-    return say
-
-
-def _thread_as_sentence(
-    before: Callable[[threading.ExceptHookArgs], object],
-) -> Callable[[threading.ExceptHookArgs], object]:
-    def say(args: threading.ExceptHookArgs, /) -> None:
-        if isinstance(args.exc_value, MsbotError):
-            sys.stderr.write(f"{sentence(args.exc_value)}\n")
-        else:
-            before(args)
-
     return say

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -152,9 +154,17 @@ def test_log_lines(line: str, at: float | None, channel: str, frame: str) -> Non
     assert parse_log_line(line) == LogLine(at, channel, parse_frame(frame))
 
 
+@pytest.mark.parametrize("frame", ["can0 123#DEAD", "can0  123   [2]  DE AD"])
+def test_a_line_with_a_date_has_the_time_of_this_place(frame: str) -> None:
+    line = parse_log_line(f" (2026-03-02 10:11:12.123456)  {frame}")
+    assert line.at == datetime(2026, 3, 2, 10, 11, 12, 123456).timestamp()
+    assert line.frame == parse_frame("123#DEAD")
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
+        ("(2026-02-30 10:11:12.0) can0 123#DE", "has no possible time"),
         ("hello", "not a line of candump, such as"),
         ("(1.0) can0 123#D", "is no CAN frame"),
         ("can0  123   [3]  DE AD", "says it has 3 data bytes and shows 2"),

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import re
+from datetime import datetime
 from typing import Final
 
 from msbot_agent.link.can.protocol.frames import Frame, check_frame, pad_fd
@@ -51,9 +52,10 @@ _FLAGS = 7
 _FRAME = re.compile(
     r"([0-9A-F]+)#(?:(#)([0-9A-F])|(R)([0-9A-F]?)(?=$|_))?((?:\.?[0-9A-F]{2})*)\.?(?:_([9A-F]))?", re.IGNORECASE
 )
-_LOG = re.compile(r"\((\d+(?:\.\d+)?)\)\s+(\S+)\s+(\S+#\S*)(?:\s+[RT])?")
+_TIME = r"\((\d+(?:\.\d+)?|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(?:\.\d{1,9})?)\)"
+_LOG = re.compile(_TIME + r"\s+(\S+)\s+(\S+#\S*)(?:\s+[RT])?")
 _SHOWN = re.compile(
-    r"(?:\((\d+(?:\.\d+)?)\)\s+)?(\S+)\s+(?:[RT]X\s+([B-])\s+([E-])\s+)?([0-9A-F]{3}|[0-9A-F]{8})\s+"
+    rf"(?:{_TIME}\s+)?(\S+)\s+(?:[RT]X\s+([B-])\s+([E-])\s+)?([0-9A-F]{{3}}|[0-9A-F]{{8}})\s+"
     r"(?:\[(\d{1,2})\]|\{([9A-F])\})\s*((?:[0-9A-F]{2}(?:\s+|$))*|remote request)(?:'.*'|ERRORFRAME)?\s*"
 )
 
@@ -119,11 +121,21 @@ def parse_log_line(line: str) -> LogLine:
     """
     line = line.strip()
     if match := _LOG.fullmatch(line):
-        return LogLine(float(match[1]), match[2], parse_frame(match[3]))
+        return LogLine(_seconds(line, match[1]), match[2], parse_frame(match[3]))
     if match := _SHOWN.fullmatch(line):
-        return LogLine(float(match[1]) if match[1] else None, match[2], _read_columns(line, match))
+        return LogLine(_seconds(line, match[1]) if match[1] else None, match[2], _read_columns(line, match))
     shown = line if len(line) <= _LONGEST_SHOWN else f"{line[:_LONGEST_SHOWN]}..."
     raise ConfigError(f"{shown!r} is not a line of candump, such as (1700000000.123456) can0 123#DEADBEEF")
+
+
+def _seconds(line: str, time: str) -> float:
+    """The time of a line; one with a date (`candump -tA`) is that of this computer's zone, as candump prints it."""
+    if "-" not in time:
+        return float(time)
+    try:
+        return datetime.fromisoformat(time).timestamp()
+    except (ValueError, OverflowError, OSError) as error:
+        raise ConfigError(f"{line!r} has no possible time: {error}") from None
 
 
 def format_log_line(line: LogLine) -> str:
