@@ -1,7 +1,7 @@
 """Tells students about mistakes that Python would not report, or not in a friendly way.
 
 * A program that makes a part and forgets `part.run()` gets a warning when it ends.
-* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback, in any thread (`mistakes`).
+* A mistake that MsBOT recognises is one sentence with the line of the program, not a traceback, in any thread.
 * A function that blocks is reported while it blocks: `HandlerWatch` looks from a thread of its own.
 """
 
