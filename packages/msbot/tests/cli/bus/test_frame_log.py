@@ -172,3 +172,31 @@ def message_of(frame: Frame, at: float) -> can.Message:
         error_state_indicator=frame.esi,
         channel=0,
     )
+
+
+def test_a_table_of_gvret_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "car.csv"
+    file.write_text(
+        "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n"
+        "166064000,0000021A,false,Rx,0,3,FE,36,12,\n"
+        "166065500,1ABCDEF0,true,Tx,1,1,A5\n"
+        "166066000,0000021A,false,0,2,01,02,\n"  # of older programs, without a direction
+        "166067000,0000021A,false,Rx,0,3,FE,36,\n"
+        "166068000,0000FFFF,false,Rx,0,0\n"
+    )
+    reader = FrameReader()
+    assert list(reader.read(str(file))) == [
+        LogLine(166.064, "can0", parse_frame("21A#FE3612")),
+        LogLine(166.0655, "can1", parse_frame("1ABCDEF0#A5")),
+        LogLine(166.066, "can0", parse_frame("21A#0102")),
+    ]
+    assert reader.unreadable == 2
+    assert reader.first_problem == (
+        "line 5: '166067000,0000021A,false,Rx,0,3,FE,36,' says it has 3 data bytes and shows 2"
+    )
+
+
+def test_a_table_of_gvret_without_a_frame_is_a_mistake(tmp_path: Path) -> None:
+    (tmp_path / "car.csv").write_text("Time Stamp,ID,Extended,Bus,LEN\n1,x,false,0,0\n")
+    with pytest.raises(ConfigError, match=r"there is no frame in .*: line 2: invalid literal"):
+        list(FrameReader().read(str(tmp_path / "car.csv")))

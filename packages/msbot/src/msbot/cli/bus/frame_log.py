@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, TextIO
 
 from msbot_agent.link.can.adapters import frame_of, message_of
-from msbot_agent.link.can.protocol import Frame, LogLine, format_log_line, parse_log_line
+from msbot_agent.link.can.protocol import Frame, LogLine, check_frame, format_log_line, parse_log_line
 from msbot_agent.text.sentence import printable
 from msbot_agent.text.untrusted_input import open_input_file
-from msbot_xrce.errors import ConfigError
+from msbot_xrce.errors import ConfigError, LocalProtocolError
 
 if TYPE_CHECKING:
     import can.io.generic
@@ -67,6 +67,9 @@ class FrameReader:
         Raises:
             ConfigError: the file cannot be read, may have no end, or there are lines, but no frame in them.
         """
+        if _is_gvret(Path(name)):
+            yield from self._read_gvret(Path(name))
+            return
         if Path(name).suffix.lower() in FOREIGN_FORMATS:
             yield from self._read_foreign(Path(name))
             return
@@ -104,6 +107,26 @@ class FrameReader:
                 continue
             self.frames += 1
             yield line
+
+    def _read_gvret(self, path: Path) -> Iterator[LogLine]:
+        try:
+            with _Text(path) as stream:
+                stream.readline()
+                for number, text in enumerate(_lines(stream, str(path)), 2):
+                    if not text:
+                        continue
+                    try:
+                        line = _gvret_line(text)
+                    except (ValueError, ConfigError, LocalProtocolError) as error:
+                        self.unreadable += 1
+                        self.first_problem = self.first_problem or f"line {number}: {error}"
+                        continue
+                    self.frames += 1
+                    yield line
+        except OSError as error:
+            raise ConfigError(f"cannot read {path}: {error.strerror or error}") from None
+        if self.unreadable and not self.frames:
+            raise self._no_frame(str(path))
 
     def _read_foreign(self, path: Path) -> Iterator[LogLine]:
         try:
@@ -143,6 +166,41 @@ class FrameReader:
         ) as error:
             why = printable(str(error))
             raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {why}") from None
+
+
+GVRET = "Time Stamp,ID,Extended,"
+"""How a CSV file of GVRET begins, which SavvyCAN writes; python-can's own has `timestamp,arbitration_id,...`."""
+
+
+def _is_gvret(path: Path) -> bool:
+    if path.suffix.lower() != ".csv":
+        return False
+    try:
+        with open_input_file(path) as stream:
+            return stream.read(len(GVRET)).decode("latin-1").casefold() == GVRET.casefold()
+    except (OSError, ConfigError):
+        return False  # who reads it says why
+
+
+def _gvret_line(text: str) -> LogLine:
+    """A line of GVRET: microseconds, identifier, extended, [direction,] bus, length, and as many bytes.
+
+    Raises:
+        ValueError: it is none.
+        LocalProtocolError: no bus carries such a frame.
+    """
+    cells = [cell.strip() for cell in text.rstrip(",").split(",")]
+    if len(cells) > 3 and cells[3].casefold() in ("rx", "tx"):
+        del cells[3]
+    if len(cells) < 5 or cells[2].casefold() not in ("true", "false"):
+        raise ValueError(f"{text[:80]!r} is no line of GVRET: time, identifier, true or false, bus, length, bytes")
+    at, length = int(cells[0]) / 1e6, int(cells[4])
+    data = bytes(int(cell, 16) for cell in cells[5 : 5 + length])
+    if len(data) != length:
+        raise ValueError(f"{text[:80]!r} says it has {length} data bytes and shows {len(data)}")
+    frame = Frame(int(cells[1], 16), data, cells[2].casefold() == "true", length > 8)
+    check_frame(frame)
+    return LogLine(at, f"can{int(cells[3])}", frame)
 
 
 def _lines(stream: IO[str], name: str) -> Iterator[str]:
