@@ -27,9 +27,7 @@ def rooms_of_classes() -> dict[str, set[str]]:
 
 SHARED_ON_PURPOSE = {
     "Header": {"ros2", "xrce"},  # ROS' message std_msgs/Header; the header of a DDS-XRCE message
-    "Line": {"part", "link"},  # the standard message; a line of a terminal
     "Number": {"part"},  # the standard message; the type of a number in a message: students write both
-    "Writer": {"registry", "space"},  # the thread that writes the database; a DDS term
     "Temperature": {"part", "ros2"},  # the standard message; ROS' sensor_msgs/Temperature
     "Parameter": {"config", "ros2"},  # what can be set about a part; ROS' rcl_interfaces/Parameter
     "Session": {"web", "xrce"},  # a term of the web; of DDS-XRCE

@@ -22,7 +22,7 @@ from msbot_web.access.class_list import NewAccount
 from msbot_web.access.clocks import NonDecreasingClock
 from msbot_web.access.guests import DEMO, Guests
 from msbot_web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
-from msbot_web.access.sessions import Session, SessionEndReason, Sessions, digest_of, json_size
+from msbot_web.access.sessions import Session, SessionEndReason, Sessions, digest_of, octets_of_token
 from msbot_web.access.sign_in_throttle import SignInRefused, SignInThrottle
 from msbot_web.access.users import OF_PARTS, User, UserStore
 from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
@@ -243,7 +243,7 @@ class Accounts:
             SignInRefused: it is not the link's word, or somebody has used it.
             ConfigError: the name or the password is not acceptable.
         """
-        if not self._setup_token or not hmac.compare_digest(json_size(token), self._setup_token.encode()):
+        if not self._setup_token or not hmac.compare_digest(octets_of_token(token), self._setup_token.encode()):
             raise SignInRefused(
                 said("this set-up link is not valid (any more): start msbot again for a new one, or sign in")
             )
@@ -270,7 +270,7 @@ class Accounts:
         Raises:
             SignInRefused: it is not the link's word.
         """
-        if not self._entry_token or not hmac.compare_digest(json_size(token), self._entry_token.encode()):
+        if not self._entry_token or not hmac.compare_digest(octets_of_token(token), self._entry_token.encode()):
             raise SignInRefused(said("this link is of another run: copy the one that msbot has printed last"))
         return self.sessions.begin(DEMO, Role.ADMINISTRATOR, is_lasting=True)
 

@@ -269,9 +269,9 @@ class Sessions:
 
 def digest_of(token: str) -> str:
     """What is stored of a random word: it cannot be guessed, so a slow hash would add nothing."""
-    return hashlib.sha256(json_size(token)).hexdigest()
+    return hashlib.sha256(octets_of_token(token)).hexdigest()
 
 
-def json_size(word: str) -> bytes:
+def octets_of_token(word: str) -> bytes:
     """A word that somebody has shown, for comparing it in constant time: whatever characters or halves are in it."""
     return word.encode("utf-8", "surrogatepass")

@@ -20,7 +20,7 @@ from msbot_web.access.class_list import new_password
 from msbot_web.access.guest_tickets import GuestTickets, Ticket
 from msbot_web.access.guests import DEMO
 from msbot_web.access.joining import JoinCodes, WaitingPupils, WaitState, pictures_of
-from msbot_web.access.sessions import Session, json_size
+from msbot_web.access.sessions import Session, octets_of_token
 from msbot_web.access.sign_in_throttle import SignInRefused, SignInThrottle
 from msbot_web.access.users import User
 from msbot_xrce.errors import ConfigError, NotThere
@@ -87,7 +87,7 @@ class TicketCodes:
             user is None
             or user.role > Role.STUDENT
             or not self._now() < ends_at <= self._now() + LONGEST_DAYS * 86_400
-            or not hmac.compare_digest(self._proof(user, ends_at).encode(), json_size(proof))
+            or not hmac.compare_digest(self._proof(user, ends_at).encode(), octets_of_token(proof))
         ):
             raise SignInRefused(said("this ticket is not valid (any more): ask your teacher for a new one"))
         return name
@@ -126,7 +126,7 @@ class TicketCodes:
             self._picture_tries.left(name, address, "")
             raise
         user, told = self._user(name), ",".join(map(str, self.pictures(name)))
-        is_right = hmac.compare_digest(told.encode(), json_size(",".join(chosen)))
+        is_right = hmac.compare_digest(told.encode(), octets_of_token(",".join(chosen)))
         if user is None or user.role is not Role.STUDENT or not is_right:
             raise SignInRefused(said("these are not your pictures: look at your ticket, or ask your teacher"))
         self._picture_tries.right(name, address, "")

@@ -15,7 +15,7 @@ from enum import Enum
 from random import Random
 from typing import Final
 
-from msbot.sim.arena.arena_robot import ArenaRobot, MountedPart, Pose
+from msbot.sim.arena.arena_robot import ArenaPose, ArenaRobot, MountedPart
 from msbot.sim.arena.floor import Floor
 from msbot.sim.arena.gripper import Grippers
 from msbot.sim.arena.sensors import SensorModel
@@ -150,12 +150,12 @@ class Arena:
         seat = found.seats.get(slot)
         return {} if seat is None else self.senses.sense(found, seat, quantities)
 
-    def poses(self) -> dict[str, Pose]:
+    def poses(self) -> dict[str, ArenaPose]:
         """Where robots and boxes are."""
         found = {name: robot.pose for name, robot in self.robots.items()}
         for thing in self.boxes:
             x, y = thing.body.position
-            found[thing.plan.name] = Pose(float(x), float(y), float(thing.body.angle))
+            found[thing.plan.name] = ArenaPose(float(x), float(y), float(thing.body.angle))
         return found
 
     def digest(self) -> str:

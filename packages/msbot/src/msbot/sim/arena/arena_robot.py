@@ -31,7 +31,7 @@ class MountedPart:
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class ArenaPose:
     """Where something is, and how it is turned."""
 
     x: float
@@ -92,10 +92,10 @@ class ArenaRobot:
             wheel.speed = 0.0
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> ArenaPose:
         """Where it is."""
         x, y = self.body.position
-        return Pose(float(x), float(y), float(self.body.angle))
+        return ArenaPose(float(x), float(y), float(self.body.angle))
 
     def mount(self, slot: str, quantities: Iterable[str]) -> MountedPart:
         """Put a part on the chassis, where the world file says or where it fits."""
@@ -138,7 +138,7 @@ class ArenaRobot:
                 return seat.does[quantity]
         return otherwise
 
-    def looking(self, seat: MountedPart) -> Pose:
+    def looking(self, seat: MountedPart) -> ArenaPose:
         """Where a part is and where it faces, in the world; one on a servo turns with it."""
         place, pose = seat.place, self.pose
         at, turn = place.at, place.turn_deg
@@ -147,7 +147,7 @@ class ArenaRobot:
             turn += servo.place.turn_deg + servo.does.get("servo", 90.0) - 90.0
             at = servo.place.at
         x, y = pose.to_world(at)
-        return Pose(x, y, pose.angle + math.radians(turn))
+        return ArenaPose(x, y, pose.angle + math.radians(turn))
 
 
 def _is_at(wheel: Wheel, axle: str) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 
 import pymunk
 
-from msbot.sim.arena.arena_robot import BUMPER_DEPTH_M, ArenaRobot, MountedPart, Pose
+from msbot.sim.arena.arena_robot import BUMPER_DEPTH_M, ArenaPose, ArenaRobot, MountedPart
 from msbot.sim.arena.floor import Floor
 from msbot.sim.arena.gripper import Grippers
 from msbot.sim.arena.world_plan import Colour, Looks, Point, WorldPlan
@@ -69,7 +69,7 @@ class SensorModel:
         robot.pushed = (c * ax + s * ay, c * ay - s * ax)
         robot.velocity_before = (vx, vy)
 
-    def ray(self, robot: ArenaRobot, begin: Pose, turn: float, length: float) -> tuple[float, pymunk.Shape | None]:
+    def ray(self, robot: ArenaRobot, begin: ArenaPose, turn: float, length: float) -> tuple[float, pymunk.Shape | None]:
         """How far it is to the next thing in that direction, and what it is."""
         angle = begin.angle + turn
         end = begin.x + length * math.cos(angle), begin.y + length * math.sin(angle)
@@ -156,7 +156,7 @@ class SensorModel:
                 total += share * lux / distance**2
         return total
 
-    def _is_shadowed(self, robot: ArenaRobot, pose: Pose, at: Point) -> bool:
+    def _is_shadowed(self, robot: ArenaRobot, pose: ArenaPose, at: Point) -> bool:
         info = self._space.segment_query_first((pose.x, pose.y), at, 0.0, robot.filter)
         if info is None:
             return False
@@ -194,5 +194,5 @@ def shining(robot: ArenaRobot) -> float:
     return max(robot.does("lamp") / 100, coloured)
 
 
-def _between(at: Point, pose: Pose) -> float:
+def _between(at: Point, pose: ArenaPose) -> float:
     return math.hypot(at[0] - pose.x, at[1] - pose.y)
