@@ -105,3 +105,22 @@ def test_a_full_disk_is_one_sentence(file: Path, tmp_path: Path, monkeypatch: py
 )
 def test_frames_are_written_with_the_name_of_their_interface(link: str, channel: str) -> None:
     assert _channel(link) == channel
+
+
+def test_topics_that_nobody_can_read_are_named_with_their_count(tmp_path: Path) -> None:
+    items = [
+        (int(Kind.CHANNEL), 1, 0, RecordedChannel("/known", "json").encode()),
+        (int(Kind.CHANNEL), 2, 0, RecordedChannel("/strange", "json").encode()),
+        (int(Kind.OBJECT), 1, BEGAN_NS, encode_object({"n": 1})),
+        *((int(Kind.OBJECT), 2, BEGAN_NS + number, b"\xff no JSON") for number in range(3)),
+    ]
+    store(items, tmp_path / "a.mcap")
+    told = "left out, since the recording does not tell what the samples mean: /strange (3)\n"
+    shown = run("show", tmp_path / "a.mcap")
+    assert (shown.exit_code, shown.stderr, shown.stdout.count("\n")) == (0, told, 1)
+    exported = run("export", tmp_path / "a.mcap", tmp_path / "a.csv")
+    assert (exported.exit_code, exported.stderr) == (0, told)
+    assert (
+        run("show", tmp_path / "a.mcap", "--topic", "/strange").stdout.count("whose meaning the recording does not")
+        == 3
+    )

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 from pathlib import Path
@@ -148,9 +149,13 @@ def show(
 
     decoder, reader = Decoder(), RecordingReader(file)
     wish = _Wish(topics, slots, from_s, to_s)
+    unknown: Counter[str] = Counter()
     for at_s, message in _chosen(reader, wish):
         frame = frame_of(message)
-        if not wish.topics and (frame is not None or decoder.fields(message) is None):
+        if not wish.topics and frame is not None:
+            continue
+        if not wish.topics and decoder.fields(message) is None:
+            unknown[message.topic] += 1
             continue
         line = format_frame(frame) if frame else line_of(message, decoder) or ""
         if as_json:
@@ -169,6 +174,7 @@ def show(
             click.echo(known)
         else:
             click.echo(f"{at_s:10.3f}  {printable(message.topic)}  {printable(line)}")
+    _tell_unknown(unknown)
     _tell_rest(wish.mistakes(file), _damage_of(reader))
 
 
@@ -272,21 +278,38 @@ def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
 
 
 def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
-    from msbot.recording.recordings.mcap_reader import Decoder
+    from msbot.recording.recordings.mcap_reader import FRAMES, Decoder
     from msbot.recording.recordings.summary import rows_of
 
     decoder, count = Decoder(), 0
+    unknown: Counter[str] = Counter()
     try:
         with target.open("w", newline="", encoding="utf-8") as stream:
             table = csv.writer(stream)
             table.writerow(["time_s", "topic", "slot", "field", "value"])
             for at_s, message in _chosen(reader, wish):
+                if not message.topic.startswith(FRAMES) and decoder.fields(message) is None:
+                    unknown[message.topic] += 1
                 for topic, slot, name, value in rows_of(message, decoder):
                     table.writerow([f"{at_s:.6f}", *map(as_cell, (topic, slot, name, str(value)))])
                     count += 1
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror}") from None
+    _tell_unknown(unknown)
     return count
+
+
+MOST_NAMED = 20
+"""Topics that a sentence names."""
+
+
+def _tell_unknown(unknown: Counter[str]) -> None:
+    """Name the topics that were left out because nobody can read them, with how many samples they have."""
+    if not unknown:
+        return
+    named = [f"{printable(topic)} ({count})" for topic, count in unknown.most_common(MOST_NAMED)]
+    more = f" and {amount(len(unknown) - MOST_NAMED, 'other topic')}" if len(unknown) > MOST_NAMED else ""
+    click.echo(f"left out, since the recording does not tell what the samples mean: {', '.join(named)}{more}", err=True)
 
 
 def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
