@@ -80,8 +80,10 @@ async def serve(parts: int, *, with_page: bool) -> None:
             master.add_link(link)
             async with asyncio.TaskGroup() as tasks:
                 if with_page:
+                    from msbot_school.demo.gallery import ROVER
                     from msbot_web.assembly import Database, PageSources, RobotPages
                     from msbot_web.frame_ring import FrameRing
+                    from msbot_web.gallery import DemoPlace
                     from msbot_web.server import WebSettings
 
                     room = RobotPages(
@@ -91,7 +93,7 @@ async def serve(parts: int, *, with_page: bool) -> None:
                         database=Database(registry, record, address),
                         seen=PageSources(FrameRing()),
                         settings=WebSettings(port=0),
-                        entry_link=True,
+                        demo=DemoPlace(ROVER, print),
                     )
                     tasks.create_task(room.run())
                     await room.server.ready.wait()

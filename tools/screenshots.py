@@ -240,6 +240,7 @@ SHOTS = (
     Shot("described", "/arrivals", _said_by_a_part),
     Shot("lost", "/?slot=bumper"),
     Shot("arena", "/arena", _drive, world="sorting"),
+    Shot("gallery", "/gallery"),
     Shot("quiz", "/learn/quiz?seed=7"),
     Shot("plots", "/plots?show=ear.level,ear:threshold,@late&span=10"),
     Shot("timeline", "/timeline", _last_minute),

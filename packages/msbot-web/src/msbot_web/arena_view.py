@@ -20,6 +20,8 @@ MARKS = ("distance", "near", "line", "colour", "touch", "light", "sound", "magne
 """Kinds of parts that are drawn on a robot, by the first word of what they sense or do."""
 
 
+UNITS = {"distance": "m", "heading": "°", "pitch": "°", "roll": "°", "spin": "°/s", "light": "lx", "grip": "mm"}
+"""Of what parts sense, by the first word of it."""
 STANDS_M_PER_S = 0.005
 MOST_NEARBY = 3
 """Things near a robot that are told of."""
@@ -48,6 +50,8 @@ class ArenaView:
 
     def __init__(self, living: RunningArena | None) -> None:
         self._living = living
+        self.drivers: set[object] = set()
+        """The pages that have plugged the pilot in, or drive it since: it goes with the last of them."""
 
     @property
     def is_there(self) -> bool:
@@ -123,7 +127,7 @@ class ArenaView:
             said("{name} is at {x:g}, {y:g} m", name=name, x=x, y=y),
             said("looks {where}", where=_COMPASS[round(turned / 45) % 8])
             if roughly
-            else said("looks {degrees:.0f}° from east", degrees=turned),
+            else said("looks {degrees:.0f}° from east", degrees=round(turned) % 360),
         ]
         if speed <= STANDS_M_PER_S:
             found.append(said("stands"))
@@ -174,14 +178,15 @@ def _nearby(one: Nearby, *, roughly: bool) -> str:
             what = said("the box {name}", name=one.name) if one.name else said("a box")
         case _:
             what = said("the robot {name}", name=one.name)
-    far = 100 * one.distance_m
     where = {
         "ahead": said("ahead"),
         "left": said("on the left"),
         "behind": said("behind it"),
         "right": said("on the right"),
     }[one.side.value]
-    return said("{what} {cm:.0f} cm {where}", what=what, cm=10 * round(far / 10) if roughly else far, where=where)
+    return said(
+        "{what} {metres:g} m {where}", what=what, metres=round(one.distance_m, 1 if roughly else 2), where=where
+    )
 
 
 def _at(x: float, y: float) -> tuple[float, float]:

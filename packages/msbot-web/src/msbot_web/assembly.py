@@ -28,6 +28,7 @@ from msbot_web.access.users import MemoryUsers, UserStore
 from msbot_web.api.models import Robot
 from msbot_web.doctor_service import DoctorService
 from msbot_web.frame_ring import FrameRing
+from msbot_web.gallery import DemoPlace
 from msbot_web.lessons_view import LessonsView
 from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMasters
@@ -87,7 +88,8 @@ class RobotPages:
         settings: where the pages are served.
         lessons: its lesson desk.
         space: where its topics are, for the doctor.
-        entry_link: a link signs people in as administrator, without a password: for the demo.
+        demo: the demo whose robot this is, where a link signs people in as administrator, without a password; None: a
+            robot that stays what it is.
 
     Raises:
         ConfigError: the port cannot be had, or the certificate cannot be used.
@@ -102,7 +104,7 @@ class RobotPages:
         database: Database | None,
         seen: PageSources,
         settings: WebSettings,
-        entry_link: bool = False,
+        demo: DemoPlace | None = None,
         lessons: LessonController | None = None,
         space: SpaceAddress | None = None,
     ) -> None:
@@ -140,7 +142,7 @@ class RobotPages:
         operations.on_library(self._use_library)
         self._users: UserStore = MemoryUsers() if database is None else RegistryUsers(database.registry, database.robot)
         self._accounts = accounts = Accounts(self._users, clock=since_boot_s)
-        if entry_link:
+        if demo is not None:
             accounts.entry_token()
         describe = _describer(master, operations)
         records = (
@@ -163,6 +165,7 @@ class RobotPages:
             arena=seen.arena,
             neighbours=LocalMasters.of_group(lambda: master.stop_group),
             learning=LessonsView(lessons, None if database is None else database.registry, accounts),
+            demo=demo,
         )
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)

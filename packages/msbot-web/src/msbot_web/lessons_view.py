@@ -92,6 +92,16 @@ class LessonsView:
         lessons, wrong = shelf.all()
         return [shelf.translated(lesson, language) for lesson in lessons], wrong
 
+    def lesson_named(self, name: str) -> Lesson:
+        """The lesson of that name, once the files are read.
+
+        Raises:
+            ConfigError: there is none, or its file is wrong.
+        """
+        if self._desk is None:
+            raise ConfigError(said("this robot runs without lessons"))
+        return self._desk.shelf.get(name)
+
     async def progress(self, session: Session, language: str = "en") -> list[LessonProgress]:
         """How far everybody is, for a teacher; how far one is oneself, for everybody else.
 

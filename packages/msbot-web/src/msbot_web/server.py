@@ -40,6 +40,7 @@ from msbot_web.api.stop_route import make_stop_api
 from msbot_web.api_rate_limit import ApiRateLimit
 from msbot_web.connection_limits import HEAD_S, RESERVED, ConnectionLimits, LimitedConnection
 from msbot_web.content_policy import PASSING, refusal_page, sentence, wants_page
+from msbot_web.installed import make_installed
 from msbot_web.known_addresses import KnownAddresses
 from msbot_web.nicegui_internals.application import LOGGER, LazyWebSocket, serve_pages, set_ping, websocket_protocol
 from msbot_web.nicegui_internals.open_pages import OpenPages
@@ -94,6 +95,8 @@ class WebSettings:
     """Further host names under which the page may be asked for; addresses and the computer's own name always are."""
     proxies: tuple[str, ...] = ()
     """Addresses and networks of reverse proxies whose word about a request counts."""
+    place: str = ""
+    """What browsers know the page by, whichever robot it shows; empty: by its robot."""
 
 
 class _Server(uvicorn.Server):
@@ -131,6 +134,7 @@ class WebServer:
 
     def __init__(self, service: Service, settings: WebSettings) -> None:
         self._service = service
+        self._place = settings.place
         self._known = KnownAddresses()
         self._proxies = TrustedProxies(settings.proxies)
         self.connections = ConnectionLimits(is_shared=self._proxies.trusts)
@@ -149,7 +153,8 @@ class WebServer:
     @property
     def mark(self) -> str:
         """Distinguishes this robot's page from others on this computer: eight hexadecimal digits."""
-        return hashlib.sha256(f"{self._service.robot_id}\n{self.port}".encode()).hexdigest()[:8]
+        whose = self._place or self._service.robot_id
+        return hashlib.sha256(f"{whose}\n{self.port}".encode()).hexdigest()[:8]
 
     @property
     def ready(self) -> asyncio.Event:
@@ -222,6 +227,7 @@ class WebServer:
         cookies = cookie_names(self.mark)
         app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
         app.include_router(make_stop_api(service))
+        app.include_router(make_installed(service.robot_name))
         app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_lazy_routes, service), but=STOP_PATH)
         add_browser_files(app)
         app.router.routes.append(PartWebSocket(self.parts, service.accounts).route())

@@ -37,6 +37,7 @@ from msbot_web.api.models import (
 from msbot_web.arena_view import ArenaView
 from msbot_web.class_controller import ClassController
 from msbot_web.doctor_service import DoctorService
+from msbot_web.gallery import DemoPlace, Gallery
 from msbot_web.lessons_view import LessonsView
 from msbot_web.local_masters import LocalMasters
 from msbot_web.model_builder import ModelBuilder
@@ -76,6 +77,7 @@ class Service:
         figures: reads the figures for Prometheus; None: there are none.
         learning: the lessons; None: there are none.
         far: the robots on other computers; None: those that this user has an access to.
+        demo: the demo whose robot this is; None: none.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class Service:
         arena: RunningArena | None = None,
         learning: LessonsView | None = None,
         far: RemoteRobots | None = None,
+        demo: DemoPlace | None = None,
     ) -> None:
         self.views = views
         self.accounts = accounts
@@ -125,6 +128,8 @@ class Service:
         self.learning = learning or LessonsView(None, None, accounts)
         accounts.on_gone(operations.acts.forget)
         accounts.on_gone(self.learning.forget)
+        self.gallery = Gallery(demo, operations, self.learning, views, require=accounts.require, asker=self.asker)
+        """The robots and worlds that there are to choose from."""
         shelf = programs or NoProgramStore()
         self.pupils = ClassController(
             accounts,
@@ -269,6 +274,11 @@ class Service:
         (self.views.bench.plug if plugged else self.views.bench.unplug)(slot)
         self.operations.acts.note(session.name, places)
         return ChangeResult(words=said("{slot} is plugged in" if plugged else "{slot} is unplugged", slot=slot))
+
+    def end_pilot(self, slot: str) -> None:
+        """Take the simulated part out by which people drove by hand: the last page that did so is closed."""
+        self._held.end_at(slot)
+        self.views.bench.unplug(slot)
 
     def let_go(self, page: object) -> None:
         """Nobody holds anything with that page any more: it is closed, or its connection is lost."""

@@ -132,7 +132,8 @@ class LessonController:
             if wanted.world and wanted.world != self._world:
                 raise ConfigError(
                     said(
-                        "the lesson {title!r} needs a robot in the world {world}: `msbot demo --lesson {name}` has one",
+                        "the lesson {title!r} needs a robot in the world {world}: start it on a demo's page Robots and "
+                        "worlds, or by `msbot demo --lesson {name}`",
                         title=wanted.title,
                         world=wanted.world,
                         name=wanted.name,

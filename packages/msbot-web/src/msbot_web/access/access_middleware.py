@@ -30,6 +30,7 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.reverse_proxies import UNTRUSTED
 from msbot_web.access.sessions import Session
 from msbot_web.content_policy import HTML, NONCE, PASSING, new_nonce, page_policy, refusal_page, wants_page
+from msbot_web.installed import MANIFEST_PATH, SHELL_PATH, WORKER_PATH
 from msbot_web.root_path import THIS_COMPUTER
 from msbot_xrce.counting import Tally
 from msbot_xrce.lazy import dataclass
@@ -60,6 +61,7 @@ LONGEST_NUMBER = 18
 """Digits of a length in a header."""
 OPEN_PATHS = (
     "/login", "/setup", "/enter", "/join", "/pass", "/come", "/api/health", "/openapi.json", "/favicon.ico", "/web/",
+    MANIFEST_PATH, WORKER_PATH, SHELL_PATH,
     f"/_nicegui/{nicegui_version}/",
 )  # fmt: skip
 """What may be had without signing in: forms to do so, and files that are the same for everybody."""

@@ -22,7 +22,7 @@ from msbot_web.access.class_list import NewAccount
 from msbot_web.access.clocks import NonDecreasingClock
 from msbot_web.access.guests import DEMO, Guests
 from msbot_web.access.passwords import LONGEST, Argon2Hasher, Hasher, TooManyHashes, check_password
-from msbot_web.access.sessions import Session, SessionEndReason, Sessions, digest_of, octets_of_token
+from msbot_web.access.sessions import KeptSession, Session, SessionEndReason, Sessions, digest_of, octets_of_token
 from msbot_web.access.sign_in_throttle import SignInRefused, SignInThrottle
 from msbot_web.access.users import OF_PARTS, User, UserStore
 from msbot_xrce.errors import ConfigError, MsbotError, RegistryError
@@ -263,6 +263,15 @@ class Accounts:
         """The word of a link that signs an administrator in without a password: for the demo only."""
         self._entry_token = self._entry_token or secrets.token_urlsafe(LINK_OCTETS)
         return self._entry_token
+
+    def of_demo(self) -> tuple[str, list[KeptSession]]:
+        """The word of the demo's link, and the sessions behind which no account is: for the next robot in its place."""
+        return self._entry_token, self.sessions.of_demo(DEMO)
+
+    def take_over(self, entry_token: str, kept: Iterable[KeptSession]) -> None:
+        """Go on with what `of_demo` gave: the link that was printed first still opens, and nobody signs in again."""
+        self._entry_token = entry_token
+        self.sessions.take_over(kept)
 
     def enter(self, token: str) -> Session:
         """Sign the demo's administrator in.

@@ -218,6 +218,32 @@ class Sessions:
             if not one.is_lasting
         ]
 
+    def of_demo(self, maker: str) -> list[KeptSession]:
+        """The sessions behind which no account is, for the robot that takes this one's place: the demo's own
+        administrator's, and those of the guests whom `maker`, that one, has let in."""
+        now = self._clock()
+        return [
+            KeptSession(one.key, one.name, one.csrf, now - one.began_at, now - one.used_at, one.guest_of)
+            for one in self._by_key.values()
+            if one.is_lasting or one.guest_of == maker
+        ]
+
+    def take_over(self, kept: Iterable[KeptSession]) -> None:
+        """Go on with what `of_demo` gave."""
+        now = self._clock()
+        for one in kept:
+            role, is_lasting = (Role.VIEWER, False) if one.guest_of else (Role.ADMINISTRATOR, True)
+            self._by_key[one.key] = Session(
+                one.name,
+                role,
+                now - one.age_s,
+                now - one.idle_s,
+                key=one.key,
+                csrf=one.csrf,
+                is_lasting=is_lasting,
+                guest_of=one.guest_of,
+            )
+
     def bring_back(
         self,
         kept: Iterable[KeptSession],

@@ -16,6 +16,7 @@ from msbot_web.access.passwords import TooManyHashes
 from msbot_web.access.sessions import Session
 from msbot_web.access.sign_in_throttle import SignInRefused
 from msbot_web.api.dependencies import words_for
+from msbot_web.gallery import AskFirst
 from msbot_web.language import language_of
 from msbot_xrce.errors import DatabaseBusy, MsbotError, NotThere, RegistryError
 
@@ -37,6 +38,8 @@ def status_of(error: MsbotError) -> int:
             return 429 if error.retry_after_s else 401
         case DatabaseBusy():
             return 423
+        case AskFirst():
+            return 409
         case RegistryError():
             return 409
     return 400

@@ -28,6 +28,7 @@ from msbot_web.api.dependencies import (
     slots_for,
     words_for,
 )
+from msbot_web.api.gallery_routes import add_gallery
 from msbot_web.api.models import (
     BlueprintDiff,
     BlueprintText,
@@ -58,6 +59,7 @@ def make_api(service: Service) -> APIRouter:
     add_operations(router, service)
     _add_robot(router, service)
     add_programs(router, service)
+    add_gallery(router, service)
     return router
 
 

@@ -43,11 +43,13 @@ class PageOptions:
     names: tuple[str, ...] = ()
     proxies: tuple[str, ...] = ()
 
-    def settings(self) -> WebSettings:
-        """The same in the form that the web room takes; imports that room."""
+    def settings(self, place: str = "") -> WebSettings:
+        """The same in the form that the web room takes; imports that room. `place` as in `WebSettings`."""
         from msbot_web.server import WebSettings
 
-        return WebSettings(self.host, self.port, self.or_any_port, self.certificate, self.key, self.names, self.proxies)
+        return WebSettings(
+            self.host, self.port, self.or_any_port, self.certificate, self.key, self.names, self.proxies, place
+        )
 
 
 def page_options(command: _C) -> _C:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 
 from fastapi import Request
 from nicegui import ui
@@ -15,9 +16,12 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot_web.access.sessions import Session
 from msbot_web.api.models import ChangeResult
+from msbot_web.arena_view import UNITS
 from msbot_web.html import render
+from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.page_elements import heading, panel, set_html
+from msbot_web.pages.pilot import pilot_slot, take_out
 from msbot_web.root_path import root
 from msbot_web.service import Service
 
@@ -48,10 +52,11 @@ def register(service: Service) -> None:
         with page_frame(service, request, "/arena", "Arena") as page:
             if not service.arena.is_there:
                 with panel():
-                    ui.label(page.say("This robot is in no world that is here. Start one with:"))
-                    ui.label("msbot demo --world line").style("font-family:monospace")
+                    ui.label(page.say("This robot is in no world that is here."))
+                    ui.link(page.say("Robots and worlds"), "/gallery")
                     ui.label(page.say("A robot that has joined another program's world is shown on that one's page."))
                 return
+            back_to_rover(page)
             ui.add_head_html(f'<script src="{root()}/web/arena.js"></script>')
             _ArenaPage(page)
 
@@ -62,7 +67,7 @@ class _ArenaPage:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._arena = page.service.arena
-        self._pilot = self._find_pilot()
+        self._pilot = pilot_slot(page.service)
         self._driven_at: float | None = None
         self._is_seen = True
         self._told_at: float | None = None
@@ -79,6 +84,7 @@ class _ArenaPage:
         ui.timer(PUSH_S, self._push)
         if page.client is not None:
             page.client.on_disconnect(self._stands)
+            page.client.on_delete(self._closed)
         page.every_look(self._show)
 
     def _make(self) -> None:
@@ -119,6 +125,8 @@ class _ArenaPage:
         with panel():
             heading(say("Drive by hand"))
             self._plug = ui.button(say("Plug the pilot in"), icon="power", on_click=self._plug_pilot)
+            self._unplug = ui.button(say("Take the pilot out"), icon="power_off").props("outline")
+            self._unplug.on_click(partial(take_out, self._page, self._pilot))
             with ui.element("div").classes("arena-pad") as self._pad:
                 for area, icon, words, powers in BUTTONS:
                     if area in ("slide-left", "slide-right") and not self._arena.can_slide:
@@ -126,7 +134,7 @@ class _ArenaPage:
                     driven = ",".join(f"{POWER * power:g}" for power in powers)
                     button = ui.button(icon=icon).props(f'round aria-label="{say(words)}" data-drive="{driven}"')
                     button.style(f"grid-area:{area}")
-            words = say("Hold a button, or hold an arrow key while the picture has the focus.")
+            words = say("Hold a button, an arrow key, or W, A, S, D. The pilot goes when this page is closed.")
             self._hint = ui.label(words).classes("soft")
 
     def _button(self, icon: str, words: str, script: str, *, pressed: bool | None = None) -> None:
@@ -135,14 +143,6 @@ class _ArenaPage:
         button.props["aria-label"] = button.props["title"] = words
         if pressed is not None:
             button.props["aria-pressed"] = "true"
-
-    def _find_pilot(self) -> str:
-        """The slot that a person can drive by: one whose simulated part has motor powers to be set."""
-        service = self._page.service
-        for card in service.robot().slots:
-            if card.part_number == "PILOT" and card.name in service.views.bench.slots():
-                return card.name
-        return ""
 
     # What is shown.
 
@@ -161,7 +161,11 @@ class _ArenaPage:
         set_html(self._words, render("lines", say=page.say, lines=self._arena.words()))
         self._tell()
         rows = [
-            [part.robot, part.slot, ", ".join(f"{name} {self._value(value)}" for name, value in part.values.items())]
+            [
+                part.robot,
+                part.slot,
+                ", ".join(f"{name} {self._value(name, value)}" for name, value in part.values.items()),
+            ]
             for part in self._arena.sensed()
         ]
         heads = [page.say(word) for word in ("Robot", "Slot", "Senses")]
@@ -169,6 +173,7 @@ class _ArenaPage:
         if self._pilot and page.may(Right.OPERATE):
             plugged = page.service.views.bench.is_plugged(self._pilot)
             self._plug.set_visibility(not plugged)
+            self._unplug.set_visibility(plugged)
             self._pad.set_visibility(plugged)
             self._hint.set_visibility(plugged)
 
@@ -180,10 +185,14 @@ class _ArenaPage:
             self._told_at = now
             self._voice.set_text(words)
 
-    def _value(self, value: float | bool) -> str:
+    def _value(self, name: str, value: float | bool) -> str:
         if isinstance(value, bool):
             return self._page.say("yes") if value else self._page.say("no")
-        return self._page.number(round(value, 4) + 0.0, ".3g")  # 0 and not -5.55e-17
+        if name == "heading":
+            value = round(value) % 360
+        unit = UNITS.get(name.partition(".")[0], "")
+        number = self._page.number(round(value, 4) + 0.0, ".3g")  # 0 and not -5.55e-17
+        return f"{number}{'' if unit.startswith('°') else ' '}{unit}".rstrip()
 
     # What a person does.
 
@@ -210,12 +219,24 @@ class _ArenaPage:
         self._is_seen = bool(event.args)
 
     async def _plug_pilot(self) -> None:
-        await self._page.do(lambda session: self._page.service.plug(session, self._pilot, plugged=True), quiet=True)
+        page = self._page
+        if await page.do(lambda session: page.service.plug(session, self._pilot, plugged=True), quiet=True) is not None:
+            self._arena.drivers.add(page.client)
+
+    def _closed(self) -> None:
+        """The pilot goes with the last page that drives by it."""
+        drivers = self._arena.drivers
+        if self._page.client in drivers:
+            drivers.discard(self._page.client)
+            if not drivers and self._page.service.views.bench.is_plugged(self._pilot):
+                self._page.service.end_pilot(self._pilot)
 
     async def _drive(self, event: GenericEventArguments) -> None:
         powers = [max(-100.0, min(100.0, float(power))) for power in event.args][: len(POWERS)]
         if self._pilot and self._page.service.views.bench.is_plugged(self._pilot):
             self._driven_at = self._page.service.now() if any(powers) else None
+            if self._arena.drivers:  # else it was plugged in elsewhere, and stays
+                self._arena.drivers.add(self._page.client)
             await self._page.do(lambda session: self._power(session, powers), quiet=True)
 
     def _power(self, session: Session, powers: Sequence[float]) -> ChangeResult:

@@ -59,6 +59,11 @@ HELP = {
         "slower, and drive by hand. Everything that a robot senses here, its parts say as messages.",
         "howto/arena",
     ),
+    "/gallery": PageHelp(
+        "Each card is a robot, alone or in a world, and says what can be learned with it. A teacher starts it by a click, "
+        "and the page comes back with it. What would end by that is said first.",
+        "howto/web_page",
+    ),
     "/bus": PageHelp(
         "Every line is a frame on the CAN bus, in words. Click a line to take the frame apart, bit by bit. The bar "
         "shows how busy the bus is: above 80 % parts begin to wait for each other.",

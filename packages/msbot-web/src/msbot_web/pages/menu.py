@@ -42,6 +42,7 @@ MENU = (
     MenuEntry("/wires", "hub", "Wires", Right.SEE, ROBOT),
     MenuEntry("/program", "code", "Program", Right.JOIN, ROBOT),
     MenuEntry("/arena", "sports_esports", "Arena", Right.SEE, ROBOT),
+    MenuEntry("/gallery", "apps", "Robots and worlds", Right.SEE, TEACH),
     MenuEntry("/learn", "school", "Learn", Right.SEE, TEACH),
     MenuEntry("/missions", "travel_explore", "Missions", Right.SEE, TEACH),
     MenuEntry("/faults", "bug_report", "Faults", Right.ARRANGE, TEACH),

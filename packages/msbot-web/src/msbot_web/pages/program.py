@@ -22,6 +22,7 @@ from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.arrivals import adopt
 from msbot_web.pages.layout import BUILD_S, Page, page_frame
 from msbot_web.pages.page_elements import show_dialog
+from msbot_web.pages.pilot import pilot_note
 from msbot_web.pages.program_blocks import ProgramBlocks
 from msbot_web.pages.program_editor import ShareDialog
 from msbot_web.pages.program_words import program_words
@@ -79,6 +80,7 @@ class _ProgramPage:
         say = self._page.say
         for script in ("board", "program"):
             ui.add_head_html(f'<script src="{root()}/web/program/{script}.js"></script>')
+        pilot_note(self._page)
         bar = ui.element("div").classes("row w-full ms-prog-bar")
         self._blocks.lay_out()
         with bar:
@@ -160,6 +162,9 @@ class _ProgramPage:
         """The program that is opened unasked: the person's own, or an example that this robot has a place for."""
         if self._mine:
             return self._mine[0]
+        entry = self._page.service.gallery.entry
+        if entry is not None and entry.example:
+            return entry.example
         return FIRST if f'robot="{self._page.service.robot_name}"' in examples()[FIRST] else NEW
 
     async def _list(self) -> None:

@@ -17,6 +17,7 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot_web.api.models import PartLine, PortLine, Robot, SlotCard
 from msbot_web.html import Markup, render
+from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import Page, page_frame
 from msbot_web.pages.menu import is_pupil
 from msbot_web.pages.page_elements import set_html
@@ -43,6 +44,7 @@ def register(service: Service) -> None:
     @ui.page("/")
     def home(request: Request, slot: str = "") -> None:
         with page_frame(service, request, "/", "Robot") as page:
+            back_to_rover(page)
             _summary(page)
             if len(page.service.robot().slots) > MANY:
                 ui.html(render("cards_find", say=page.say), sanitize=False).classes("w-full")

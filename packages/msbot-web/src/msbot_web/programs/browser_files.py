@@ -34,9 +34,10 @@ def home_files() -> str:
 
 @cache
 def examples() -> dict[str, str]:
-    """The examples by their file names: the project's, then those for a phone, which only a browser can run."""
-    ours = browser_sources() / "programs"
-    found = [*sorted(carried_folder(PACKAGE, "examples", "examples").glob("*.py")), *sorted(ours.glob("*.py"))]
+    """The examples by their file names: the project's, those for the worlds, and those for a phone, which only a
+    browser can run."""
+    ours, others = browser_sources() / "programs", carried_folder(PACKAGE, "examples", "examples")
+    found = [path for folder in (others, others / "arena", ours) for path in sorted(folder.glob("*.py"))]
     return {path.name: path.read_text("utf-8") for path in found}
 
 

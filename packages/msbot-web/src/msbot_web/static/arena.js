@@ -178,9 +178,9 @@ const msbotArena = (() => {
     svg.addEventListener("pointermove", move);
     for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, leave);
     svg.addEventListener("wheel", (event) => { if (event.ctrlKey) { event.preventDefault(); zoom(event.deltaY > 0 ? 1.15 : 0.87); } }, { passive: false });
-    svg.addEventListener("keydown", (event) => { const powers = event.target === svg && KEYS[event.key]; if (powers) { event.preventDefault(); drive(powers); } });
-    svg.addEventListener("keyup", (event) => { if (KEYS[event.key]) drive(REST); });
-    svg.addEventListener("blur", () => drive(REST));
+    document.addEventListener("keydown", driveByKey);
+    document.addEventListener("keyup", (event) => { if (powersOf(event)) drive(REST); });
+    addEventListener("blur", () => drive(REST));
     for (const button of document.querySelectorAll("[data-drive]")) {
       const powers = button.dataset.drive.split(",").map(Number);
       button.addEventListener("pointerdown", () => drive(powers));
@@ -192,7 +192,21 @@ const msbotArena = (() => {
   }
 
   const KEYS = { ArrowUp: [55, 55, 55, 55], ArrowDown: [-55, -55, -55, -55], ArrowLeft: [-28, 28, -28, 28], ArrowRight: [28, -28, 28, -28] };
+  const LETTERS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
   const REST = [0, 0, 0, 0];
+  // What keys mean something else in: fields, lists, dialogs, what is scrolled, and a robot, which they move.
+  const OWN_KEYS = "input, textarea, select, [contenteditable], [role=slider], [role=menu], [role=listbox], [role=dialog], .scroll, .arena-robot";
+
+  const powersOf = (event) => KEYS[LETTERS[event.key.toLowerCase()] || event.key];
+
+  // Wherever the focus is: who drives looks at the robot, not for a button.
+  function driveByKey(event) {
+    const powers = powersOf(event), pad = document.querySelector(".arena-pad");
+    if (!powers || event.ctrlKey || event.altKey || event.metaKey || !pad || !pad.offsetParent) return;
+    if (event.target.closest && event.target.closest(OWN_KEYS)) return;
+    event.preventDefault();
+    drive(powers);
+  }
 
   // Said again and again while a button is held: when this page is gone, the robot stands.
   function drive(powers) {

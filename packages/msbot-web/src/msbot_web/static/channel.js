@@ -8,6 +8,7 @@ const msbotChannel = (() => {
   const NOT_THERE = ["Implicit handshake failed", "try_reconnect"];
   const plan = new MsbotReconnect();
   const tab = `${Math.random()}`;
+  let goTo = "";
   let socket = null, aliveAt = Date.now(), failures = 0, seen = null, wasHere = false;
 
   // One tab of a browser is made anew at a time, until it is connected or has had its time. Two that look in the same
@@ -98,10 +99,15 @@ const msbotChannel = (() => {
       const step = msbot.isSaying() ? "" : plan.step(now, answers);
       if (step === "connect") connect();
       else if (step === "turn") askForTurn();
-      else if (step === "reload") location.reload();
+      else if (step === "reload") goTo ? location.assign(msbotAt(goTo)) : location.reload();
       return aliveAt;
     },
     back: (now) => plan.back(now),
+    // Another robot takes this one's place: what this page becomes when that one is there.
+    comeBackTo(path) {
+      goTo = path;
+    },
+    isChanging: () => goTo !== "",
     // Why nothing live comes: the name of the words on the STOP button, and what is put into them.
     trouble() {
       if (["anew", "asking", "turn", "leaving"].includes(plan.state)) return ["anew", {}];

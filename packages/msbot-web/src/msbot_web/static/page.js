@@ -79,6 +79,7 @@ const msbot = (() => {
   }
 
   function why(answers, age) {
+    if (hasChannel() && msbotChannel.isChanging()) return words("changing");
     const [name, values] = answers && hasChannel() ? msbotChannel.trouble() : ["lost", {}];
     const filled = { ...values, seconds: Math.round(age / 1000) };
     return words(name).replace(/\{(\w+)\}/g, (_, key) => filled[key]);
@@ -185,6 +186,12 @@ const msbot = (() => {
     mark(false);
   }
 
+  // The small page that is shown while no robot answers (`service_worker.js`): only where the browser keeps any.
+  function keepShell() {
+    const kept = navigator.serviceWorker && navigator.serviceWorker.register(msbotAt("/service-worker.js"), { scope: msbotAt("/") });
+    if (kept) kept.catch(() => {});  // it keeps nothing: its own error is shown then
+  }
+
   addEventListener("click", refuse, true);
   addEventListener("keydown", key, true);
   addEventListener("popstate", passed);
@@ -198,6 +205,7 @@ const msbot = (() => {
     if (tooLong) tooLong.replaceChildren(Object.assign(document.createElement("span"), { textContent: words("long") }));
     keepAsking();
     setInterval(look, LOOK_MS);
+    keepShell();
   });
   // Whether a STOP is on its way, or its answer is being read: a page that were loaded anew now would lose it.
   return { stop, opened, closed, isSaying: () => isSaying };

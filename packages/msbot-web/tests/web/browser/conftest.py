@@ -108,6 +108,7 @@ def new_page(
     locale: str = "en-GB",
     by_finger: bool = False,
     waits: bool = True,
+    keeps_shell: bool = False,
 ) -> Page:
     """A fresh visitor, without cookies.
 
@@ -119,6 +120,7 @@ def new_page(
         by_finger: whether it is a phone or a tablet.
         waits: in none of their tabs a click is made while the page is grey, because the robot has said nothing for a
             moment, as on a busy machine: it takes no clicks then.
+        keeps_shell: whether the browser keeps the page for when no robot answers; it costs each visitor a worker.
     """
     context = browser.new_context(
         viewport={"width": width, "height": height},
@@ -126,6 +128,7 @@ def new_page(
         has_touch=by_finger,
         is_mobile=by_finger,
         reduced_motion="reduce",  # drawing animations in software costs more than all the rest of a page
+        service_workers="allow" if keeps_shell else "block",
     )
     context.set_default_timeout(PATIENCE_MS)
     context.add_init_script(NOTE_TOLD)

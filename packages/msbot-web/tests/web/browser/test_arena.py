@@ -146,3 +146,35 @@ def test_a_person_drives_drags_and_pauses_the_world(moving: Page, demo: Site) ->
     again_until(anew.click, lambda ms: page.wait_for_function(f"{WHERE} === {start!r}", timeout=ms))
     assert hurdles_by_day_and_night(page) == []
     assert errors == []
+
+
+def test_keys_drive_wherever_the_focus_is_and_the_pilot_goes_with_its_page(moving: Page, demo: Site) -> None:
+    first = moving.context.new_page()
+    first.emulate_media(reduced_motion="no-preference")
+    go(first, f"{demo.base}/arena")
+    plug, out = (first.get_by_role("button", name=name) for name in ("Plug the pilot in", "Take the pilot out"))
+    again_until(lambda: plug.click() if plug.is_visible() else None, lambda ms: expect(out).to_be_visible(timeout=ms))
+    out.click()
+    expect(plug).to_be_visible()
+    again_until(lambda: plug.click() if plug.is_visible() else None, lambda ms: expect(out).to_be_visible(timeout=ms))
+    go_on = first.get_by_role("button", name="Go on")
+    if go_on.is_visible():
+        go_on.click()
+    start = first.evaluate(WHERE)
+    first.evaluate("document.activeElement.blur()")
+
+    def drive() -> None:
+        first.keyboard.up("s")
+        first.keyboard.down("s")
+
+    again_until(drive, lambda ms: first.wait_for_function(f"{WHERE} !== {start!r}", timeout=ms))
+    first.keyboard.up("s")
+    expect(first.locator("body")).to_contain_text(re.compile(r"robot is at .* stands"))
+
+    go(moving, f"{demo.base}/program?name=line_follower.py")
+    moving.get_by_role("button", name="Run", exact=True).click()
+    note = moving.get_by_role("status").filter(has_text="The pilot of the page Arena holds the slot pilot")
+    expect(note).to_be_visible()
+    first.close()
+    expect(note).to_be_hidden()
+    moving.get_by_role("button", name="Stop", exact=True).click()

@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, Request, expect
 
 from msbot_web.nicegui_internals.page_admission import MOST_WAITING
 from tests.e2e.processes import Process, run, running
+from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import free_port, go, link_in, new_page
 
 PASSWORD = "correct horse"
@@ -89,6 +90,34 @@ def test_all_tabs_of_a_browser_come_back_after_a_restart_and_none_asks_again_and
         one.wait_for_function(f"!{DEAD}")
     tab.context.remove_listener("request", note)
     assert +asked == Counter(dict.fromkeys(TABS, 1)), "each was loaded once"
+
+
+@pytest.mark.promise("Where no robot answers, a browser that was there says so, and comes back by itself")
+def test_where_no_robot_answers_the_page_says_so_and_comes_back(
+    browser: Browser, owner: BrowserContext, robot: Robot
+) -> None:
+    page = new_page(browser, waits=False, keeps_shell=True)
+    page.context.add_cookies(
+        [{"name": one["name"], "value": one["value"], "url": robot.base} for one in owner.cookies()]
+    )
+    go(page, f"{robot.base}/journal")
+    page.evaluate("navigator.serviceWorker.ready.then(() => true)")
+    installing = page.context.new_cdp_session(page).send("Page.getInstallabilityErrors")
+    assert [one["errorId"] for one in installing["installabilityErrors"]] in ([], ["in-incognito"])
+    assert robot.master.end() == 0
+    page.goto(f"{robot.base}/plots")
+    expect(page.get_by_role("alert")).to_have_text("No robot answers here.")
+    assert hurdles(page, dark=False) == []
+    link_in(robot.start())
+    page.wait_for_function(LIVE)
+    assert page.url == f"{robot.base}/plots"
+    expect(page.locator("h1").first).to_have_text("Plots")
+    kept = page.evaluate(
+        "caches.keys().then((names) => caches.open(names[0])).then((one) => one.keys())"
+        ".then((found) => found.map((one) => new URL(one.url).pathname).sort())"
+    )
+    assert kept == ["/no-robot", "/web/form.css", "/web/icon.svg", "/web/no_robot.js"], "and nothing of the robot's"
+    page.context.close()
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from tests.web.browser.conftest import Site, again_until, call, click_by_script,
 
 PAGES = {
     "/": "Robot", "/arrivals": "Arrivals", "/settings": "Settings", "/bus": "Bus", "/wires": "Wires",
-    "/arena": "Arena", "/plots": "Plots", "/timeline": "Timeline", "/learn": "Learn",
+    "/arena": "Arena", "/gallery": "Robots and worlds", "/plots": "Plots", "/timeline": "Timeline", "/learn": "Learn",
     "/learn/quiz?seed=7": "Quiz", "/library": "Library",
     "/library/SG90": "Library", "/pupils": "Pupils", "/projector": "Our class",
     "/journal": "Journal", "/faults": "Faults", "/missions": "Missions",

@@ -117,7 +117,7 @@ FILLED = {
     "/": ".slot", "/settings": ".q-field input", "/bus": "tr[data-number]", "/wires": "svg.wires .port",
     "/plots": "#ms-plot-figures td",
     "/timeline": "svg.wide rect", "/library": "a.slot", "/library/SG90": "table", "/journal": "tbody tr",
-    "/faults": "button", "/missions": "button", "/learn": ".panel .row",
+    "/gallery": ".ms-exhibit", "/faults": "button", "/missions": "button", "/learn": ".panel .row",
     "/learn/quiz?seed=7": "pre", "/class": "a.slot", "/admin": "table",
     "/pupils": ".panel", "/projector": ".wall-groups li",
     "/doctor": "table", "/?slot=fan": "[role=dialog] input", "/?slot=knob": "[role=dialog] input",

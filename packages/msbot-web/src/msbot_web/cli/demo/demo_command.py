@@ -7,7 +7,6 @@ import contextlib
 import json
 import logging
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Coroutine, Iterable, Iterator
 from functools import partial
@@ -19,7 +18,7 @@ import click
 
 from msbot.cli.bus.frame_log import FrameLog
 from msbot.cli.change.robot_access import master_details
-from msbot.cli.robot_options import metrics_option
+from msbot.cli.robot_options import metrics_option, user_name
 from msbot.cli.run.master_services import RobotRecording, log_event, metrics_beside, rec_option
 from msbot.cli.run.world_options import WorldOptions, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
@@ -37,6 +36,7 @@ from msbot_agent.space import SharedSpace, SpaceAddress
 from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_school.cli.teaching_service import lessons_option
 from msbot_school.demo import DemoLinkKind, DemoRobot
+from msbot_school.demo.gallery import DemoChoice
 from msbot_school.faults.fault_lab import FaultLab
 from msbot_school.lessons.lesson import Lesson
 from msbot_school.lessons.lesson_controller import LessonController
@@ -49,6 +49,7 @@ from msbot_web.cli.demo.demo_world import (
     make_lesson_controller,
     start_lesson,
 )
+from msbot_web.cli.demo.handover import DemoCommand, Handover, demo_folder, own_arguments, read_handover, start_anew
 from msbot_web.cli.demo.output import Notes, as_json, event_words, status_words
 from msbot_web.cli.demo.script import KeyPresses, ScriptRun, ScriptStep, ScriptType
 from msbot_web.cli.page import PageOptions, page_options, page_wishes, serve_page
@@ -60,9 +61,12 @@ if TYPE_CHECKING:
 
     from msbot.sim.arena.running_arena import RunningArena
     from msbot_web.assembly import RobotPages
+    from msbot_web.gallery import ChangeWish
 
 REFRESH_S = 0.2
 STATUS_S = 1.0
+ANSWERED_S = 0.3
+"""How long the page has to answer whoever has chosen another robot, before this one ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +91,16 @@ class _Options:
     metrics_port: int | None
     log_wishes: LogOptions
     world: WorldOptions
+    before: Handover | None
+    """What the demo before in this place has left."""
+
+    @property
+    def choice(self) -> DemoChoice:
+        """What it runs, as the gallery has it."""
+        return DemoChoice(self.sample if self.lesson is None else self.lesson.robot, self.world.world or "")
 
 
-@click.command("demo")
+@click.command("demo", cls=DemoCommand)
 @click.option(
     "--link",
     "wire",
@@ -139,6 +150,7 @@ class _Options:
     "rover, and with --world buggy, unless given.",
 )
 @world_options
+@click.option("--go-on", type=click.Path(path_type=Path, file_okay=False), hidden=True)
 @click.option("--spare", is_flag=True, help="One part more than slots, DD like BB: it takes over when BB is lost.")
 @click.option("--lesson", metavar="NAME", help="The robot of a lesson, which begins at once; `msbot lesson list`.")
 @lessons_option
@@ -165,6 +177,7 @@ def command(
     place: str | None,
     share: str | None,
     world_password: str | None,
+    go_on: Path | None,
     spare: bool,
     lesson: str | None,
     lessons: tuple[Path, ...],
@@ -186,6 +199,11 @@ def command(
     again, q ends the robot. With --json nothing but the object is printed, and there is no page, unless --port asks
     for one.
     """
+    before = None if go_on is None else read_handover(go_on)
+    if before is not None:
+        lesson, sample, place, script = before.lesson or None, before.robot, None, []
+        world, share = before.world or None, share if before.world else None
+        world_password, port, seconds = world_password if share else None, before.port, before.left_s
     chosen = chosen_lesson(lesson, lessons)
     options = _Options(
         DemoLinkKind(wire),
@@ -216,6 +234,7 @@ def command(
         metrics_port,
         log_wishes,
         WorldOptions(world or (chosen.world or None if chosen else None), place, share, world_password),
+        before,
     )
     options.world.check()
     log_wishes.set_up(logging.WARNING)
@@ -229,16 +248,20 @@ def command(
         raise click.UsageError("--json prints at the end: say when with --seconds N")
     if sys.stdout.isatty() and not options.page.off and not as_json_object:
         click.echo("Starting the robot and its page ...")
-    with tempfile.TemporaryDirectory(prefix="msbot-demo-") as folder, contextlib.suppress(KeyboardInterrupt):
-        blueprint, library = open_blueprint(blueprint_for(options.sample, options.lesson, Path(folder)))
-        address = str(db or Path(folder) / "robot.db")
+    with demo_folder(go_on) as folder, contextlib.suppress(KeyboardInterrupt):
+        blueprint, library = open_blueprint(blueprint_for(options.sample, options.lesson, folder))
+        address = str(db or folder / "robot.db")
+        nexts: list[Handover] = []
         with open_registry(address) as registry:  # may be slow, so no event loop waits for it
             robot = registry.robots.apply_blueprint(blueprint, library)
             store, node_ids = registry.runs.begin(robot), registry.runs.node_ids(robot, "demo")
             with nonblocking_output():
                 run_to_end(
-                    _main(options, blueprint, library, (registry, store, node_ids, address), Path(folder) / "rec")
+                    _main(options, blueprint, library, (registry, store, node_ids, address), folder, nexts=nexts)
                 )
+        if nexts:
+            nexts[0].write(folder)
+            start_anew(own_arguments(), folder)
 
 
 async def _main(
@@ -246,11 +269,13 @@ async def _main(
     blueprint: Blueprint,
     library: Library,
     database: tuple[Registry, RobotStore, StoredNodeIds, str],
-    ring: Path,
+    folder: Path,
+    *,
+    nexts: list[Handover],
 ) -> None:
     registry, store, node_ids, address = database
     with robot_space(options.space, blueprint, library) as space:
-        recording = RobotRecording(options.rec, ring, library)
+        recording = RobotRecording(options.rec, folder / "rec", library)
         notes = Notes()
         world = DemoWorld(options.world, options.seed, notes.add)
         robot = DemoRobot(
@@ -270,6 +295,8 @@ async def _main(
             door=world.door,
         )
         _check_script(options.script, robot)
+        if options.before is not None and options.before.stopped:
+            robot.master.say_stop(options.before.stop_by, options.before.stop_reason)
         operations = RunningOperations(robot.master, registry, store.robot, library=library)
 
         async def undo() -> str:
@@ -280,6 +307,11 @@ async def _main(
             beside: list[Coroutine[object, object, None]] = world.beside(operations)
             desk = make_lesson_controller(operations, options.lessons, robot, options.world.world or "")
             room: RobotPages | None = None
+
+            def change(wish: ChangeWish) -> None:
+                assert room is not None
+                nexts.append(_handover(wish, robot, room, options))
+                asyncio.get_running_loop().call_later(ANSWERED_S, robot.finish)
 
             def page_address() -> str:
                 return "" if room is None else room.server.own_address
@@ -294,6 +326,7 @@ async def _main(
                         options,
                         arena=world.living,
                         desk=desk,
+                        change=change,
                     )
                 beside.append(serve_page(room, None, options.page, notes.add))
             beside.append(
@@ -314,7 +347,7 @@ async def _main(
             beside.extend(recording.beside(robot.master, operations))
             faults = FaultLab(operations, parts=robot, bus=robot.bus_driver)
             beside += [faults.run(), MissionLab(operations, faults).run()]
-            beside += [desk.run(), start_lesson(desk, options.lesson, robot, notes.add)]
+            beside += [desk.run(), _begin(desk, robot, options, notes)]
             if isinstance(space, SharedSpace):
                 from msbot.ros.robot_in_ros import RobotInRos
 
@@ -324,6 +357,17 @@ async def _main(
             else:
                 server = SimBusServer(robot.bus_driver, options.bus)
                 await _run_served(server, partial(_run, robot, options, notes, script), beside)
+
+
+async def _begin(desk: LessonController, robot: DemoRobot, options: _Options, notes: Notes) -> None:
+    """Begin the lesson that was wished for, if any."""
+    before = options.before
+    try:
+        await start_lesson(desk, options.lesson, robot, notes.add, user_name() if before is None else before.who)
+    except MsbotError as error:
+        if before is None:
+            raise
+        notes.add(f"The lesson has not begun: {error}")  # who chose it on the page sees the robot, and can try again
 
 
 def _spares(blueprint: Blueprint) -> dict[str, str]:
@@ -365,21 +409,45 @@ def _make_page(
     *,
     arena: RunningArena | None,
     desk: LessonController,
+    change: Callable[[ChangeWish], None],
 ) -> RobotPages:
     from msbot_web.assembly import Database, RobotPages
+    from msbot_web.gallery import DemoPlace
     from msbot_web.simulated.demo_controls import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
-    return RobotPages(
+    pages = RobotPages(
         robot.master,
         operations,
         library,
         database=Database(*database),
         seen=seen,
-        settings=options.page.settings(),
-        entry_link=True,
+        settings=options.page.settings("demo"),
+        demo=DemoPlace(options.choice, change),
         lessons=desk,
         space=options.space,
+    )
+    if options.before is not None:
+        pages.service.accounts.take_over(options.before.entry_token, options.before.sessions)
+    return pages
+
+
+def _handover(wish: ChangeWish, robot: DemoRobot, room: RobotPages, options: _Options) -> Handover:
+    entry_token, sessions = room.service.accounts.of_demo()
+    stop = robot.master.stop
+    left_s = None if options.seconds is None else max(options.seconds - robot.snapshot().at_s, 0.1)
+    return Handover(
+        wish.choice.robot,
+        wish.choice.world,
+        wish.lesson,
+        wish.who,
+        room.server.port,
+        left_s,
+        entry_token,
+        sessions,
+        stop.by,
+        stop.reason,
+        stop.stopped,
     )
 
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msbot.cli.robot_options import user_name
 from msbot.cli.run.world_options import OTHER, WorldOptions, address, remote_world
 from msbot.config import write_sample
 from msbot.operations.dispatch import RunningOperations
@@ -86,6 +85,7 @@ def blueprint_for(sample: str, lesson: Lesson | None, folder: Path) -> Path:
     if lesson is not None and lesson.blueprint is not None:
         return lesson.blueprint
     path = folder / "robot.toml"
+    path.unlink(missing_ok=True)  # of the demo before in this place
     write_sample(path, sample if lesson is None else lesson.robot)
     return path
 
@@ -103,7 +103,7 @@ def make_lesson_controller(
 
 
 async def start_lesson(
-    desk: LessonController, lesson: Lesson | None, robot: DemoRobot, say: Callable[[str], None]
+    desk: LessonController, lesson: Lesson | None, robot: DemoRobot, say: Callable[[str], None], who: str
 ) -> None:
     """Begin the lesson, if there is one, when all parts are in; at the latest after `PATIENCE_S`."""
     if lesson is not None:
@@ -118,4 +118,4 @@ async def start_lesson(
         look()
         with contextlib.suppress(TimeoutError):  # a lesson can begin without one of them
             await asyncio.wait_for(all_in.wait(), PATIENCE_S)
-        say(await desk.begin(lesson.name, user_name()))
+        say(await desk.begin(lesson.name, who))
