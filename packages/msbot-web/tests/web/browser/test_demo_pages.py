@@ -141,7 +141,7 @@ def test_escape_twice_is_stop_and_a_teacher_lets_it_go_on(page: Page) -> None:
     again_until(press_twice, lambda ms: expect(banner).to_be_visible(timeout=ms))
     # All presses are answered: one that is heard after GO would be a STOP.
     expect(page.locator("#ms-stop-says")).not_to_have_class(re.compile("warn|bad"))
-    page.get_by_role("link", name="Robot").click(trial=True)  # what STOP says covers no entry of the menu
+    page.get_by_role("link", name="Robot", exact=True).click(trial=True)  # what STOP says covers no entry of the menu
     page.get_by_role("button", name="Go on").click()
     expect(banner).to_have_count(0)
     # The page is busy with something else between the two.
