@@ -1,6 +1,6 @@
 """Keeps the catalogues of languages in step with the program, for translators.
 
-    python tools/catalogue.py            adds what the program says
+    python tools/catalogue.py            adds what the program says, and shows what has no translation yet
     python tools/catalogue.py --new fr   begins a language: one file, packages/msbot-web/src/msbot_web/languages/fr.po
 
 The files are gettext PO, as Poedit, Weblate and other translators' tools read and write them. The text to translate is
@@ -13,6 +13,7 @@ import argparse
 import ast
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import polib
@@ -30,6 +31,10 @@ from tools.sources import source_files
 
 FOLDER = Path(str(msbot_web.__path__[0])) / "languages"
 OF_ANY_LANGUAGE = {"800 kbit/s", "9600 bit/s", "8 bit", "10 bit", "16 bit", "24 bit"}
+COMPLETE = FOLDER / "de.po"
+"""Comes with each change of the program, so it also has texts that are not found here, such as those of missions."""
+MOST_SHOWN = 40
+"""Texts without a translation, of one language."""
 
 
 def main(*arguments: str) -> int:
@@ -53,34 +58,41 @@ def main(*arguments: str) -> int:
             "X-Thousands": ",",
         }
         catalogue.save(str(path))
+    texts = everything()
     for path in sorted(FOLDER.glob("*.po")):
-        added, left = update(path)
-        sys.stdout.write(f"{path.name}: {added} texts added, {left} without a translation\n")
+        added, left = update(path, texts)
+        sys.stdout.write(f"{path.name}: {added} texts added, {len(left)} without a translation\n")
+        sys.stdout.writelines(f"    {text}\n" for text in left[:MOST_SHOWN])
+        if len(left) > MOST_SHOWN:
+            sys.stdout.write(f"    and {len(left) - MOST_SHOWN} more\n")
     return 0
 
 
-def update(path: Path) -> tuple[int, int]:
-    """Add the texts that a catalogue lacks; returns how many, and how many have no translation."""
+def update(path: Path, everything: Mapping[str, set[str]]) -> tuple[int, list[str]]:
+    """Add the texts that a catalogue lacks; returns how many, and those without a translation."""
     catalogue = polib.pofile(str(path), wrapwidth=0)
     known = {entry.msgid for entry in catalogue}
     added = 0
-    for comment, texts in everything().items():
+    for comment, texts in everything.items():
         for text in sorted(texts - known):
             flags = ["python-brace-format"] if "{" in text else []
             catalogue.append(polib.POEntry(msgid=text, msgstr="", comment=comment, flags=flags))
             known.add(text)
             added += 1
     catalogue.save(str(path))
-    return added, len(catalogue.untranslated_entries())
+    return added, [entry.msgid for entry in catalogue.untranslated_entries()]
 
 
 def everything() -> dict[str, set[str]]:
-    """All texts that this finds in the program, by where a person reads them."""
-    return {
+    """All texts that this finds in the program or in the complete catalogue, by where a person reads them."""
+    found = {
         "The page.": texts_of_the_pages(),
         "What the robot says.": sentences_of_the_robot() | losses_of_the_links(),
         "The part library.": texts_of_the_library(),
     }
+    for entry in polib.pofile(str(COMPLETE)):
+        found.setdefault(entry.comment, set()).add(entry.msgid)
+    return found
 
 
 def texts_of_the_pages() -> set[str]:

@@ -1,9 +1,9 @@
 """The words of the pages in several languages: a catalogue that anybody can extend by a file.
 
 The key of a text is the English text itself, so English needs no catalogue, and what is not translated yet shows in
-English. `languages/de.po` is German, a gettext PO file as translators' tools read it; a new language is one more file
-there (`tools/catalogue.py` begins it). What the robot says (`msbot_agent.text.sentence`) is looked up by its form, with
-the names of its values in braces; what a library says of its parts, by the text.
+English. Each other language is a gettext PO file in `languages`, as translators' tools read it (`tools/catalogue.py`
+begins it); nothing else knows which languages there are. What the robot says (`msbot_agent.text.sentence`) is looked up
+by its form, with the names of its values in braces; what a library says of its parts, by the text.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from string import Formatter
 from typing import Any
+from unicodedata import lookup
 
 from starlette.requests import HTTPConnection
 
@@ -75,7 +76,9 @@ class Language:
         return text.translate({ord("."): self.decimal, ord(","): self.thousands})
 
     def read_number(self, text: str, *, is_whole: bool = False) -> float:
-        """A number that a person has typed, with a comma or a point, whatever is usual here; without groups of digits.
+        """A number that a person has typed, with a comma or a point, whatever is usual here.
+
+        Digits are grouped only by blanks, where this language does so.
 
         Where this language groups digits by the comma, `1,000` may be a thousand or, from who is used to a decimal
         comma, 1: nobody can know, so it is asked for. `0,125` and `1,5` are clear, and so is the language's own sign.
@@ -83,7 +86,10 @@ class Language:
         Raises:
             ConfigError: it is none, or not a whole one, or may be one or another.
         """
-        plain = text.strip().replace("\N{MINUS SIGN}", "-").replace(",", ".")
+        plain = text.strip().replace("\N{MINUS SIGN}", "-")
+        if self.thousands.isspace():  # any blank between digits, as people type it
+            plain = re.sub(r"(?<=[0-9])\s(?=[0-9]{3}(?![0-9]))", "", plain)
+        plain = plain.replace(",", ".")
         if len(plain) <= LONGEST_NUMBER and _WHOLE.fullmatch(plain):
             return int(plain)
         if len(plain) <= LONGEST_NUMBER and _GROUPED.fullmatch(plain) and self.thousands in text:
@@ -151,6 +157,8 @@ def read_catalogue(entry: Traversable) -> Language:
     else:  # in an archive
         about, texts = _read_po(entry.read_text("utf-8"))
     name, decimal, thousands = about["X-Language-Name"], about["X-Decimal"], about["X-Thousands"]
+    if len(thousands) > 1:  # by its Unicode name: a blank would get lost at the end of the file's line
+        thousands = lookup(thousands)
     return Language(entry.name.removesuffix(".po"), name, texts, decimal, thousands)
 
 

@@ -102,6 +102,10 @@ class LessonsView:
             raise ConfigError(said("this robot runs without lessons"))
         return self._desk.shelf.get(name)
 
+    def is_missing(self, lesson: Lesson, language: str) -> bool:
+        """See `LessonCatalog.is_missing`."""
+        return self._desk is not None and self._desk.shelf.is_missing(lesson, language)
+
     async def progress(self, session: Session, language: str = "en") -> list[LessonProgress]:
         """How far everybody is, for a teacher; how far one is oneself, for everybody else.
 

@@ -18,6 +18,9 @@ MOST_LESSONS = 200
 MOST_LANGUAGES = 20
 SIMPLE = "-simple"
 """Ends the name of a language's folder with texts that are easy to read, as the subtag of RFC 5646: `de-simple`."""
+ENGLISH = "en"
+"""The language of lessons that have translations."""
+EASY_ENGLISH = ENGLISH + SIMPLE
 
 
 def shipped_folder() -> Path:
@@ -81,7 +84,8 @@ class LessonCatalog:
         """The lesson in a language, from the folder of that name beside it; as it is where there is none.
 
         Its checks are those of the lesson: a translation that has others, or cannot be read, is not shown. An easy one
-        that is not there is the ordinary one of its language, and what teachers read is always the ordinary.
+        that is not there is the ordinary one of its language, or the easy English one where that is none, too; what
+        teachers read is always the ordinary.
         """
         found = self._translations.get((lesson.name, language))
         if found is not None and _asked(found) != _asked(lesson):
@@ -89,7 +93,18 @@ class LessonCatalog:
         if not language.endswith(SIMPLE):
             return found or lesson
         ordinary = self.translated(lesson, language.removesuffix(SIMPLE))
+        if found is None and ordinary is lesson and language != EASY_ENGLISH:
+            return self.translated(lesson, EASY_ENGLISH)
         return ordinary if found is None else self._with_teachers_words(found, ordinary, language)
+
+    def is_missing(self, lesson: Lesson, language: str) -> bool:
+        """Whether a lesson that is in several languages is not in this one: English is shown in its place.
+
+        Of a lesson without any translation nobody knows what language it is in.
+        """
+        code = language.removesuffix(SIMPLE)
+        there = {other.removesuffix(SIMPLE) for name, other in self._translations if name == lesson.name}
+        return bool(there) and code not in there | {ENGLISH}
 
     def questions(self, lesson: Lesson, check: str) -> list[LessonQuestion]:
         """A question in the other languages that the lesson has."""

@@ -90,10 +90,14 @@ class _LessonList:
                     .style("border-bottom:1px solid var(--line);padding:.35rem 0")
                 ):
                     with ui.element("div"):
-                        ui.label(lesson.title)
+                        title = ui.label(lesson.title)
                         minutes = page.language.count(lesson.minutes, "{count} minute", "{count} minutes")
                         checks = page.language.count(len(lesson.checks), "{count} check", "{count} checks")
-                        ui.label(f"{minutes} · {checks}").classes("soft num")
+                        about = [minutes, checks]
+                        if page.service.learning.is_missing(lesson, page.reads):
+                            title.props("lang=en")
+                            about.append(say("in English"))
+                        ui.label(" · ".join(about)).classes("soft num")
                     if page.may(Right.DESIGN) and nothing_runs:
                         begin = ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson))
                         begin.props("outline")

@@ -65,6 +65,8 @@ class LessonView:
                     self._button("down", say("No help needed"), "do_not_touch", partial(page.act, "hand", down=True))
                     if page.may(Right.DESIGN):
                         ui.button(say("End the lesson"), icon="logout", on_click=self._end).props("outline")
+            if page.service.learning.is_missing(lesson, page.reads):
+                ui.label(say("This lesson is not in your language yet: it is shown in English.")).classes("soft")
             self._head = ui.html("", sanitize=False).classes("w-full")
         panels: list[tuple[Step, ui.element]] = []
         for step in lesson.steps:

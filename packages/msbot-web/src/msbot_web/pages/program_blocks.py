@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Awaitable, Callable
+from importlib.resources import files
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from msbot.registry import ProgramSource
 from msbot_web.html import Markup, render
+from msbot_web.language import ENGLISH
 from msbot_web.pages.layout import Page
 from msbot_web.pages.page_elements import show_dialog
 from msbot_web.programs.programs import MAX_BLOCKS
 from msbot_web.programs.robot_words import BLOCKS, PYTHON, RobotWords, View, robot_words, view_of, with_view
 from msbot_web.root_path import root
 
-SCRIPT_LANGUAGES = ("en", "de")
-"""Languages of which Blockly's own words are carried (`static/blockly`)."""
 _ANSWER_S = 30.0
 """So long a browser may take to load Blockly; it is 850 kB from the robot's computer, once."""
 _LOOKS = 4
@@ -77,7 +77,7 @@ class ProgramBlocks:
         self._editor = editor
         ui.run_javascript(
             f"msbotBlocks.use({editor.id}, {json.dumps(block_words(self._page.say))}, "
-            f"{json.dumps(code if code in SCRIPT_LANGUAGES else SCRIPT_LANGUAGES[0])})"
+            f"{json.dumps(code if _has_blockly(code) else ENGLISH)})"
         )
         self._tell_robot()
         self._page.every_look(self._look)
@@ -250,6 +250,11 @@ class ProgramBlocks:
     def _robot(self) -> RobotWords:
         service = self._page.service
         return robot_words(service.robot().slots, service.views.ports(), service.views.library, self._page.say)
+
+
+def _has_blockly(code: str) -> bool:
+    """Whether Blockly's own words of a language are carried; the blocks' words are in the catalogue."""
+    return (files("msbot_web") / "static" / "blockly" / f"{code}.js").is_file()
 
 
 def block_words(say: Callable[[str], str]) -> dict[str, str]:
