@@ -14,7 +14,7 @@ from tests.loop_guard import LoopHeldUp
 async def test_a_statement_and_a_wait_on_the_loop_are_errors_and_a_test_may_look(tmp_path: Path) -> None:
     with open_registry(tmp_path / "robot.db") as registry:
         users = RegistryUsers(registry)
-        with pytest.raises(LoopHeldUp, match=r"web/records.py has the event loop wait for: BEGIN"):
+        with pytest.raises(LoopHeldUp, match=r"web/stored_data.py has the event loop wait for: BEGIN"):
             users.users()
         assert registry.users.all() == []
         assert await registry.storage.in_time(users.users) == []

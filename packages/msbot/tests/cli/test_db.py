@@ -58,7 +58,7 @@ def test_a_backup_is_made_and_brought_back(run: Run) -> None:
         assert registry.users.all() == []
 
 
-@pytest.mark.parametrize("damage", [b"no database at all", b"SQLite format 3\0" + b"\xff" * 4096])
+@pytest.mark.parametrize("damage", [b"\0" * 4096, b"SQLite format 3\0" + b"\xff" * 4096])
 def test_a_backup_takes_the_place_of_a_damaged_file_which_is_kept(run: Run, damage: bytes) -> None:
     run("backup", "copy.db")
     Path("robot.db").write_bytes(damage)
@@ -75,10 +75,10 @@ def test_a_damaged_file_of_a_robot_that_runs_is_left_alone(run: Run) -> None:
     with open_registry("robot.db") as registry:
         robot = registry.robots.all()[0]
         registry.runs.begin(robot)
-        Path("robot.db").write_bytes(b"no database at all")
+        Path("robot.db").write_bytes(b"\0" * 4096)
         with pytest.raises(RegistryError, match=r"running a robot with the database robot\.db: stop it first"):
             run("restore", "copy.db", "--yes")
-    assert Path("robot.db").read_bytes() == b"no database at all"
+    assert Path("robot.db").read_bytes() == b"\0" * 4096
 
 
 def test_a_check_says_what_is_wrong(run: Run) -> None:

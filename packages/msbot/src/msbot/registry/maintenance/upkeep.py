@@ -340,7 +340,13 @@ def _set_damaged_aside(address: str) -> Path | None:
 
 
 def _is_damaged(path: Path) -> bool:
-    """Whether SQLite cannot read the file, or what it reads contradicts itself."""
+    """Whether SQLite cannot read the file, or what it reads contradicts itself.
+
+    A file of text was never a database: somebody has named the wrong one, and it stays where it is.
+    """
+    with path.open("rb") as file:
+        if b"\0" not in (begin := file.read(4096)) and begin:
+            return False
     try:
         with closing(sqlite3.connect(f"file:{path.absolute().as_posix()}?mode=ro", uri=True)) as connection:
             return bool(connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",))
