@@ -79,7 +79,7 @@ WRITES = {
     "init path", "export file", "rec file", "pupils path",
 }  # fmt: skip
 """Parameters that name what is written, which is refused if it exists or never read; of one command, or of all."""
-FOLDERS = {"lessons", "include"}
+FOLDERS = {"lessons", "include", "go_on"}
 """Parameters for which the command line takes a folder only."""
 
 
