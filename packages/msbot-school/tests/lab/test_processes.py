@@ -72,7 +72,7 @@ def test_a_killed_master_leaves_a_recording_that_is_whole(
     assert newest in in_ring(folder)
     shown = run("log", "show", str(segments(folder)[-1].path), cwd=tmp_path, env=env)
     assert "active in slot AA" in shown.stdout
-    assert shown.stderr == ""
+    assert all(line.startswith("left out, since the recording does not tell") for line in shown.stderr.splitlines())
     listed = run("rec", "list", cwd=tmp_path, env=env).stdout
     assert f"No master runs here; this is left of earlier ones:\nThe ring is in {folder}: " in listed
     (left,) = json.loads(run("rec", "list", "--json", cwd=tmp_path, env=env).stdout)["left"]

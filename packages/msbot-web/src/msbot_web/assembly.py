@@ -28,7 +28,7 @@ from msbot_web.access.users import MemoryUsers, UserStore
 from msbot_web.api.models import Robot
 from msbot_web.doctor_service import DoctorService
 from msbot_web.frame_ring import FrameRing
-from msbot_web.gallery import DemoPlace
+from msbot_web.gallery import RunningDemo
 from msbot_web.lessons_view import LessonsView
 from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMasters
@@ -104,7 +104,7 @@ class RobotPages:
         database: Database | None,
         seen: PageSources,
         settings: WebSettings,
-        demo: DemoPlace | None = None,
+        demo: RunningDemo | None = None,
         lessons: LessonController | None = None,
         space: SpaceAddress | None = None,
     ) -> None:

@@ -37,7 +37,7 @@ Change = Callable[[ChangeWish], None]
 
 
 @dataclass(frozen=True, slots=True)
-class DemoPlace:
+class RunningDemo:
     """The demo whose page this is."""
 
     now: DemoChoice
@@ -67,7 +67,7 @@ class Gallery:
 
     def __init__(
         self,
-        place: DemoPlace | None,
+        place: RunningDemo | None,
         operations: RunningOperations,
         learning: LessonsView,
         views: ModelBuilder,

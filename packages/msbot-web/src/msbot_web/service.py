@@ -37,7 +37,7 @@ from msbot_web.api.models import (
 from msbot_web.arena_view import ArenaView
 from msbot_web.class_controller import ClassController
 from msbot_web.doctor_service import DoctorService
-from msbot_web.gallery import DemoPlace, Gallery
+from msbot_web.gallery import Gallery, RunningDemo
 from msbot_web.lessons_view import LessonsView
 from msbot_web.local_masters import LocalMasters
 from msbot_web.model_builder import ModelBuilder
@@ -96,7 +96,7 @@ class Service:
         arena: RunningArena | None = None,
         learning: LessonsView | None = None,
         far: RemoteRobots | None = None,
-        demo: DemoPlace | None = None,
+        demo: RunningDemo | None = None,
     ) -> None:
         self.views = views
         self.accounts = accounts

@@ -10,7 +10,7 @@ import pytest
 from msbot.operations.rights import Role
 from msbot_school.demo.gallery import GALLERY, ROVER, DemoChoice
 from msbot_web.access.accounts import NotAllowed
-from msbot_web.gallery import AskFirst, ChangeWish, DemoPlace, Gallery
+from msbot_web.gallery import AskFirst, ChangeWish, Gallery, RunningDemo
 from tests.web.rig import Rig, refusal, show
 
 pytest.importorskip("pymunk", reason="pip install 'msbot[arena]'")
@@ -21,7 +21,7 @@ def gallery_of(rig: Rig, wishes: list[ChangeWish]) -> Gallery:
     """The gallery of a demo that runs the rover."""
     service = rig.service
     return Gallery(
-        DemoPlace(ROVER, wishes.append),
+        RunningDemo(ROVER, wishes.append),
         rig.stage.operations,
         service.learning,
         rig.views,

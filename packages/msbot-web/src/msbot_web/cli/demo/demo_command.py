@@ -412,7 +412,7 @@ def _make_page(
     change: Callable[[ChangeWish], None],
 ) -> RobotPages:
     from msbot_web.assembly import Database, RobotPages
-    from msbot_web.gallery import DemoPlace
+    from msbot_web.gallery import RunningDemo
     from msbot_web.simulated.demo_controls import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
@@ -423,7 +423,7 @@ def _make_page(
         database=Database(*database),
         seen=seen,
         settings=options.page.settings("demo"),
-        demo=DemoPlace(options.choice, change),
+        demo=RunningDemo(options.choice, change),
         lessons=desk,
         space=options.space,
     )
