@@ -83,7 +83,7 @@ async def serve(parts: int, *, with_page: bool) -> None:
                     from msbot_school.demo.gallery import ROVER
                     from msbot_web.assembly import Database, PageSources, RobotPages
                     from msbot_web.frame_ring import FrameRing
-                    from msbot_web.gallery import DemoPlace
+                    from msbot_web.gallery import RunningDemo
                     from msbot_web.server import WebSettings
 
                     room = RobotPages(
@@ -93,7 +93,7 @@ async def serve(parts: int, *, with_page: bool) -> None:
                         database=Database(registry, record, address),
                         seen=PageSources(FrameRing()),
                         settings=WebSettings(port=0),
-                        demo=DemoPlace(ROVER, print),
+                        demo=RunningDemo(ROVER, print),
                     )
                     tasks.create_task(room.run())
                     await room.server.ready.wait()
