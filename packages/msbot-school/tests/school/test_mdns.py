@@ -112,7 +112,7 @@ def test_one_that_is_told_to_is_found_and_stopped_only_with_an_access(network: N
         desk |= _alone(tmp_path)
         joined = run("class", "join", found[0]["page"], cwd=elsewhere, env=desk | {"MSBOT_TOKEN": token})
         assert joined.returncode == 0, joined.stderr
-        stopped = run("class", "stop", cwd=elsewhere, env=desk)
+        stopped = run("class", "stop", "--stop-group", "", cwd=elsewhere, env=desk)
         assert (stopped.returncode, stopped.stderr) == (0, "")
         assert "STOP holds; no part is in the robot" in stopped.stdout
         network.cut()

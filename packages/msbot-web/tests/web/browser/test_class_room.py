@@ -182,7 +182,7 @@ def test_a_swap_and_its_undo(browser: Browser, room: ClassRoom) -> None:
 
 def test_a_student_sees_no_teachers_buttons_and_is_refused_by_the_server(browser: Browser, room: ClassRoom) -> None:
     with visit(browser, room, "stu") as page, room.extra_part("ABCD", "--name", "spare"):
-        expect(page.get_by_role("link", name="Arrivals")).to_be_visible()
+        expect(page.get_by_role("link", name="Program")).to_be_visible()
         expect(page.get_by_role("link", name="Admin")).to_have_count(0)
         page.goto(f"{room.base}/?slot=BB")
         expect(page.get_by_role("button", name="Identify")).to_be_visible()
