@@ -116,12 +116,12 @@ def test_one_that_is_told_to_is_found_and_stopped_only_with_an_access(network: N
         assert (stopped.returncode, stopped.stderr) == (0, "")
         assert "STOP holds; no part is in the robot" in stopped.stdout
         network.cut()
-        cut = run("class", "stop", cwd=elsewhere, env=desk)
+        cut = run("class", "stop", "--stop-group", "", cwd=elsewhere, env=desk)
         assert cut.returncode == 2
         assert f"NOT told: http://{BODY}:8080: Network is unreachable" in cut.stdout
         assert "NOT stopped: MSBOT_MASTER" in cut.stderr
         network.heal()
-        assert run("class", "stop", cwd=elsewhere, env=desk).returncode == 0
+        assert run("class", "stop", "--stop-group", "", cwd=elsewhere, env=desk).returncode == 0
 
 
 def _alone(folder: Path) -> dict[str, str]:

@@ -69,8 +69,8 @@ def test_everything_is_there_in_its_order_when_it_ends_and_streams_are_as_before
 
 def test_a_reader_that_has_gone_ends_nobody_and_is_told_once_on_the_other_stream() -> None:
     program = (
-        "from msbot_agent.process.nonblocking_output import patient_output\n"
-        "with patient_output():\n"
+        "from msbot_agent.process.nonblocking_output import nonblocking_output\n"
+        "with nonblocking_output():\n"
         "    print('line')\n"
         "    input()\n"
         "    for _ in range(1000): print('line')\n"

@@ -70,8 +70,8 @@ GIVEN_UP = "message given up: its client can no longer send it"
 
 MOVES_KEPT = 64
 """How many of the latest numbers from which ACKNACKs spoke are remembered."""
-NEAR = HALF // 2
-"""Numbers that are all nearer to each other than this have one order."""
+LONGEST_MOVE = HALF // 2 // MOVES_KEPT
+"""Numbers from which ACKNACKs spoke have one order while each is nearer to the one before it than this."""
 REPORTS_KEPT = 16
 """How many of the latest reports are remembered with their time."""
 ALL_RIPE: frozenset[int] = frozenset()
@@ -139,6 +139,8 @@ class ReliableInput:
     def told(self, first: int, bits: int, now: float) -> None:
         """Note an ACKNACK that goes to the peer."""
         if first != self.told_first:
+            if distance(self.told_first, first) > LONGEST_MOVE:
+                self._moves.clear()
             self._moves.append((first, self.reports))
         self.told_first, self.told_bits, self.told_at = first, bits, now
         if bits:
@@ -147,15 +149,8 @@ class ReliableInput:
 
     def reports_on(self, number: int) -> int:
         """How many of the reports can have made the peer send that message: those from before it was acknowledged."""
-        moves = self._moves
-        if not moves:
-            return self.reports
-        newest = moves[-1][0]
-        if distance(moves[0][0], newest) >= NEAR or NEAR <= distance(number, newest) < 0x10000 - NEAR:
-            return next((reports for first, reports in moves if is_after(first, number)), self.reports)
-        # They are in order, and the number is one of the latest: begin with those.
         count = self.reports
-        for first, reports in reversed(moves):
+        for first, reports in reversed(self._moves):
             if not 0 < (first - number) & 0xFFFF < HALF:
                 break
             count = reports
