@@ -14,7 +14,6 @@ from msbot_xrce.streams.receiving_in_order import (
     BestEffortInput,
     ReliableInput,
 )
-from msbot_xrce.streams.sequence_numbers import is_after
 from msbot_xrce.streams.settings import Memory, SessionCounters
 from tests.effort import tries
 
