@@ -1,11 +1,10 @@
-"""Writes the tables of distributions and rooms in CONTRIBUTING.md from what holds: the linter's contracts, and the
-rooms.
+"""Writes the lists of distributions and rooms in docs/reference/rooms.md from the linter's contracts and the rooms.
 
     python tools/room_table.py           writes them
     python tools/room_table.py --check   says whether they are up to date (status 1 if not); a test does the same
 
-Order and rights come from the layers in `pyproject.toml`, what a room is from the first line of its docstring, its
-third-party libraries from the import statements in it.
+The layers come from `pyproject.toml`, what a room is from the first line of its docstring, its third-party libraries
+from its import statements.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tools.sources import PACKAGES, ROOT
 
-PAGE = ROOT / "CONTRIBUTING.md"
+PAGE = ROOT / "docs/reference/rooms.md"
 BEGIN = "<!-- made by tools/room_table.py from pyproject.toml -->\n"
 END = "<!-- end of what is made -->\n"
 OWN = {package.name for package in PACKAGES}
@@ -28,23 +27,20 @@ OWN = {package.name for package in PACKAGES}
 
 def table() -> str:
     """The distributions and their rooms from top to bottom, in Markdown."""
-    rows = ["| distribution | is | needs | third party | lines |", "|---|---|---|---|---|"]
+    layers_of = dict(_layers())
+    lines = []
     for package in reversed(PACKAGES):
-        files = sorted(package.rglob("*.py"))
         project = tomllib.loads((package.parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
-        below = next((name for name in project["dependencies"] if name.startswith("msbot")), "–").partition("==")[0]
-        lines = sum(len(path.read_text("utf-8").splitlines()) for path in files)
-        others = ", ".join(sorted(third_party(files))) or "–"
-        rows.append(f"| `{project['name']}` | {project['description']} | {below} | {others} | {round(lines, -2):,} |")
-    rows += ["", "| room | is | may import | third party |", "|---|---|---|---|"]
-    for package, layers in _layers():
-        for depth, layer in enumerate(layers):
-            below = f"`{'`, `'.join(layers[depth + 1])}`" if depth + 1 < len(layers) else "–"
-            below += " and below" if depth + 2 < len(layers) else ""
+        layers = layers_of.get(package, [])
+        uses = "" if layers else _used(sorted(package.rglob("*.py")))
+        lines += [f"## {project['name']}", "", f"{project['description']}{uses}.", ""]
+        for number, layer in enumerate(layers, start=1):
             for room in layer:
-                others = ", ".join(sorted(third_party(_files(package / room)))) or "–"
-                rows.append(f"| `{package.name}.{room}` | {_is(package / room)} | {below} | {others} |")
-    return "\n".join(rows) + "\n"
+                uses = _used(_files(package / room))
+                lines.append(f"* {number} `{package.name}.{room}`: {_is(package / room)}{uses}")
+        if lines[-1]:
+            lines.append("")
+    return "\n".join(lines[:-1]) + "\n"
 
 
 def third_party(files: Iterable[Path]) -> set[str]:
@@ -60,7 +56,7 @@ def third_party(files: Iterable[Path]) -> set[str]:
 
 
 def page() -> str:
-    """CONTRIBUTING.md as it should be."""
+    """The page as it should be."""
     before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
     return f"{before}{BEGIN}{table()}{END}{rest.partition(END)[2]}"
 
@@ -72,6 +68,12 @@ def _layers() -> Iterator[tuple[Path, list[list[str]]]]:
         for contract in contracts:
             if contract.get("containers") == [package.name]:
                 yield package, [[room.strip() for room in layer.split("|")] for layer in contract["layers"]]
+
+
+def _used(files: Iterable[Path]) -> str:
+    """The third-party libraries of these files, in brackets."""
+    names = sorted(third_party(files))
+    return f" ({', '.join(names)})" if names else ""
 
 
 def _files(room: Path) -> list[Path]:
@@ -88,5 +90,5 @@ if __name__ == "__main__":
     wanted = page()
     if wanted != PAGE.read_text("utf-8"):
         if "--check" in sys.argv[1:]:
-            sys.exit("CONTRIBUTING.md: the tables are not up to date: run `python tools/room_table.py`")
+            sys.exit("docs/reference/rooms.md is not up to date: run `python tools/room_table.py`")
         PAGE.write_text(wanted, "utf-8")
