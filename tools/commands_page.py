@@ -4,7 +4,7 @@
     python tools/commands_page.py --write    writes them
 
 A row is a command with its arguments, then the first sentence of its `--help` and the names of its own options: those
-of the page's table of shared options are left out, and those that all commands of a group have stand once.
+of the page's list of shared options are left out, and those that all commands of a group have stand once.
 """
 
 from __future__ import annotations
@@ -95,9 +95,9 @@ def _first_sentence(command: click.Command) -> str:
 
 
 def shared_options(page: str) -> set[str]:
-    """The long options in the page's table of shared options."""
+    """The long options in the page's list of shared options."""
     section = page.partition(SHARED)[2].partition("\n## ")[0]
-    firsts = re.findall(r"^\| (.*?) \|", section, re.MULTILINE)
+    firsts = re.findall(r"^\* (.*?): ", section, re.MULTILINE)
     return {option for cell in firsts for option in re.findall(r"--[\w-]+", cell)}
 
 

@@ -1,4 +1,4 @@
-"""DDS-XRCE messages in words, for people who watch the wire. Never raises, whatever the octets."""
+"""DDS-XRCE messages in words, for people who watch the wire. Never raises, whatever the bytes."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def command(
     wireshark: Path | None,
     as_json: bool,
 ) -> None:
-    """Explain WHAT: octets of a DDS-XRCE message in hexadecimal, CAN frames as candump writes them (103#C181000A), or
+    """Explain WHAT: bytes of a DDS-XRCE message in hexadecimal, CAN frames as candump writes them (103#C181000A), or
     a file with frames (candump) or packets (pcap, pcapng).
 
     Words, fields with their octets, and for a frame its bits and what it costs on the wire.
