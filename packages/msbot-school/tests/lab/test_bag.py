@@ -4,6 +4,7 @@ import asyncio
 import dataclasses
 import json
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -62,8 +63,9 @@ def test_a_bag_that_is_recorded_at_once_is_the_one_that_a_recording_becomes(tmp_
     shared = {"fan_power": "ros = true"}
     record_demo(tmp_path, whole, scene, ("knob", "fan", "ear"), "rover", shared=shared, bag=bag)
     left_out = write_cut([whole], cut, ros=True).left_out
-    assert left_out == {one.topic for one in messages(whole) if not one.is_ros}
-    assert {"/msbot/acts", "/msbot_inventory_Request"} <= left_out
+    assert left_out == Counter(one.topic for one in messages(whole) if not one.is_ros)
+    assert "/msbot/acts" in left_out
+    assert not any(topic.startswith("/msbot_inventory_") for topic in left_out)
     at_once, later = messages(bag), messages(cut)
     assert [(one.topic, one.logged_ns, one.at_ns, one.data) for one in at_once] == [
         (one.topic, one.logged_ns, one.at_ns, one.data) for one in later
@@ -150,7 +152,7 @@ def test_a_bag_of_a_killed_recorder_is_refused_by_others_and_mended_by_a_filter(
     with pytest.raises((ReaderError, McapError)):
         read(bag)
     cut = write_cut([bag], mended, ros=True)
-    assert (cut.messages, cut.left_out) == (100, set())
+    assert (cut.messages, cut.left_out) == (100, Counter())
     assert "what came before was read" in cut.damages["bag.mcap"]
     assert [one.data for _, _, one in read(mended)] == [float(number) for number in range(100)]  # type: ignore[attr-defined]
     assert json.dumps([str(one) for one in read(mended)]) == json.dumps([str(one) for one in read(whole)])

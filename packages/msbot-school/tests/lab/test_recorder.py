@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.records import Channel
+from mcap.records import Channel, Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -18,6 +19,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from msbot.cli.record.log import command as log_command
 from msbot.config import load_library, read_description
 from msbot.operations.dispatch import RunningOperations
+from msbot.part.join.pnp_messages import Beat
+from msbot.part.join.seal import SHORT_SAYINGS, Seal
 from msbot.part.messages.standard import Level
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, Unpacker, encode_object
 from msbot.recording.recorder.recorder import Recorder
@@ -60,6 +63,50 @@ def test_other_programs_decode_every_sample_to_what_the_parts_said(recording: Pa
     assert {slot for slot, _, _ in found} == {"AA"}
     assert [one.index for _, _, one in found] == list(range(1, len(found) + 1))
     assert all("turn-" in one.message for _, _, one in found)
+
+
+class JsonDecoders:
+    """What a foreign program does with JSON: its schema says that it is an object."""
+
+    def decoder_for(self, encoding: str, schema: Schema | None) -> Callable[[bytes], object] | None:
+        assert schema is not None
+        return json.loads if (encoding, schema.encoding) == ("json", "jsonschema") else None
+
+
+@pytest.mark.promise("Programs of others read every channel of a recording: mcap and rosbags, without MsBOT")
+def test_programs_of_others_decode_every_channel(recording: Path) -> None:
+    with recording.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory(), JsonDecoders()])
+        found = [(channel.topic, decoded) for _, channel, _, decoded in reader.iter_decoded_messages()]
+    assert len(found) == len(messages(recording))
+    topics = {topic for topic, _ in found}
+    request, reply = "/msbot_inventory_Request", "/msbot_inventory_Reply"
+    assert {f"{request}/{name}" for name in ("Claim", "Beat", "ConfigurationRequest", "StoppedBeat")} <= topics
+    assert {f"{reply}/{name}" for name in ("Verdict", "BeatReply", "Configuration", "Notice")} <= topics
+    slots = {one.slot for topic, one in found if topic == f"{reply}/Configuration"}  # type: ignore[attr-defined]
+    assert slots == {"AA", "BB", "CC"}
+    types = get_typestore(Stores.EMPTY)
+    for one in messages(recording):
+        if one.is_ros and one.schema is not None:
+            types.register(get_types_from_msg(one.schema.data.decode(), one.schema.name))
+            assert types.deserialize_cdr(one.data, one.schema.name) is not None
+
+
+def test_of_sealed_messages_of_the_inventory_the_content_is_recorded() -> None:
+    recorder = Recorder(lambda: 0.0, lambda: BEGAN_NS)
+    writer = recorder.space(MemorySpace()).writer(
+        Topic("msbot_inventory_Request", "msbot_inventory_request"), Qos(service=True), bytes(16)
+    )
+    seal = Seal(bytes(32), is_part=True)
+    writer.write(seal.seal(SHORT_SAYINGS, Beat(lease=7).encode()))
+    writer.write(b"\1")
+    items = list(Unpacker().feed(recorder.drain()))
+    assert [octets for kind, *_, octets in items if kind == Kind.SAMPLE] == [Beat(lease=7).encode(), b"\1"]
+    told = [RecordedChannel.decode(octets) for kind, *_, octets in items if kind == Kind.CHANNEL]
+    assert [(one.topic, one.schema_name) for one in told] == [
+        ("/msbot_inventory_Request/Beat", "msbot_msgs/msg/Beat"),
+        ("/msbot_inventory_Request", ""),
+    ]
 
 
 def test_states_acts_and_stop_are_in_it_with_their_reasons(recording: Path) -> None:
@@ -109,7 +156,9 @@ def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -
     words = ("filter", str(whole), str(piece), "--ros2")
     done = CliRunner().invoke(log_command, words, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "left out, for they are no ROS 2 messages: /msbot/acts, /msbot/blueprint, " in done.stdout
+    (told,) = re.findall("left out, for they are no ROS 2 messages: (.*)", done.stdout)
+    assert "/msbot/blueprint (1)" in told.split(", ")
+    assert "/msbot/acts (1)" in told.split(", ")
     types = get_typestore(Stores.EMPTY)
     with Reader(piece) as reader:
         for connection in reader.connections:
@@ -186,7 +235,7 @@ def test_topics_of_one_name_in_ros_2_stay_apart_and_what_was_asked_for_and_left_
     (tmp_path / "b.mcap").unlink()
     done = CliRunner().invoke(log_command, [*words, "--topic", "t", "--topic", "2nd"])
     assert (done.exit_code, done.stderr) == (0, "")
-    assert "1 message\nleft out, for they are no ROS 2 messages: /t\n" in done.stdout
+    assert "1 message\nleft out, for they are no ROS 2 messages: /t (1)\n" in done.stdout
     assert [one.topic for one in messages(tmp_path / "b.mcap")] == ["/_2nd/a_b"]
 
 

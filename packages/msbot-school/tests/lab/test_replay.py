@@ -15,6 +15,7 @@ from mcap.writer import Writer
 
 from msbot.operations.dispatch import RunningOperations
 from msbot.pnp import PartInfo
+from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object, encode_state
 from msbot.recording.recordings.cutting import write_cut
 from msbot.recording.replay.replay_excerpt import RecordedSample, RecordedSlot, ReplayExcerpt, read_excerpt
 from msbot.recording.replay.replay_player import ReplayPlayer
@@ -22,7 +23,7 @@ from msbot_agent.cli import msbot
 from msbot_agent.link import InprocHub
 from msbot_school.demo import DemoRobot
 from msbot_xrce.errors import ConfigError
-from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
+from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
 
 OTHERS = ("BB", "CC")
 
@@ -221,6 +222,32 @@ def test_what_the_robot_has_no_use_for_is_left_out_and_told(
     assert any(sentence in words and "left out" in words for words in stage.said)
     assert stage.player.left_out == {("AA", port): 1}
     assert stage.player.ended
+
+
+def test_what_cannot_be_published_again_is_named_with_its_count(tmp_path: Path) -> None:
+    def of_slot(topic: str, encoding: str = "cdr", **more: str) -> bytes:
+        return RecordedChannel(topic, encoding, metadata=tuple({"slot": "AA", **more}.items())).encode()
+
+    def items(*, with_out: bool) -> list[Item]:
+        number = {"slot": "AA", "part_number": "ABCD"}
+        return [
+            (int(Kind.CHANNEL), 1, 0, RecordedChannel("/msbot/slots", "json").encode()),
+            (int(Kind.STATE), 1, BEGAN_NS, encode_state("AA", number)),
+            (int(Kind.CHANNEL), 2, 0, of_slot("/of_no_port")),
+            (int(Kind.CHANNEL), 3, 0, of_slot("/in_words", "json", port="out")),
+            (int(Kind.CHANNEL), 4, 0, of_slot("/out", port="out", type="HelloWorld")),
+            *((int(Kind.SAMPLE), 2, BEGAN_NS + one, bytes(4)) for one in range(3)),
+            (int(Kind.OBJECT), 3, BEGAN_NS, encode_object({})),
+            *([(int(Kind.SAMPLE), 4, BEGAN_NS, bytes(8))] if with_out else []),
+        ]
+
+    store(items(with_out=True), tmp_path / "a.mcap")
+    piece = read_excerpt(tmp_path / "a.mcap")
+    assert len(piece.samples) == 1
+    assert piece.left_out == {"/of_no_port": 3, "/in_words": 1}
+    store(items(with_out=False), tmp_path / "b.mcap")
+    with pytest.raises(ConfigError, match=r"left out is /of_no_port \(3\), /in_words \(1\)"):
+        read_excerpt(tmp_path / "b.mcap")
 
 
 def piece_of(slot: str, number: str, port: str, type_name: str) -> ReplayExcerpt:

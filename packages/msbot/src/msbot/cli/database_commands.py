@@ -9,7 +9,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import wrap
 from typing import TYPE_CHECKING, Protocol
@@ -17,11 +16,12 @@ from typing import TYPE_CHECKING, Protocol
 import click
 
 from msbot.cli.change.robot_access import database_to_read, one_robot, perform, running_master, until_stored
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, db_option, existing_database, robot_options
+from msbot.cli.robot_options import database_here, db_option, existing_database, is_there, robot_options
 from msbot.pnp import PartState
 from msbot.registry import JournalEntry, PartRecord, RobotRecord
 from msbot.registry.read_only_database import look_into
 from msbot_agent.cli.options import WholeRange, json_option
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, RegistryError
 
 if TYPE_CHECKING:
@@ -125,11 +125,33 @@ def folded(line: str, columns: int) -> str:
 
 
 @click.command("parts")
+@click.option("--slot", "slots", multiple=True, metavar="SLOT", help="Of this slot; may be given several times.")
+@click.option(
+    "--state",
+    "states",
+    multiple=True,
+    type=click.Choice([one.value for one in PartState]),
+    help="In this state; may be given several times.",
+)
+@click.option(
+    "--number", "numbers", multiple=True, metavar="NUMBER", help="With this part number; may be given several times."
+)
+@click.option("-a", "--all", "want_all", is_flag=True, help="Also parts that are gone and belong to no slot.")
 @robot_options
 @json_option
-def parts_command(db: str | None, robot: str | None, *, as_json: bool) -> None:
-    """List every part that the robot has seen: slot, state, since when.
+def parts_command(
+    slots: tuple[str, ...],
+    states: tuple[str, ...],
+    numbers: tuple[str, ...],
+    db: str | None,
+    robot: str | None,
+    *,
+    want_all: bool,
+    as_json: bool,
+) -> None:
+    """List the parts of a robot: slot, state, since when.
 
+    Parts that are gone and belong to no slot are listed with --all, or when --slot, --state or --number asks for them.
     States come from the journal of transitions, which the master writes; heartbeats are never stored.
     """
     path = database_to_read(db, robot)
@@ -137,13 +159,39 @@ def parts_command(db: str | None, robot: str | None, *, as_json: bool) -> None:
     with open_robot_database(path) as look:
         robots = look.robots()
         several = robot is None and len(robots) > 1
-        rows = look.parts(None if robot is None else one_robot(look.database, robots, robot))
+        seen = look.parts(None if robot is None else one_robot(look.database, robots, robot))
+        _check_slots(slots, [name for one in robots for name in look.slot_names(one)])
+    wanted = [
+        row
+        for row in seen
+        if _fits(row.slot or "", slots) and _fits(row.state, states) and _fits(row.part_number, numbers)
+    ]
+    is_whole = want_all or bool(slots or states or numbers)
+    rows = [row for row in wanted if is_whole or row.slot or not PartState(row.state).is_over]
     if as_json:
         click.echo(json.dumps([_parts_as_json(row) for row in rows]))
         return
     if not rows:
-        click.echo("No part has been seen yet.")
-        return
+        click.echo("No part has been seen yet." if not seen else "No such part has been seen." if is_whole else "")
+    else:
+        _print_parts(rows, several=several)
+    if left_out := len(wanted) - len(rows):
+        is_gone = amount(left_out, "part is gone and belongs", "parts are gone and belong")
+        click.echo(f"{is_gone} to no slot: `msbot parts --all` lists them too.")
+
+
+def _fits(value: str, wanted: tuple[str, ...]) -> bool:
+    return not wanted or value.casefold() in [one.casefold() for one in wanted]
+
+
+def _check_slots(wanted: tuple[str, ...], known: list[str]) -> None:
+    """Refuse slots that there are not; part numbers may be any."""
+    for slot in wanted:
+        if not _fits(slot, (*known,)):
+            raise ConfigError(f"there is no slot {slot!r}; there are {', '.join(known) or 'none'}")
+
+
+def _print_parts(rows: list[PartRecord], *, several: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -241,7 +289,7 @@ def why_command(part: str, last: int, db: str | None, robot: str | None, *, as_j
     if master is not None:
         found = perform(db, robot, "why", {"part": part})
         lines, troubles = _texts(found["lines"]), _texts(found["troubles"])
-        if db is None and not Path(database_beside(DEFAULT_BLUEPRINT)).exists():
+        if db is None and not is_there(database_here()):
             db = master.details.get("database")
     try:
         entries, several, empty = _read(part, last, db, robot, must_be_there=not lines)

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 import click
 
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
+from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_here, is_there, no_database, robot_options
 from msbot_agent.cli.options import json_option, space_option
 from msbot_agent.link import open_link
 from msbot_agent.log import TerminalHandler
@@ -73,7 +73,7 @@ def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, spac
     from msbot_agent.agent import read_statuses
 
     masters = tuple(read_statuses())
-    database = db or database_beside(DEFAULT_BLUEPRINT)
+    database = db or database_here()
     links = addresses
     is_known = is_there(database)
     meant = [one for one in masters if one.details and robot in (None, one.details.get("robot"))]

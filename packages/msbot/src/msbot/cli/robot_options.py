@@ -38,8 +38,8 @@ robot_option = click.option("--robot", metavar="NAME", help="Which robot, when t
 db_option = click.option(
     "--db",
     metavar="FILE",
-    help="The robot's database, a file or postgresql://...; default: the blueprint's name with .db, beside it (for "
-    "robot.toml, and where no blueprint is named: robot.db).",
+    help="The robot's database, a file or postgresql://...; default: the blueprint's name with .db, beside it; "
+    "where no blueprint is named: robot.db, or that of the only blueprint here that has one.",
 )
 
 
@@ -138,6 +138,16 @@ def database_beside(blueprint: Path) -> str:
     return str(blueprint.with_suffix(".db"))
 
 
+def database_here() -> str:
+    """The database of a command that names none: robot.db here; without a robot.toml that of the one blueprint here
+    that has a database beside it."""
+    own = database_beside(DEFAULT_BLUEPRINT)
+    if is_there(own) or DEFAULT_BLUEPRINT.exists():
+        return own
+    beside = [path for one in sorted(Path().glob("*.toml")) if (path := one.with_suffix(".db")).exists()]
+    return str(beside[0]) if len(beside) == 1 else own
+
+
 def is_there(db: str) -> bool:
     """Whether that database exists; whether one on a server does is told when it is opened."""
     where = database_identity(db) if "://" in db else db
@@ -161,7 +171,7 @@ def existing_database(db: str | None) -> str:
     Raises:
         ConfigError: there is none yet.
     """
-    path = db or database_beside(DEFAULT_BLUEPRINT)
+    path = db or database_here()
     if not is_there(path):
         raise ConfigError(no_database(path))
     return path

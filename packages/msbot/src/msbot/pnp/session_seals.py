@@ -52,9 +52,10 @@ AMBIGUOUS: Final = "a Proof or a sealed StoppedBeat: which one only the beginnin
 class ObservedSeals:
     """What one session has shown of its seals."""
 
-    def __init__(self) -> None:
-        self._is_sealed = False
-        self._heard_from_the_beginning = False
+    def __init__(self, *, sealed: bool | None = None) -> None:
+        """Listen to one session; `sealed`: whether it has seals, if that is known before."""
+        self._is_sealed = bool(sealed)
+        self._heard_from_the_beginning = sealed is not None
 
     def begin(self) -> None:
         """A session begins: whatever holds will be agreed again."""

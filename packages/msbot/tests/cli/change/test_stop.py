@@ -100,6 +100,21 @@ def test_a_master_that_stands_still_beside_one_that_answers_is_told_of_by_name(
     with_socket(tmp_path, act)
 
 
+@needs_sockets
+def test_the_status_of_stop_names_its_robot(tmp_path: Path) -> None:
+    async def act(stage: Stage) -> None:
+        name, serial = stage.master.profile.name, stage.master.profile.serial_number
+        assert await typed("stop", "--status") == f"no STOP holds at {name} {serial}"
+        await typed("stop", "--reason", "a finger")
+        told = await typed("stop", "--status")
+        assert f"STOP 1 at {name} {serial} since " in told
+        assert told.splitlines()[0].endswith(": a finger")
+        (one,) = json.loads(await typed("stop", "--status", "--json"))["robots"]
+        assert (one["robot"], one["serial_number"], one["stopped"], one["number"]) == (name, serial, True, 1)
+
+    with_socket(tmp_path, act)
+
+
 def requests_at(stuck: StopListener) -> list[str]:
     """What is to be read at a master that has not read anything."""
     found: list[str] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ from click.testing import CliRunner, Result
 from msbot.cli.record import log
 from msbot.cli.record.log import _channel
 from msbot.recording.recorder.batch import Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.schemas import ENCODING, FRAME_DEFINITION, FRAME_TYPE, frame_octets
+from msbot.recording.recordings.summary import named_topics
+from msbot_agent.link.can.protocol import parse_frame
 from msbot_xrce.errors import MsbotError
 from tests.lab.recorded import BEGAN_NS, NS, store
 
@@ -124,3 +128,30 @@ def test_topics_that_nobody_can_read_are_named_with_their_count(tmp_path: Path) 
         run("show", tmp_path / "a.mcap", "--topic", "/strange").stdout.count("whose meaning the recording does not")
         == 3
     )
+    pytest.importorskip("pyarrow")
+    exported = run("export", tmp_path / "a.mcap", tmp_path / "a.parquet")
+    assert (exported.exit_code, exported.stderr) == (0, told)
+    filtered = run("filter", tmp_path / "a.mcap", tmp_path / "b.mcap", "--ros2")
+    assert "left out, for they are no ROS 2 messages: /strange (3), /known (1)\n" in filtered.stdout
+
+
+def test_of_many_topics_the_first_are_named_and_the_others_counted() -> None:
+    counts = Counter({f"/t{number:02}\x1b": 100 - number for number in range(23)})
+    named = named_topics(counts)
+    assert named.startswith("/t00? (100), /t01? (99), ")
+    assert named.endswith(" and 3 other topics")
+
+
+def test_frames_that_are_none_are_counted(tmp_path: Path) -> None:
+    bus = RecordedChannel("/msbot/frames/can:can0", "cdr", FRAME_TYPE, ENCODING, FRAME_DEFINITION)
+    items = [
+        (int(Kind.CHANNEL), 1, 0, bus.encode()),
+        (int(Kind.SAMPLE), 1, BEGAN_NS, frame_octets(parse_frame("123#11"), is_sent=True)),
+        (int(Kind.SAMPLE), 1, BEGAN_NS, b"short"),
+        (int(Kind.SAMPLE), 1, BEGAN_NS, frame_octets(parse_frame("123#1122"), is_sent=True)[:-1]),
+    ]
+    store(items, tmp_path / "a.mcap")
+    exported = run("export", tmp_path / "a.mcap", tmp_path / "a.log")
+    assert exported.stdout.endswith("1 frame\n")
+    assert exported.stderr == "left out, for they are no frames: /msbot/frames/can:can0 (2)\n"
+    assert "/msbot/frames/can:can0 (2)" in run("show", tmp_path / "a.mcap").stderr

@@ -124,3 +124,17 @@ def test_a_damaged_recording_is_drawn_as_far_as_it_goes_and_told_as_every_comman
 
 def test_an_ending_in_capitals_is_one(file: Path) -> None:
     assert run(file.rename(file.with_name("A.MCAP"))).output.split() == ["@beat.knob", "@late"]
+
+
+def test_topics_that_nobody_can_read_are_named_with_their_count(tmp_path: Path) -> None:
+    ours = (("slot", "AA"), ("port", "out"), ("topic", "odd"), ("type", "Odd"))
+    items = [
+        (int(Kind.CHANNEL), 1, 0, RecordedChannel(MEASURED, "json").encode()),
+        (int(Kind.OBJECT), 1, BEGAN_NS, encode_object({"late_ms": 1.0})),
+        (int(Kind.CHANNEL), 2, 0, RecordedChannel("/odd", "cdr", metadata=ours).encode()),
+        *((int(Kind.SAMPLE), 2, BEGAN_NS + number, b"1234") for number in range(4)),
+    ]
+    store(items, tmp_path / "a.mcap")
+    done = run(tmp_path / "a.mcap")
+    assert done.stdout.split() == ["@late"]
+    assert done.stderr == "left out, since the recording does not tell what the samples mean: /odd (4)\n"

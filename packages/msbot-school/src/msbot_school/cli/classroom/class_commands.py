@@ -11,8 +11,7 @@ import click
 
 from msbot.cli.change.stop_commands import LOOK_S, PATIENCE_S, silent_words
 from msbot.cli.robot_options import (
-    DEFAULT_BLUEPRINT,
-    database_beside,
+    database_here,
     db_option,
     existing_database,
     library_option,
@@ -51,7 +50,7 @@ command.add_command(leave)
 
 def robots_of_class(db: str | None, words: tuple[str, ...] = ()) -> list[ClassRobot]:
     """All robots of the class that fit the words."""
-    path = db or database_beside(DEFAULT_BLUEPRINT)
+    path = db or database_here()
     stored = existing_database(db) if db is not None or Path(path).exists() else None
     return class_robots(stored, RemoteAccessFile().all(), words, path=path)
 
@@ -190,7 +189,7 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
 
 def _stored_robots(db: str | None) -> list[ClassRobot]:
     """The robots here and of the database; those elsewhere have been spoken to already."""
-    path = db or database_beside(DEFAULT_BLUEPRINT)
+    path = db or database_here()
     stored = existing_database(db) if db is not None or Path(path).exists() else None
     return class_robots(stored, (), path=path)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import logging
 import sqlite3
 import struct
 import zlib
@@ -15,6 +17,7 @@ from msbot_agent.link.can.adapters import frame_of, message_of
 from msbot_agent.link.can.protocol import Frame, LogLine, check_frame, format_log_line, parse_log_line
 from msbot_agent.text.sentence import printable
 from msbot_agent.text.untrusted_input import open_input_file
+from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 
 if TYPE_CHECKING:
@@ -60,6 +63,10 @@ class FrameReader:
         """Lines that were not frames."""
         self.first_problem = ""
         """What was wrong with the first unreadable line."""
+        self.doubts = 0
+        """Lines that python-can warned of."""
+        self.first_doubt = ""
+        """What it said of the first one."""
 
     def read(self, name: str) -> Iterator[LogLine]:
         """Every frame in the file of that name, or, with `-`, on standard input.
@@ -88,6 +95,8 @@ class FrameReader:
 
     def tell(self, name: str, complain: Callable[[str], None]) -> None:
         """Say what was no frame, once all is read; also that nothing was in it."""
+        if self.doubts:
+            complain(f"python-can warns of {amount(self.doubts, 'line')} of {name}; {self.first_doubt}")
         if self.unreadable:
             complain(f"{self.unreadable} of {self.frames + self.unreadable} lines were no frames; {self.first_problem}")
         elif not self.frames:
@@ -128,6 +137,23 @@ class FrameReader:
         if self.unreadable and not self.frames:
             raise self._no_frame(str(path))
 
+    @contextlib.contextmanager
+    def _doubts_told(self) -> Iterator[None]:
+        """Keep what python-can warns of meanwhile; without this it has lines of its own on stderr."""
+        library, handler = logging.getLogger("can"), _Warnings(self._doubt)
+        before = library.propagate
+        library.addHandler(handler)
+        library.propagate = False
+        try:
+            yield
+        finally:
+            library.removeHandler(handler)
+            library.propagate = before
+
+    def _doubt(self, words: str) -> None:
+        self.doubts += 1
+        self.first_doubt = self.first_doubt or words
+
     def _read_foreign(self, path: Path) -> Iterator[LogLine]:
         try:
             from can.io.blf import BLFParseError
@@ -147,7 +173,11 @@ class FrameReader:
         }
         mode, reader = readers[path.suffix.lower()]
         try:
-            with _Text(path) if mode == "r" else open_input_file(path) as stream, reader(stream) as messages:
+            with (
+                _Text(path) if mode == "r" else open_input_file(path) as stream,
+                reader(stream) as messages,
+                self._doubts_told(),
+            ):
                 for message in messages:
                     self.frames += 1
                     yield LogLine(message.timestamp, f"can{message.channel or 0}", frame_of(message))
@@ -166,6 +196,18 @@ class FrameReader:
         ) as error:
             why = printable(str(error))
             raise ConfigError(f"{path} is no {path.suffix} file that python-can understands: {why}") from None
+
+
+class _Warnings(logging.Handler):
+    """What a library warns of, in place of its own line on stderr."""
+
+    def __init__(self, take: Callable[[str], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._take = take
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """See `logging.Handler`."""
+        self._take(printable(record.getMessage()))
 
 
 GVRET = "Time Stamp,ID,Extended,"

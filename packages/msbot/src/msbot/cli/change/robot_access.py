@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msbot.cli.robot_options import (
-    DEFAULT_BLUEPRINT,
-    database_beside,
+    database_here,
     existing_database,
     is_there,
     no_database,
@@ -83,7 +82,7 @@ def perform(db: str | None, robot: str | None, do: str, args: Mapping[str, objec
     """
     logging.basicConfig(level=logging.WARNING, handlers=[TerminalHandler("%(message)s")])
     request = {"do": do, "args": {name: value for name, value in args.items() if value is not None}, "who": user_name()}
-    path = db or database_beside(DEFAULT_BLUEPRINT)
+    path = db or database_here()
     is_named = db is not None or is_there(path)
     running = _find(database_identity(path) if is_named else None, robot)
     answer = _on_database(path, robot, request) if running is None else running.ask(request)
@@ -109,7 +108,7 @@ def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
     Raises:
         ConfigError: several could be meant.
     """
-    path = db or database_beside(DEFAULT_BLUEPRINT)
+    path = db or database_here()
     is_named = db is not None or is_there(path)
     return _find(database_identity(path) if is_named else None, robot)
 
@@ -137,7 +136,7 @@ def database_to_read(db: str | None, robot: str | None) -> str:
     Raises:
         ConfigError: there is none, or several could be meant.
     """
-    if db is None and not is_there(database_beside(DEFAULT_BLUEPRINT)):
+    if db is None and not is_there(database_here()):
         master = running_master(None, robot)
         if master is not None:
             return master.details["database"]

@@ -291,7 +291,10 @@ def _as_json(reached: StopAnswers, said: StopAnswers, meant: ChosenRobots) -> di
 def _show_status(reached: StopAnswers, meant: ChosenRobots, *, as_json: bool) -> None:
     status = together(reached.answers)
     if as_json:
-        click.echo(json.dumps({name: status[name] for name in ("stopped", "number", "by", "since")}))
+        of_one = ("robot", "serial_number", "database", "stopped", "number", "by", "since")
+        robots = [{name: one.get(name) for name in of_one} for one in reached.answers]
+        told = {name: status[name] for name in ("stopped", "number", "by", "since")}
+        click.echo(json.dumps(told | {"robots": robots, "not_known": [str(one) for one in reached.silent]}))
         return
     stopped = [one for one in reached.answers if one["stopped"]]
     if not stopped:

@@ -141,25 +141,28 @@ def show(
 ) -> None:
     """Print each message of a recording as a line: time, topic, content.
 
-    CAN frames, and samples whose meaning the recording does not tell, only if their topic is named.
+    CAN frames, what parts and inventory say to each other (msbot_inventory_Request), and samples whose meaning the
+    recording does not tell, only if their topic is named.
     """
-    from msbot.recording.recordings.mcap_reader import Decoder, RecordingReader
-    from msbot.recording.recordings.summary import frame_of, line_of
+    from msbot.recording.recorder.batch import INVENTORY_TOPICS
+    from msbot.recording.recordings.mcap_reader import FRAMES, Decoder, RecordingReader
+    from msbot.recording.recordings.summary import frame_of, line_of, unread_words
     from msbot_agent.link.can.protocol import format_frame
 
     decoder, reader = Decoder(), RecordingReader(file)
     wish = _Wish(topics, slots, from_s, to_s)
-    unknown: Counter[str] = Counter()
+    unread: Counter[str] = Counter()
     for at_s, message in _chosen(reader, wish):
         frame = frame_of(message)
-        if not wish.topics and frame is not None:
-            continue
-        if not wish.topics and decoder.fields(message) is None:
-            unknown[message.topic] += 1
-            continue
+        fields = decoder.fields(message)
+        if not wish.topics:
+            if frame is not None or (fields is not None and message.topic.startswith(INVENTORY_TOPICS)):
+                continue
+            if fields is None or message.topic.startswith(FRAMES):  # octets that are no frame
+                unread[message.topic] += 1
+                continue
         line = format_frame(frame) if frame else line_of(message, decoder) or ""
         if as_json:
-            fields = decoder.fields(message)
             known = json.dumps(
                 {
                     "at_ns": message.at_ns,
@@ -174,7 +177,7 @@ def show(
             click.echo(known)
         else:
             click.echo(f"{at_s:10.3f}  {printable(message.topic)}  {printable(line)}")
-    _tell_unknown(unknown)
+    _tell_unread(unread_words(unread))
     _tell_rest(wish.mistakes(file), _damage_of(reader))
 
 
@@ -198,6 +201,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
     """Write a piece of a recording, which begins with the state at that moment."""
     from msbot.recording.recordings.cutting import write_cut
     from msbot.recording.recordings.mcap_reader import began_ns
+    from msbot.recording.recordings.summary import named_topics
 
     target = recording_name(target)
     wish = _Wish(topics, slots, from_s, to_s)
@@ -212,7 +216,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
     )
     click.echo(f"{target}: {amount(cut.messages, 'message')}")
     if cut.left_out:
-        click.echo(f"left out, for they are no ROS 2 messages: {_listed(cut.left_out)}")
+        click.echo(f"left out, for they are no ROS 2 messages: {named_topics(cut.left_out)}")
     _tell_rest(wish.mistakes(file), [f"{name} is damaged: {damage}" for name, damage in cut.damages.items()])
 
 
@@ -273,52 +277,50 @@ def export(  # noqa: PLR0917 - what the command was given
 
 def _export_parquet(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.recording.recordings.conversions import write_parquet
+    from msbot.recording.recordings.summary import unread_words
 
-    return write_parquet(_chosen(reader, wish), target)
+    unread: Counter[str] = Counter()
+    count = write_parquet(_chosen(reader, wish), target, unread)
+    _tell_unread(unread_words(unread))
+    return count
 
 
 def _export_table(reader: RecordingReader, target: Path, wish: _Wish) -> int:
-    from msbot.recording.recordings.mcap_reader import FRAMES, Decoder
-    from msbot.recording.recordings.summary import rows_of
+    from msbot.recording.recorder.batch import OWN_TOPICS
+    from msbot.recording.recordings.mcap_reader import Decoder
+    from msbot.recording.recordings.summary import rows_of, unread_words
 
     decoder, count = Decoder(), 0
-    unknown: Counter[str] = Counter()
+    unread: Counter[str] = Counter()
     try:
         with target.open("w", newline="", encoding="utf-8") as stream:
             table = csv.writer(stream)
             table.writerow(["time_s", "topic", "slot", "field", "value"])
             for at_s, message in _chosen(reader, wish):
-                if not message.topic.startswith(FRAMES) and decoder.fields(message) is None:
-                    unknown[message.topic] += 1
+                if not message.topic.startswith(OWN_TOPICS) and decoder.fields(message) is None:
+                    unread[message.topic] += 1
                 for topic, slot, name, value in rows_of(message, decoder):
                     table.writerow([f"{at_s:.6f}", *map(as_cell, (topic, slot, name, str(value)))])
                     count += 1
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror}") from None
-    _tell_unknown(unknown)
+    _tell_unread(unread_words(unread))
     return count
 
 
-MOST_NAMED = 20
-"""Topics that a sentence names."""
-
-
-def _tell_unknown(unknown: Counter[str]) -> None:
-    """Name the topics that were left out because nobody can read them, with how many samples they have."""
-    if not unknown:
-        return
-    named = [f"{printable(topic)} ({count})" for topic, count in unknown.most_common(MOST_NAMED)]
-    more = f" and {amount(len(unknown) - MOST_NAMED, 'other topic')}" if len(unknown) > MOST_NAMED else ""
-    click.echo(f"left out, since the recording does not tell what the samples mean: {', '.join(named)}{more}", err=True)
+def _tell_unread(words: str) -> None:
+    if words:
+        click.echo(words, err=True)
 
 
 def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
     from msbot.cli.bus.frame_log import FrameWriter
     from msbot.recording.recordings.mcap_reader import FRAMES
-    from msbot.recording.recordings.summary import frame_of
+    from msbot.recording.recordings.summary import frame_of, named_topics
     from msbot_agent.link.can.protocol import LogLine
 
     count = 0
+    broken: Counter[str] = Counter()
     writer = FrameWriter(target)
     try:
         try:
@@ -328,10 +330,14 @@ def _export_frames(reader: RecordingReader, target: Path, wish: _Wish) -> int:
                     channel = _channel(message.topic.removeprefix(FRAMES))
                     writer.write(LogLine(message.at_ns / 1e9, channel, frame))
                     count += 1
+                elif message.topic.startswith(FRAMES):
+                    broken[message.topic] += 1
         finally:
             writer.close()
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror or error}") from None
+    if broken:
+        click.echo(f"left out, for they are no frames: {named_topics(broken)}", err=True)
     return count
 
 

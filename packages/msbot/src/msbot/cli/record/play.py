@@ -92,6 +92,11 @@ def command(
     damage = piece.damage if piece is not None else acts.damage if acts is not None else ""
     if damage:
         click.echo(f"msbot: {file} is damaged: {damage}, and is replayed", err=True)
+    if piece is not None and piece.left_out:
+        from msbot.recording.recordings.summary import named_topics
+
+        words = "the recording does not tell which port they came from, or how to read them"
+        click.echo(f"left out, since {words}: {named_topics(piece.left_out)}", err=True)
     replay = _Replay(quiet=quiet, speed=speed)
     master = None if acts is None else _master(db, robot)
 
@@ -227,10 +232,10 @@ def _plan(piece: ReplayExcerpt | None, acts: RecordedOperations | None, speed: f
 
 def _outcome(player: ReplayPlayer) -> str:
     words = "The replay is over" if player.ended else "The replay was ended before its end"
-    left_out = sum(player.left_out.values())
+    left_out = ", ".join(f"{slot}.{port} ({count})" for (slot, port), count in player.left_out.items())
     words += f": {amount(player.published, 'message')} published"
     if left_out:
-        words += f", {left_out} left out"
+        words += f", left out {printable(left_out)}"
     if player.late_s > NOTICEABLE_S:
         words += f", the latest {player.late_s:.1f} s late"
     return words

@@ -170,6 +170,7 @@ def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves
     """What was asked for, and which time is 0."""
     from msbot.recording.curves.curve_reader import read_curves, ring_files
     from msbot.recording.recordings.mcap_reader import began_ns, ended_ns
+    from msbot.recording.recordings.summary import unread_words
 
     if folder is None:
         assert wish.file is not None
@@ -184,6 +185,8 @@ def _read(wish: _Wish, folder: Path | None, unit_of: UnitOf) -> tuple[ReadCurves
         zero_s = ended_ns(ring_files(folder)) / 1e9
         begin_s = zero_s - (wish.seconds or SECONDS)
         read = read_curves(ring_files(folder, begin_s), wish.names, from_s=begin_s, unit_of=unit_of)
+    if folder is None and (words := unread_words(read.unread)):
+        click.echo(words, err=True)
     for name in wish.names:
         _check_name(name, read, folder)
     if len(read.curves) > MOST_CURVES:

@@ -14,7 +14,7 @@ import click
 
 from msbot.cli.change.robot_access import perform, running_master
 from msbot.cli.record.log import recording_name
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, is_there, no_database, robot_options
+from msbot.cli.robot_options import database_here, is_there, no_database, robot_options
 from msbot.cli.run.ring_folders import rings_left
 from msbot.registry.records import database_identity
 from msbot_agent.cli.options import FiniteRange, json_option
@@ -49,6 +49,7 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *,
     from msbot.recording.recorder.recording_file import begun_segments
     from msbot.recording.recordings.cutting import write_cut
     from msbot.recording.recordings.mcap_reader import ended_ns
+    from msbot.recording.recordings.summary import named_topics
 
     target = recording_name(file)
     trouble = ""
@@ -74,7 +75,7 @@ def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *,
     seconds = 0.0 if cut.first_ns is None or cut.last_ns is None else (cut.last_ns - cut.first_ns) / 1e9
     click.echo(f"{target}: {amount(cut.messages, 'message')} of {seconds:.0f} s")
     if cut.left_out:
-        click.echo(f"left out, for they are no ROS 2 messages: {_names(cut.left_out)}")
+        click.echo(f"left out, for they are no ROS 2 messages: {named_topics(cut.left_out)}")
     for name, damage in cut.damages.items():
         if name != paths[-1].name:  # the newest file is being written: it has no end yet
             click.echo(f"msbot: {name} is damaged: {damage}", err=True)  # what is kept is all that there is
@@ -205,7 +206,7 @@ def _ring_left(db: str | None, robot: str | None) -> str:
 
 
 def _left(db: str | None, robot: str | None) -> list[Path]:
-    path = db or database_beside(DEFAULT_BLUEPRINT)
+    path = db or database_here()
     is_named = db is not None or is_there(path)
     return rings_left(robot, database_identity(path) if is_named else None)
 

@@ -6,8 +6,9 @@ time.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field as with_default
 from pathlib import Path
 from typing import Final
 
@@ -62,6 +63,8 @@ class ReadCurves:
     last_s: float
     damages: tuple[str, ...] = ()
     """What could not be read, in sentences."""
+    unread: Counter[str] = with_default(default_factory=Counter)
+    """Samples whose meaning is not known, by topic."""
 
 
 def no_unit(_kind: str, _field: str) -> str:
@@ -133,6 +136,7 @@ def read_curves(
         reading.first_ns / NS,
         reading.last_ns / NS,
         tuple(damages),
+        reading.unread,
     )
 
 
@@ -145,6 +149,7 @@ class _Reading:
         self._from_ns = None if from_s is None else round(from_s * NS)
         self._to_ns = None if to_s is None else round(to_s * NS)
         self._unit_of = unit_of
+        self.unread: Counter[str] = Counter()
         self._decoder = Decoder()
         self._points: dict[str, list[Point]] = defaultdict(list)
         self._units: dict[str, str] = {}
@@ -205,7 +210,10 @@ class _Reading:
         seen = self._looked.get((topic, slot, port))
         if seen is False or (seen is True and is_early):
             return
-        fields = flat_fields(self._decoder.fields(message) or {})
+        decoded = self._decoder.fields(message)
+        if decoded is None:
+            self.unread[message.topic] += 1
+        fields = flat_fields(decoded or {})
         is_any_wanted = False
         for field, value in fields:
             number = number_of(value)

@@ -197,6 +197,10 @@ def read_wish(text: str) -> RecordingRequest:
 # Names in recordings that both writers and readers use.
 
 
+INVENTORY_TOPICS: Final = "/msbot_inventory_"
+"""How topics begin on which parts and the inventory talk."""
+OWN_TOPICS: Final = ("/msbot/", INVENTORY_TOPICS)
+"""How topics of MsBOT itself begin."""
 MEASURED: Final = "/msbot/measured"
 """What was measured at the robot itself: how late the master is, and the beats of each slot."""
 BLUEPRINT: Final = "/msbot/blueprint"

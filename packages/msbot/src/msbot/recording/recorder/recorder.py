@@ -6,6 +6,7 @@ garbage collector has nothing to do, and the memory stays in the processor's cac
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import BytesIO
@@ -16,9 +17,11 @@ from msbot.config import Blueprint, InDds, Library
 from msbot.master import Master
 from msbot.operations.dispatch import Operations, PerformedOperation, RunningOperations
 from msbot.part import HelloWorld, Message
-from msbot.part.join.pnp_messages import ProfileMessage
+from msbot.part.join.pnp_messages import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, ProfileMessage
+from msbot.part.join.seal import SEAL_OCTETS
 from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
+from msbot.pnp.session_seals import ObservedSeals
 from msbot.recording.recorder.batch import (
     BITRATE,
     BLUEPRINT,
@@ -56,6 +59,7 @@ from msbot_agent.link import Link, bound_name
 from msbot_agent.link.can import CanBusInfo, CanEnd
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.space import THIS_PROGRAM, Deliver, Guid, Owner, Qos, Reader, Space, Topic, Writer
+from msbot_xrce.errors import RemoteProtocolError
 
 MOST_CHANNELS: Final = 4_000
 SAMPLE: Final = int(Kind.SAMPLE)
@@ -205,6 +209,24 @@ class Recorder:
         schema = ("", "", "") if cls is None else (ros_name(topic.type_name), ENCODING, ros_definition(cls))
         return self._number(RecordedChannel(name, "cdr", *schema, metadata=tuple(metadata.items())))
 
+    def inventory_channel(self, topic: Topic, message: type[Message] | None) -> int | None:
+        """The channel of one of the inventory's messages, of whichever part; None: there are too many.
+
+        Args:
+            topic: the half of the service that it travels on.
+            message: None: octets that are none of them.
+        """
+        metadata = (("topic", topic.name), ("type", topic.type_name))
+        if message is None:
+            return self._number(RecordedChannel(f"/{topic.name}", "cdr", metadata=metadata))
+        schema = (ros_name(message.type_name), ENCODING, ros_definition(message))
+        return self._number(RecordedChannel(f"/{topic.name}/{message.type_name}", "cdr", *schema, metadata=metadata))
+
+    def new_seals(self) -> ObservedSeals:
+        """Who tells a message to or from the inventory from the seal behind it."""
+        authentication = None if self._master is None else self._master.blueprint.options.authentication
+        return ObservedSeals(sealed=authentication == "key+data")
+
     def _class_of(self, type_name: str) -> type[Message] | None:
         """What a type looks like; the library is asked each time, because an adopted part brings types of its own."""
         message = None if self._library is None else self._library.messages.get(type_name)
@@ -340,6 +362,12 @@ class Recorder:
         return tap
 
 
+class _Write(Protocol):
+    """`Writer.write`."""
+
+    def __call__(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int: ...
+
+
 class _RecordedSpace:
     """Satisfies `Space`: another space, whose writers are overheard."""
 
@@ -351,8 +379,13 @@ class _RecordedSpace:
     def writer(self, topic: Topic, qos: Qos, guid: Guid, owner: Owner = THIS_PROGRAM) -> Writer:
         """See `Space.writer`."""
         inner = self._inner.writer(topic, qos, guid, owner)
+        if qos.service and topic.name in (INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC):
+            return _RecordedWriter(inner, _inventory_write(inner, self._recorder))
         number = self._recorder.channel_of(topic, guid, is_service=qos.service)
-        return inner if number is None else _RecordedWriter(inner, number, self._recorder)
+        if number is None:
+            return inner
+        write = _recorded_write(inner.write, number, self._recorder.write, self._recorder.clock)
+        return _RecordedWriter(inner, write)
 
     def reader(self, topic: Topic, qos: Qos, deliver: Deliver, owner: Owner = THIS_PROGRAM) -> Reader:
         """See `Space.reader`."""
@@ -364,24 +397,18 @@ class _RecordedWriter:
 
     __slots__ = ("_inner", "close", "guid", "topic", "troubles", "write")
 
-    def __init__(self, inner: Writer, number: int, recorder: Recorder) -> None:
+    def __init__(self, inner: Writer, write: _Write) -> None:
         self._inner = inner
         self.guid = inner.guid
         self.topic = inner.topic
         self.close = inner.close
         self.troubles = inner.troubles
-        self.write = _recorded_write(inner.write, number, recorder.write, recorder.clock)
+        self.write = write
 
     @property
     def published(self) -> int:
         """See `Writer.published`."""
         return self._inner.published
-
-
-class _Write(Protocol):
-    """`Writer.write`."""
-
-    def __call__(self, payload: bytes, related: tuple[Guid, int] | None = None) -> int: ...
 
 
 def _recorded_write(inner: _Write, number: int, record: Callable[[bytes], int], clock: Callable[[], float]) -> _Write:
@@ -391,5 +418,32 @@ def _recorded_write(inner: _Write, number: int, record: Callable[[bytes], int], 
         record(head(SAMPLE, number, clock(), len(payload)))
         record(payload)
         return inner(payload, related)
+
+    return write
+
+
+def _inventory_write(inner: Writer, recorder: Recorder) -> _Write:
+    """`Writer.write` of the inventory's service: its messages have a channel each, so that every reader knows them.
+
+    What is none of them is recorded as octets without a meaning.
+    """
+    seals: ObservedSeals | None = None
+    channels: dict[type[Message] | None, int | None] = {}
+    is_request = inner.topic.name == INVENTORY_REQUEST_TOPIC
+
+    def write(payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        nonlocal seals
+        seals = recorder.new_seals() if seals is None else seals
+        message: Message | None = None
+        content = payload
+        with contextlib.suppress(RemoteProtocolError):
+            message, seal = seals.request(payload) if is_request else seals.reply(payload)
+            content = payload if seal is None else payload[:-SEAL_OCTETS]
+        kind = None if message is None else type(message)
+        if kind not in channels:
+            channels[kind] = recorder.inventory_channel(inner.topic, kind)
+        if (number := channels[kind]) is not None:
+            recorder.write(head(SAMPLE, number, recorder.clock(), len(content)) + content)
+        return inner.write(payload, related)
 
     return write

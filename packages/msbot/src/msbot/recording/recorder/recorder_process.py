@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from msbot.recording.recorder.batch import OWN_TOPICS
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.recording_file import RingLimits
 from msbot_xrce.lazy import dataclass
@@ -31,8 +32,6 @@ END_S: Final = 10.0
 """Longest wait for it to finish its files at the end."""
 FINISHED_S: Final = 4.0
 """Longest wait for it to finish a file while the robot runs: less than people's programs wait for an answer."""
-OWN: Final = ("/msbot/", "/msbot_inventory_")
-"""How topics of MsBOT itself begin: none is for ROS 2."""
 
 logger = logging.getLogger(__name__)
 
@@ -232,7 +231,7 @@ class RecorderProcess:
         match said:
             case {"left_out": topics} if file is not None:
                 file.left_out.extend(topics)
-                if foreign := [topic for topic in topics if not topic.startswith(OWN)]:
+                if foreign := [topic for topic in topics if not topic.startswith(OWN_TOPICS)]:
                     logger.warning("recording: %s leaves out what is no ROS 2 message: %s", name, ", ".join(foreign))
             case {"has_ended": True} if file is not None:
                 file.is_whole = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from importlib import import_module
@@ -11,9 +12,9 @@ from typing import Final
 from mcap.records import Schema
 
 from msbot.recording.recorder.bag import BagTopic, BagTopics
-from msbot.recording.recorder.batch import RecordedChannel
+from msbot.recording.recorder.batch import OWN_TOPICS, RecordedChannel
 from msbot.recording.recorder.recording_file import ENCAPSULATION
-from msbot.recording.recordings.mcap_reader import OWN, Decoder, RecordedMessage
+from msbot.recording.recordings.mcap_reader import Decoder, RecordedMessage
 from msbot.recording.recordings.summary import flat_fields
 from msbot_xrce.errors import ConfigError
 
@@ -75,11 +76,13 @@ BATCH: Final = 50_000
 """Rows that are held in memory."""
 
 
-def write_parquet(messages: Iterable[tuple[float, RecordedMessage]], target: Path) -> int:
+def write_parquet(
+    messages: Iterable[tuple[float, RecordedMessage]], target: Path, unread: Counter[str] | None = None
+) -> int:
     """Write a row for each value of each sample; how many there were.
 
     Columns: `time_s` since the recording began, `at` (UTC, nanoseconds), `topic`, `slot`, `field`, and the value as
-    `number` (true is 1) or as `text`.
+    `number` (true is 1) or as `text`. In `unread` the samples are counted whose meaning is not known, by topic.
 
     Raises:
         ConfigError: the file cannot be written, or what writes it is not installed.
@@ -104,9 +107,12 @@ def write_parquet(messages: Iterable[tuple[float, RecordedMessage]], target: Pat
     try:
         with target.open("xb") as stream, parquet.ParquetWriter(stream, schema) as writer:
             for at_s, message in messages:
-                if message.topic.startswith(OWN):
+                if message.topic.startswith(OWN_TOPICS):
                     continue
-                for name, value in flat_fields(decoder.fields(message) or {}):
+                fields = decoder.fields(message)
+                if fields is None and unread is not None:
+                    unread[message.topic] += 1
+                for name, value in flat_fields(fields or {}):
                     rows.append(_row(at_s, message, name, value))
                     count += 1
                 if len(rows) >= BATCH:

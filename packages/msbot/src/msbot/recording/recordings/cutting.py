@@ -33,8 +33,8 @@ class Cut:
     messages: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
-    left_out: set[str] = field(default_factory=set)
-    """Topics with something that is no ROS 2 message, if only those were asked for."""
+    left_out: Counter[str] = field(default_factory=Counter)
+    """Messages by topic, of topics with something that is no ROS 2 message, if only those were asked for."""
     damages: Mapping[str, str] = field(default_factory=dict)
     """Name of a source -> what could not be read of it, in words."""
 
@@ -110,7 +110,7 @@ class _Copier:
         if self._ros is not None:
             shown = self._ros.shown(message)
             if shown is None:
-                self._cut.left_out.add(message.topic)
+                self._cut.left_out[message.topic] += 1
                 return
             message = shown
         is_early = message.is_repeated or (from_ns is not None and message.at_ns < from_ns)

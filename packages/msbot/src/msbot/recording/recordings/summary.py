@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from struct import error as StructError
 
-from msbot.recording.recorder.batch import BLUEPRINT, MEASURED, SHOWN, SLOTS
+from msbot.recording.recorder.batch import BLUEPRINT, MEASURED, OWN_TOPICS, SHOWN, SLOTS
 from msbot.recording.recorder.schemas import FRAME
 from msbot.recording.recordings.mcap_reader import FRAMES, OWN, Decoder, RecordedMessage
 from msbot_agent.link.can.protocol import Frame
+from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
 
+MOST_NAMED = 20
+"""Topics that a sentence names."""
 Row = tuple[str, str, str, str]
 """`(topic, slot, field, value)`."""
 
@@ -18,7 +22,7 @@ Row = tuple[str, str, str, str]
 def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
     """A message in words; None for frames, which `frame_of` reads."""
     topic = message.topic
-    if topic.startswith(FRAMES):
+    if frame_of(message) is not None:
         return None
     fields = decoder.fields(message)
     if fields is None:
@@ -46,9 +50,23 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
     return f"{_who(message)}{', '.join(f'{name} {_short(value)}' for name, value in fields.items())}"
 
 
+def named_topics(counts: Counter[str]) -> str:
+    """Topics with their number of messages: `/scan (12), /odd (3) and 4 other topics`."""
+    named = [f"{printable(topic)} ({count})" for topic, count in counts.most_common(MOST_NAMED)]
+    more = f" and {amount(len(counts) - MOST_NAMED, 'other topic')}" if len(counts) > MOST_NAMED else ""
+    return f"{', '.join(named)}{more}"
+
+
+def unread_words(counts: Counter[str]) -> str:
+    """Says which topics were left out because nobody can read them; empty: none."""
+    if not counts:
+        return ""
+    return f"left out, since the recording does not tell what the samples mean: {named_topics(counts)}"
+
+
 def rows_of(message: RecordedMessage, decoder: Decoder) -> Iterator[Row]:
     """A sample as rows of a table, one for each field; nothing for what is no sample."""
-    if message.topic.startswith(OWN):
+    if message.topic.startswith(OWN_TOPICS):
         return
     for name, value in flat_fields(decoder.fields(message) or {}):
         yield message.topic, message.slot, name, _short(value)
@@ -63,6 +81,8 @@ def frame_of(message: RecordedMessage) -> Frame | None:
     except StructError:
         return None
     data = message.data[4 + FRAME.size : 4 + FRAME.size + size]
+    if size != len(data):
+        return None
     return Frame(
         can_id,
         data,

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import field
 from pathlib import Path
 from typing import Final
 
 from msbot.part.join.pnp_messages import TEXT_OCTETS
+from msbot.recording.recorder.batch import OWN_TOPICS
 from msbot.recording.recorder.recording_file import ENCAPSULATION
 from msbot.recording.recordings.mcap_reader import OWN, RecordedMessage, RecordingReader
+from msbot.recording.recordings.summary import named_topics
 from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -53,6 +57,9 @@ class ReplayExcerpt:
     """When the replay begins: the time that was asked for, else the first sample's."""
     damage: str
     """Why the file could not be read to its end, in words; empty: it could."""
+    left_out: Counter[str] = field(default_factory=Counter)
+    """Messages of these slots, by topic, that no part can publish: the recording does not tell their port, or they are
+    no CDR of DDS-XRCE's kind."""
 
     @property
     def seconds(self) -> float:
@@ -88,13 +95,18 @@ def read_excerpt(
     slots = _chosen(f"{path}, which is damaged ({reader.damage})," if reader.damage else str(path), known, wanted)
     from_ns = None if from_s is None else began_ns + round(from_s * NS)
     to_ns = None if to_s is None else began_ns + round(to_s * NS)
-    samples = sorted(_bounded(_samples(path, slots, from_ns, to_ns), most_octets), key=lambda one: one.at_ns)
+    left_out: Counter[str] = Counter()
+    found = _samples(path, slots, from_ns, to_ns, left_out)
+    samples = sorted(_bounded(found, most_octets), key=lambda one: one.at_ns)
     if not samples:
         names = ", ".join(slot.name for slot in slots)
         when = "" if from_s is None and to_s is None else f" {_span(from_s, to_s)}"
-        raise ConfigError(f"{path}: the part in slot {names} published nothing{when}, so there is nothing to replay")
+        raise ConfigError(
+            f"{path}: the part in slot {names} published nothing{when} that can be published again"
+            + (f": left out is {named_topics(left_out)}" if left_out else ", so there is nothing to replay")
+        )
     begin_ns = samples[0].at_ns if from_ns is None else max(from_ns, began_ns)
-    return ReplayExcerpt(slots, tuple(samples), begin_ns, reader.damage)
+    return ReplayExcerpt(slots, tuple(samples), begin_ns, reader.damage, left_out)
 
 
 def _survey(reader: RecordingReader) -> tuple[dict[str, RecordedSlot], int]:
@@ -154,18 +166,20 @@ def _chosen(file: str, known: dict[str, RecordedSlot], wanted: Sequence[str]) ->
 
 
 def _samples(
-    path: Path, slots: Sequence[RecordedSlot], from_ns: int | None, to_ns: int | None
+    path: Path, slots: Sequence[RecordedSlot], from_ns: int | None, to_ns: int | None, left_out: Counter[str]
 ) -> Iterator[RecordedSample]:
     names = {slot.name for slot in slots}
     for message in RecordingReader(path).messages():
         metadata = message.channel.metadata
         port = metadata.get("port", "")
         # What was only repeated at the beginning of a file happened before it.
-        if message.slot not in names or not port or message.is_repeated:
+        if message.slot not in names or message.is_repeated or message.topic.startswith(OWN_TOPICS):
             continue
         if (from_ns is not None and message.at_ns < from_ns) or (to_ns is not None and message.at_ns > to_ns):
             continue
-        if message.data.startswith(ENCAPSULATION):
+        if not port or message.channel.message_encoding != "cdr" or not message.data.startswith(ENCAPSULATION):
+            left_out[message.topic] += 1
+        else:
             octets = message.data[len(ENCAPSULATION) :]
             yield RecordedSample(message.at_ns, message.slot, port, metadata.get("type", ""), octets)
 
