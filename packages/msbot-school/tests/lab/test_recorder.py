@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import mcap.decoder
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
@@ -65,7 +66,7 @@ def test_other_programs_decode_every_sample_to_what_the_parts_said(recording: Pa
     assert all("turn-" in one.message for _, _, one in found)
 
 
-class JsonDecoders:
+class JsonDecoders(mcap.decoder.DecoderFactory):
     """What a foreign program does with JSON: its schema says that it is an object."""
 
     def decoder_for(self, encoding: str, schema: Schema | None) -> Callable[[bytes], object] | None:
@@ -83,7 +84,7 @@ def test_programs_of_others_decode_every_channel(recording: Path) -> None:
     request, reply = "/msbot_inventory_Request", "/msbot_inventory_Reply"
     assert {f"{request}/{name}" for name in ("Claim", "Beat", "ConfigurationRequest", "StoppedBeat")} <= topics
     assert {f"{reply}/{name}" for name in ("Verdict", "BeatReply", "Configuration", "Notice")} <= topics
-    slots = {one.slot for topic, one in found if topic == f"{reply}/Configuration"}  # type: ignore[attr-defined]
+    slots = {one.slot for topic, one in found if topic == f"{reply}/Configuration"}
     assert slots == {"AA", "BB", "CC"}
     types = get_typestore(Stores.EMPTY)
     for one in messages(recording):
