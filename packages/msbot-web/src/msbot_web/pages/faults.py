@@ -44,7 +44,7 @@ class _Form:
             heading(say("Let something go wrong"))
             with ui.element("div").classes("row").style("align-items:flex-start"):
                 self._kind = ui.select(kinds, value="loss", label=say("Fault"), on_change=self._chosen)
-                self._kind.props("dense outlined").style("min-width:16rem;max-width:100%")
+                self._kind.props("dense outlined").style("min-width:min(16rem,100%);max-width:100%")
                 self._slot = ui.select(slots, value=slots[0] if slots else None, label=say("Slot"))
                 self._slot.props("dense outlined").style("min-width:8rem")
                 self._amount = NumberField(page, "")

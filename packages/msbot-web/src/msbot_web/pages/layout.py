@@ -329,7 +329,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         help_button(page, path)
         _who(page, dark)
     show_menu(page, path, menu)
-    with ui.column().classes("w-full").style("gap: 1rem").props("role=main id=content tabindex=-1"):
+    with ui.column().classes("w-full").style("gap: 1rem").props("id=content tabindex=-1"):
         banner = ui.column().classes("w-full ms-banners").style("gap:.5rem")
         show_banner(page, banner)
         show_class_banner(page, ui.column().classes("w-full ms-banners"))

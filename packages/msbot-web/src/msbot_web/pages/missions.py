@@ -177,7 +177,7 @@ class _Missions:
             titles = {name: f"{say(one.title)} · {name}" for name, one in ready.items()}
             with ui.element("div").classes("row").style("align-items:flex-start"):
                 chosen = ui.select(titles, value=FIRST, label=say("Mission"))
-                chosen.props("dense outlined").style("min-width:20rem;max-width:100%")
+                chosen.props("dense outlined").style("min-width:min(20rem,100%);max-width:100%")
                 seed = NumberField(page, say("Seed"), is_whole=True, may_be_negative=False)
                 seed.props("dense outlined").style("width:7rem")
 

@@ -99,7 +99,12 @@ class _Grid:
             self._element.set_content(self._whole(robot))
             return
         changed = {
-            card.name: [card_html(self._page, card, robot), card.plugged, self._plug_words(card)]
+            card.name: [
+                card_html(self._page, card, robot),
+                self._open_words(card),
+                card.plugged,
+                self._plug_words(card),
+            ]
             for card in robot.slots
             if self._shown[card.name] != looks[card.name]
         }
@@ -115,7 +120,7 @@ class _Grid:
                 "group": group_of.get(card.name, ""),
                 "html": card_html(self._page, card, robot),
                 "is_plugged": card.plugged,
-                "open_words": self._page.say("Open slot {name}", name=card.name),
+                "open_words": self._open_words(card),
                 "plug_words": self._plug_words(card) if self._page.may_at(Right.OPERATE, card.name) else "",
             }
             for card in robot.slots
@@ -144,6 +149,14 @@ class _Grid:
             {"title": page.say("Other groups ({count})", count=len(others)), "places": others, "look": "others"},
         ]
         return [section for section in sections if section["places"]]
+
+    def _open_words(self, card: SlotCard) -> str:
+        """A card's name for who does not see it: what a click does, and in which state the slot is."""
+        say, port = self._page.say, main_port(card)
+        words = [say(card.state), *map(say, card.faults)]
+        if port is not None and port.held not in ("", "gone"):
+            words.append(say(HELD_WORDS[port.held]))
+        return f"{say('Open slot {name}', name=card.name)}: {', '.join(words)}"
 
     def _plug_words(self, card: SlotCard) -> str:
         if card.plugged is None:
@@ -180,6 +193,7 @@ def look_of(card: SlotCard, beat_s: float) -> object:
         card.type_name,
         card.simulated,
         card.plugged,
+        tuple(card.faults),
         tuple(card.spares),
         None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
         None

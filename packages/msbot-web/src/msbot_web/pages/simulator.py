@@ -10,6 +10,7 @@ from msbot_web.api.models import ControlLine, Scalar
 from msbot_web.pages.layout import Page
 from msbot_web.pages.number_field import NumberField
 from msbot_web.pages.page_elements import END_WITH_MASTER, heading
+from msbot_web.pages.slider import Slider
 from msbot_web.svg.drawings import fields_html
 
 
@@ -72,17 +73,18 @@ def _control(page: Page, slot: str, control: ControlLine) -> None:
     elif control.kind == "bool":
         ui.switch(title, value=bool(control.value), on_change=lambda event: changed(event.value))
     elif control.kind == "number" and control.least is not None and control.most is not None:
-        ui.label(f"{title}{unit}")
         value = float(control.value) if isinstance(control.value, int | float) else control.least
-        step = max((control.most - control.least) / 200, 1e-6)
-        slider = ui.slider(
-            min=control.least, max=control.most, step=step, value=value, on_change=lambda event: changed(event.value)
-        ).props("label debounce=100")
-        slider.props["aria-label"] = title
-        # It stays where it was put: an answer that comes late would take the next key presses back.
-        slider.LOOPBACK = slider.props["loopback"] = False
+        slider = Slider(
+            page.language,
+            f"{title}{unit}",
+            least=control.least,
+            most=control.most,
+            value=value,
+            unit=control.unit,
+            on_number=changed,
+        )
         if isinstance(rest, int | float) and page.client is not None:  # let go of with the connection: it shows that
-            page.client.on_disconnect(partial(slider.set_value, float(rest)))
+            page.client.on_disconnect(partial(slider.put, float(rest)))
     elif control.kind == "number":
         NumberField(page, f"{title}{unit}", number=float(control.value or 0), on_number=changed)
     elif control.kind == "choice":

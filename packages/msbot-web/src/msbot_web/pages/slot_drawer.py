@@ -23,6 +23,7 @@ from msbot_web.pages.number_field import NumberField
 from msbot_web.pages.page_elements import heading, set_html, show_dialog
 from msbot_web.pages.parameter_form import parameter_panel
 from msbot_web.pages.simulator import simulator_panel
+from msbot_web.pages.slider import Slider
 from msbot_web.svg.drawings import HELD_WORDS, done_fields, draw, fields_html, sparkline, state_chip
 from msbot_xrce.errors import MsbotError, NotThere
 
@@ -130,11 +131,8 @@ def _fields(page: Page, message: MessageType, values: Mapping[str, Scalar], chan
             ui.input(title, value=str(values[name]), on_change=take).props("debounce=300")
         elif unit in RANGES and not kind.is_whole:
             least, most = RANGES[unit]
-            ui.label(title)
-            step = (most - least) / 200
-            slider = ui.slider(min=least, max=most, step=step, value=float(values[name]), on_change=take)
-            slider.props("label debounce=100")
-            slider.props["aria-label"] = title
+            put = partial(changed, name)
+            Slider(page.language, title, least=least, most=most, value=float(values[name]), unit=unit, on_number=put)
         else:
             field = NumberField(
                 page, title, number=float(values[name]), is_whole=kind.is_whole, on_number=partial(changed, name)

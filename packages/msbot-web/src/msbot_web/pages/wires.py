@@ -46,6 +46,7 @@ class _Drawing:
         self._rates: dict[str, tuple[str, bool]] = {}
         self._colours: dict[str, str] = {}
         self._may_change = page.may(Right.DESIGN)
+        self._by_finger = False
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row spread"):
                 ui.label(page.say("Green: samples are flowing. Dashed: silence. Click a slot to open it.")).classes(
@@ -77,7 +78,14 @@ class _Drawing:
                     f"msbotWires(getHtmlElement({self._element.id}), (deed) => "
                     f"getHtmlElement({self._element.id}).dispatchEvent(new CustomEvent('wire', {{detail: deed}})))"
                 )
+                ui.on("ms_touch", self._touched)
+                ui.run_javascript("if (matchMedia('(any-pointer: coarse)').matches) emitEvent('ms_touch')")
         page.every_look(self._show)
+
+    def _touched(self) -> None:
+        """There is a touch screen: fingers need larger ports."""
+        self._by_finger = True
+        self._show()
 
     def _show(self) -> None:
         sight, is_past = self._page.sight, self._page.is_past
@@ -87,11 +95,26 @@ class _Drawing:
         topics, ports = sight.topics(), sight.ports()
         states = {card.name: card.state for card in sight.robot().slots}
         colours = {slot: box_colour(state) for slot, state in states.items()}
-        wiring = (may_change, is_past, [(one.topic, one.publishers, one.subscribers) for one in topics], ports)
+        by_finger = self._by_finger
+        wiring = (
+            may_change,
+            is_past,
+            by_finger,
+            [(one.topic, one.publishers, one.subscribers) for one in topics],
+            ports,
+        )
         rates = {one.topic: (rate_words(one, self._page.language, is_past=is_past), one.rate_hz > 0) for one in topics}
         if wiring != self._shown:
             self._shown, self._rates, self._colours = wiring, rates, colours
-            drawing = wiring_svg(topics, ports, states, self._page.language, may_change=may_change, is_past=is_past)
+            drawing = wiring_svg(
+                topics,
+                ports,
+                states,
+                self._page.language,
+                may_change=may_change,
+                is_past=is_past,
+                by_finger=by_finger,
+            )
             self._element.set_content(drawing)
             return
         changed = {topic: rate for topic, rate in rates.items() if self._rates.get(topic) != rate}
@@ -193,7 +216,7 @@ class _Form:
         types = {one.number: f"{one.number}: {page.say(one.name)}" for one in self._library if one.driver.board.driver}
         self._fields: dict[str, ui.input] = {}
         with ui.element("div").classes("row").style("align-items:flex-start;gap:1.5rem"):
-            with ui.column().style("flex:1;min-width:15rem;gap:.3rem"):
+            with ui.column().style("flex:1;min-width:min(15rem,100%);gap:.3rem"):
                 self._number = ui.select(types, label=page.say("Part type"), value=now and now.part_type.number)
                 self._number.props("dense use-input").classes("w-full").on_value_change(lambda: self._fill(None))
                 self._name = ui.input(page.say("Name of its slot"), value=now.name if now else "").props("dense")
@@ -205,7 +228,7 @@ class _Form:
                 self._board = ui.select(boards, label=page.say("Board"), value=OTHER_BOARD).props("dense")
                 self._board.classes("w-full").on_value_change(self.look)
                 self._wires = ui.column().classes("w-full").style("gap:.3rem")
-            with ui.column().style("flex:2;min-width:18rem"):
+            with ui.column().style("flex:2;min-width:min(18rem,100%)"):
                 self._picture = ui.html("", sanitize=False).classes("wiring w-full")
                 self._says = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
         self._fill(now)

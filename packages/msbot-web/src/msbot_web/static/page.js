@@ -233,20 +233,31 @@ function msbotTyped(id) {
   if (editor && editor.editor) Vue.toRaw(mounted_app.elements[id].props).value = editor.editor.state.doc.toString();
 }
 
-// Cards of slots that look otherwise now, by the name of the slot: [HTML, is it plugged in, what the plug's button does].
+// Where a slider was put (`Slider`), and how that is said: past Vue as well, which would put it back.
+function msbotSlid(id, slider) {
+  const value = slider.valueAsNumber.toLocaleString(document.documentElement.lang, { maximumSignificantDigits: 4 });
+  const text = `${value} ${slider.dataset.unit}`.trim(), props = Vue.toRaw(mounted_app.elements[id].props);
+  slider.setAttribute("aria-valuetext", text);
+  Object.assign(props, { value: slider.value, "aria-valuetext": text });
+}
+
+// Cards of slots that look otherwise now, by the name of the slot: [HTML, name, is it plugged in, what the plug's button
+// does].
 function msbotCards(grid, cards) {
   const root = document.getElementById(grid);
   if (!root) return;
   for (const place of root.querySelectorAll("[data-slot]")) {
     const found = cards[place.dataset.slot];
-    if (found) place.innerHTML = found[0];
+    if (!found) continue;
+    place.innerHTML = found[0];
+    if (place.getAttribute("aria-label") !== found[1]) place.setAttribute("aria-label", found[1]);
   }
   for (const plug of root.querySelectorAll("[data-plug]")) {
     const found = cards[plug.dataset.plug];
     if (!found) continue;
-    plug.firstElementChild.textContent = found[1] ? "power_off" : "power";
-    plug.title = found[2];
-    plug.setAttribute("aria-label", found[2]);
+    plug.firstElementChild.textContent = found[2] ? "power_off" : "power";
+    plug.title = found[3];
+    plug.setAttribute("aria-label", found[3]);
   }
 }
 

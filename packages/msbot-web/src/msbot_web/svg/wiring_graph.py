@@ -94,6 +94,8 @@ def _ago_words(seconds: float) -> str:
 
 _LEFT, _RIGHT, _BOX = 10, 790, 200
 _HEAD, _PORT, _GAP, _TOPIC = 30, 26, 16, 64
+_FINGER = 44
+"""Height of what a finger presses, in pixels: a drawing for fingers is never made smaller."""
 
 
 @dataclass(slots=True)
@@ -114,6 +116,7 @@ def wiring_svg(
     *,
     may_change: bool = False,
     is_past: bool = False,
+    by_finger: bool = False,
 ) -> Markup:
     """Slots that publish at the left, topics in the middle, slots that subscribe at the right.
 
@@ -124,9 +127,11 @@ def wiring_svg(
         language: of the person.
         may_change: each slot has a button that takes it out.
         is_past: it is drawn as it was.
+        by_finger: ports and buttons are as large as a finger needs them.
     """
-    sources = _column([port for port in ports if port.publishes], states, _LEFT, language)
-    targets = _column([port for port in ports if not port.publishes], states, _RIGHT, language)
+    head, line = (_FINGER, _FINGER) if by_finger else (_HEAD, _PORT)
+    sources = _column([port for port in ports if port.publishes], states, _LEFT, language, head=head, line=line)
+    targets = _column([port for port in ports if not port.publishes], states, _RIGHT, language, head=head, line=line)
     height = max(sources.height, targets.height, len(topics) * _TOPIC, 1) + _GAP
     step = height / max(len(topics), 1)
     middle = {topic.topic: step * (number + 0.5) for number, topic in enumerate(topics)}
@@ -138,6 +143,9 @@ def wiring_svg(
     return render(
         "wires",
         height=round(height),
+        head=head,
+        line=line,
+        by_finger=by_finger,
         may_change=may_change,
         words=_words(topics, language),
         wires=wires,
@@ -167,7 +175,9 @@ def box_colour(state: str) -> str:
     return STATE_COLOURS.get(state, "#888")
 
 
-def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language) -> _Column:
+def _column(
+    ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language, *, head: int, line: int
+) -> _Column:
     column = _Column([], {}, _GAP)
     by_slot: dict[str, list[WirePort]] = {}
     for port in ports:
@@ -176,7 +186,7 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, langua
         top = column.height
         lines = []
         for number, port in enumerate(own):
-            y = top + _HEAD + _PORT * (number + 0.5)
+            y = top + head + line * (number + 0.5)
             end = f"{slot}.{port.port}"
             column.at[end] = y
             lines.append(
@@ -191,7 +201,7 @@ def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, langua
                     "words": _port_words(port, language),
                 }
             )
-        height = _HEAD + _PORT * len(own) + 8
+        height = head + line * len(own) + 8
         column.boxes.append(
             {
                 "x": x,

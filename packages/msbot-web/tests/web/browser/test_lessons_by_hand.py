@@ -120,15 +120,13 @@ def test_a_lesson_by_keyboard_only(learn: Page, robot: Page) -> None:
         tab_to(robot, slider)
         fan = button(robot, "Open slot fan")
         for key, end, shown in ways:
-            for _ in range(200):  # 5 % each, until the knob is at its end; until the fan is would flood a busy robot
-                if slider.get_attribute("aria-valuenow") == end:
-                    break
-                slider.press(key)
+            slider.press(key)
+            expect(slider).to_have_value(end)
             expect(fan).to_contain_text(re.compile(shown))
         robot.keyboard.press("Escape")
         expect(robot.locator(".ms-drawer")).to_be_hidden()
 
-    up, down = ("PageUp", "100", r"percent (9[5-9]|100)"), ("PageDown", "0", r"percent [0-4]\b")
+    up, down = ("End", "100", r"percent (9[5-9]|100)"), ("Home", "0", r"percent [0-4]\b")
     press(button(learn, "Begin: A part dies"))
     ticked(learn, 0)
     turn(up)

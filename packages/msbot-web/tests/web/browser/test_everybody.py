@@ -1,0 +1,159 @@
+"""Everybody can use every page: teacher, pupil and guest, by keyboard, by finger, on a narrow phone, and on paper.
+
+The pages are those of a person's own menu and what they lead to, so that a new page is looked at without being named
+here. A page is looked at by one role in one of four settings, in turn; with MSBOT_THOROUGH=1 by all in all.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.effort import THOROUGH
+from tests.web.browser.accessible import COLOURS, hurdles
+from tests.web.browser.conftest import Site, call, go, new_page
+from tests.web.browser.test_demo_pages import FITS
+
+PASSWORD = "long enough 1"
+SETTINGS = ("desk", "phone", "dark", "easy")
+MENU = "[...document.querySelectorAll('.ms-nav a')].map((link) => new URL(link.href).pathname)"
+BEYOND = {
+    "guest": ("/?slot=knob", "/learn/quiz?seed=7"),
+    "pupil": ("/?slot=knob", "/learn/quiz?seed=7", "/library/SG90"),
+    "teacher": ("/?slot=fan", "/?slot=knob", "/pupil?name=Mia", "/projector", "/library/SG90", "/learn/quiz?seed=7",
+                "/handbook/howto/web_page", "/api-docs"),
+}  # fmt: skip
+"""What no menu has."""
+
+
+@pytest.fixture(scope="module")
+def seen() -> set[str]:
+    """The pages that somebody has looked at."""
+    return set()
+
+
+@pytest.fixture(scope="module")
+def visitors(browser: Browser, demo: Site) -> Iterator[Mapping[str, Page]]:
+    """One of each role."""
+    teacher = new_page(browser, by_finger=True)
+    go(teacher, demo.link)
+    found = {"teacher": teacher}
+    for name, role, of in (("Mia", "student", "pupil"), ("Gus", "viewer", "guest")):
+        assert call(teacher, "POST", "/api/users", {"name": name, "role": role, "password": PASSWORD}) == 200
+        found[of] = page = new_page(browser, by_finger=True)
+        page.goto(f"{demo.base}/login")
+        assert hurdles(page, dark=False) + hurdles(page, dark=True, rules=COLOURS) == []
+        page.fill("[name=name]", name)
+        page.fill("[name=password]", PASSWORD)
+        page.click("button[type=submit]")
+        page.wait_for_url(f"{demo.base}/")
+    yield found
+    for page in found.values():
+        page.context.close()
+
+
+@pytest.mark.timeout(600)  # some twenty pages, each of them examined
+@pytest.mark.parametrize("role", BEYOND)
+def test_every_page_of_a_role(visitors: Mapping[str, Page], demo: Site, seen: set[str], role: str) -> None:
+    page = visitors[role]
+    go(page, demo.base)
+    paths = list(dict.fromkeys([*page.evaluate(MENU), *BEYOND[role]]))
+    assert len(paths) > len(BEYOND[role]) + 4, "the menu has pages"
+    found: list[str] = []
+    for number, path in enumerate(paths):
+        is_others = path in seen or (role != "teacher" and number % 2)
+        if is_others and not THOROUGH:
+            continue
+        seen.add(path)
+        for setting in SETTINGS if THOROUGH else (SETTINGS[number % len(SETTINGS)],):
+            found += [f"{path}, {setting}: {one}" for one in _hurdles_in(page, demo.base + path, setting)]
+    assert found == []
+
+
+def _hurdles_in(page: Page, address: str, setting: str) -> list[str]:
+    page.context.add_cookies([{"name": "msbot_easy", "value": "yes" if setting == "easy" else "", "url": address}])
+    page.set_viewport_size({"width": 390 if setting == "phone" else 1280, "height": 844})
+    go(page, address)
+    expect(page.get_by_role("main")).to_have_count(1)
+    expect(page.get_by_role("heading", level=1)).to_have_count(1)
+    found = hurdles(page, dark=setting == "dark")
+    page.set_viewport_size({"width": 320, "height": 700})
+    page.wait_for_function(FITS)
+    return found
+
+
+def test_a_cards_name_says_its_state_and_follows_it(visitors: Mapping[str, Page], demo: Site) -> None:
+    page = visitors["teacher"]
+    go(page, demo.base)
+    page.get_by_role("button", name="Open slot bumper: active", exact=True).wait_for()
+    page.get_by_role("button", name="Unplug bumper").click()
+    expect(page.get_by_role("button", name="Open slot bumper: lost", exact=True)).to_be_visible()
+    page.get_by_role("button", name="Plug bumper in").click()
+    expect(page.get_by_role("button", name="Open slot bumper: active", exact=True)).to_be_visible()
+
+
+def test_a_slider_says_its_name_and_value_and_obeys_every_key(visitors: Mapping[str, Page], demo: Site) -> None:
+    page = visitors["teacher"]
+    go(page, f"{demo.base}/?slot=knob")
+    slider = page.get_by_role("slider", name=re.compile("Turn the knob"))
+    slider.focus()
+    for key, value in (("End", "100"), ("Home", "0"), ("ArrowRight", "0.5"), ("PageUp", "10.5"), ("ArrowLeft", "10")):
+        slider.press(key)
+        expect(slider).to_have_value(value)
+        expect(slider).to_have_attribute("aria-valuetext", re.compile(rf"^{re.escape(value)}\b"))
+    expect(page.get_by_role("dialog")).to_contain_text(re.compile(r"percent\s+10\b"))
+    expect(slider).to_have_value("10")  # what the robot answers does not put it back
+
+
+def test_the_focus_stays_with_the_person(visitors: Mapping[str, Page], demo: Site) -> None:
+    page = visitors["teacher"]
+    go(page, demo.base)
+    card = page.get_by_role("button", name="Open slot knob")
+    card.press("Enter")
+    expect(page.get_by_role("dialog")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(card).to_be_focused()
+    # Another page has drawn the list anew, with the same card in it; then it is gone, and a neighbour has its place.
+    page.evaluate("grid = document.querySelector('.ms-cards'), grid.parentElement.innerHTML = grid.outerHTML")
+    expect(card).to_be_focused()
+    page.evaluate("document.activeElement.closest('.place').remove()")
+    page.wait_for_function("document.activeElement.matches('.open, .plug')")
+    # A dialog whose opener is gone, too: the page's content.
+    page.get_by_role("button", name="Open slot fan").press("Enter")
+    expect(page.get_by_role("dialog")).to_be_visible()
+    page.evaluate("document.querySelector('.ms-cards').remove()")
+    page.get_by_role("dialog").get_by_role("button", name="Close").press("Enter")  # Escape twice would be STOP
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.wait_for_function("document.activeElement !== document.body")
+    # What is pressed and then greyed out, or taken away.
+    go(page, f"{demo.base}/faults")
+    page.get_by_role("button", name="Plant", exact=True).press("Enter")
+    end = page.get_by_role("button", name=re.compile("^End")).last
+    end.press("Enter")
+    expect(page.get_by_text("No fault is planted")).to_be_visible()
+    page.wait_for_function("document.activeElement !== document.body")
+
+
+def test_ports_are_as_large_as_a_finger_needs_them(visitors: Mapping[str, Page], demo: Site) -> None:
+    page = visitors["teacher"]
+    page.set_viewport_size({"width": 390, "height": 844})
+    go(page, f"{demo.base}/wires")
+    low = (
+        "[...document.querySelectorAll('.wires [role=button] .field')].map((one) => one.getBoundingClientRect().height)"
+    )
+    page.wait_for_function(f"{low}.length && Math.min(...{low}) >= 44")
+    page.wait_for_function(FITS)
+
+
+def test_on_paper_there_is_what_one_prints(visitors: Mapping[str, Page], demo: Site) -> None:
+    page = visitors["teacher"]
+    go(page, f"{demo.base}/missions")
+    page.emulate_media(media="print")
+    for one in (page.locator(".ms-header"), page.get_by_role("navigation"), page.locator("#ms-stop")):
+        expect(one).to_be_hidden()
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    assert page.locator("button:visible").count() == 0
+    page.emulate_media(media="screen")
