@@ -27,7 +27,7 @@ TASKS = {
     "Try it": ("demo", "arena", "lesson", "quiz"),
     "Run a robot": ("init", "master", "service", "doctor", "extensions", "completion"),
     "Run parts": ("part", "host", "board", "hardware", "library", "key"),
-    "See what a robot does": ("parts", "why", "clients", "robots"),
+    "See what a robot does": ("parts", "why", "topic", "clients", "robots"),
     "Change a running robot": (
         *("adopt", "swap", "release", "block", "unblock", "simulate", "identify"),
         *("set", "publish", "bind", "unbind", "undo", "stop", "go"),

@@ -13,7 +13,7 @@ from msbot.master import Master
 from msbot.metrics import DatabaseFigures, MetricsCollector, MetricsSampler, MomentFigures, PageFigures
 from msbot.operations.blocking import known_object
 from msbot.operations.dispatch import RunningOperations
-from msbot.part import Message
+from msbot.operations.message_classes import MessageClasses
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
 from msbot.sim.arena.running_arena import RunningArena
@@ -118,7 +118,7 @@ class RobotPages:
             master,
             blueprint=lambda: master.blueprint if database is None else database.memory.blueprint,
             library=library,
-            live=LiveValues(master.space, self._class_of, clock),
+            live=LiveValues(master.space, MessageClasses(lambda: self._views.library), clock),
             frames=seen.frames,
             timeline=timeline,
             bench=seen.bench or SimulatedPartControls(operations.stand_ins),
@@ -187,10 +187,6 @@ class RobotPages:
         self._views.use_library(library)
         classes = (message_class(message) for message in library.messages.values())
         self._frames.know(classes, partial(known_object, self._master), library.units)
-
-    def _class_of(self, type_name: str) -> type[Message] | None:
-        message = self._views.library.messages.get(type_name)
-        return None if message is None else message_class(message)
 
     def _read_figures(self) -> MomentFigures:
         self._is_noting.set()  # from the first question on

@@ -11,7 +11,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import Final
 
 from msbot.config import Binding, Blueprint, Direction, Library, RobotProfile, Scalar, Slot, SlotPort
-from msbot.part import Message
+from msbot.operations.message_classes import MessageClasses
 from msbot.part.join.pnp_messages import Nature
 from msbot.pnp import KnownObject, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopConfirmation, StopStatus
@@ -189,7 +189,7 @@ class SnapshotBuilder:
                     self._take_confirmations(object_of(message))
         self._blueprint = self._read_blueprint()
         self._infos = self._read_parts()
-        self._live = LiveValues(MemorySpace(clock=self._clock), self._class_of, self._clock)
+        self._live = LiveValues(MemorySpace(clock=self._clock), MessageClasses(lambda: self._library), self._clock)
         self._live.watch(self._blueprint.topics())
         from_ns = at_ns - round(HISTORY_S * NS)
         earlier = [one for one in before if from_ns <= one.at_ns and not one.is_repeated]
@@ -302,10 +302,6 @@ class SnapshotBuilder:
             duplicates=(),
             nature=Nature[nature] if nature in Nature.__members__ else Nature.UNKNOWN,
         )
-
-    def _class_of(self, type_name: str) -> type[Message] | None:
-        message = self._library.messages.get(type_name)
-        return None if message is None else message_class(message)
 
     def _hear(self, message: RecordedMessage) -> None:
         watch = self._live.topic(message.channel.metadata.get("topic", ""))

@@ -36,6 +36,7 @@ COMMANDS = {
     "unblock": "Let a blocked part in again.",
     "set": "Show and set the parameters of a slot.",
     "publish": "Drive a port by hand: the fan, the lamp, the servo.",
+    "topic": "Look at topics as `ros2 topic` does: list, echo, hz, bw; publish on one.",
     "bind": "Join ports by a topic.",
     "unbind": "Take a port off a topic.",
     "undo": "Take a change back, or show what was changed.",

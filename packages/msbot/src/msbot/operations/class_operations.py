@@ -38,6 +38,7 @@ _WITHOUT_SLOT = frozenset(
         "repair",
         "answer_mission",
         "mission_hint",
+        "publish_topic",
     }
 )
 """What a pupil who is held cannot do either."""
@@ -46,10 +47,24 @@ EndWhere = Callable[[Callable[[str, str], bool]], object]
 
 
 class ClassControl:
-    """The operations of a class."""
+    """The operations of a class.
 
-    def __init__(self, running: RunningRobot, lessons: Lessons, by_hand: ManualControl) -> None:
+    Args:
+        running: the robot.
+        lessons: who takes part in which.
+        by_hand: what people hold.
+        slots_that_hear: the slots that a topic's messages go to.
+    """
+
+    def __init__(
+        self,
+        running: RunningRobot,
+        lessons: Lessons,
+        by_hand: ManualControl,
+        slots_that_hear: Callable[[str], Iterable[str]],
+    ) -> None:
         self._running = running
+        self._slots_that_hear = slots_that_hear
         self._lessons = lessons
         self._by_hand = by_hand
         self._pupils = running.inventory.pupil_parts.pupils
@@ -140,6 +155,9 @@ class ClassControl:
             self.check_slot(asker.name, self._slot_meant(word, is_port="port" in given))
         elif row.name in _WITHOUT_SLOT and (held := self._pupils.held(asker.name)):
             raise ConfigError(held)
+        if row.name == "publish_topic":
+            for slot in self._slots_that_hear(str(given["topic"])):
+                self.check_slot(asker.name, slot)
         if given.get("part"):
             self._running.check_named(str(given["part"]))
         if row.name == "publish":

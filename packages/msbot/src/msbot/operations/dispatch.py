@@ -31,6 +31,7 @@ from msbot.operations.stop_and_go import StopOperations
 from msbot.operations.stored_robot import StoredPlacement, StoredRobot
 from msbot.operations.table import OPERATIONS
 from msbot.operations.teaching_operations import Faults, Lessons, Missions, Worlds
+from msbot.operations.topic_inspection import TopicInspection
 from msbot.operations.undo_operations import StoredUndoing, Undoing
 from msbot.registry import Registry, RobotRecord
 from msbot_agent.text.sentence import said, whole
@@ -214,7 +215,8 @@ class RunningOperations(Operations):
         self.missions = Missions(running)
         self.lessons = Lessons(running)
         self.worlds = Worlds()
-        self.pupils = ClassControl(running, self.lessons, self.by_hand)
+        self.topics = TopicInspection(running)
+        self.pupils = ClassControl(running, self.lessons, self.by_hand, self.topics.slots_that_hear)
         super().__init__(
             SlotSettings(running),
             Undoing(running, self.placement),
@@ -223,6 +225,7 @@ class RunningOperations(Operations):
             self.showing,
             self.applying,
             self.by_hand,
+            self.topics,
             self.recording,
             self.faults,
             self.missions,

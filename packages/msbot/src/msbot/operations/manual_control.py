@@ -11,7 +11,7 @@ import logging
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from msbot.config import Direction, FieldKind, Port, Scalar
+from msbot.config import Direction, FieldKind, MessageType, Port, Scalar
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
@@ -65,7 +65,8 @@ class ManualControl:
         if holder is None or not holder.state.is_registered:
             raise ConfigError(said("slot {slot} has no part now: there is nothing to drive", slot=end.slot))
         declared = self._port(end.slot, end.port, holder.part_number)
-        message = _message(declared, end.slot, values)
+        assert declared.message is not None
+        message = read_message(f"{end.slot}.{end.port}", declared.message, values)
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
             hold = self._take(declared, end.slot, message, who)
@@ -75,7 +76,6 @@ class ManualControl:
         hold.message, hold.who = message, who
         hold.until = self._running.now() + seconds
         self._say(hold)
-        assert declared.message is not None
         shown = message_words(message, declared.message.units)
         return Outcome(
             said(
@@ -202,15 +202,18 @@ class ManualControl:
         hold.writer.close()
 
 
-def _message(declared: Port, slot: str, values: Sequence[str]) -> Message:
+def read_message(where: str, message: MessageType, values: Sequence[str]) -> Message:
     """The message that people mean: values in the order of the fields, or `field=value`.
+
+    Args:
+        where: the port or topic that takes it, for the words of a mistake.
+        message: its type.
+        values: what people wrote.
 
     Raises:
         ConfigError: a field is missing, unknown, or cannot have that value.
     """
-    assert declared.message is not None
-    fields = declared.message.fields
-    where = f"{slot}.{declared.name}"
+    fields = message.fields
     shown = ", ".join(f"{name} ({kind.value})" for name, kind in fields.items())
     given: dict[str, str] = {}
     if len(fields) == 1 and next(iter(fields.values())) is FieldKind.TEXT and not _is_named(values, fields):
@@ -239,7 +242,7 @@ def _message(declared: Port, slot: str, values: Sequence[str]) -> Message:
                 shown=shown,
             )
         )
-    return message_class(declared.message)(**{name: _value(where, name, fields[name], given[name]) for name in fields})
+    return message_class(message)(**{name: _value(where, name, fields[name], given[name]) for name in fields})
 
 
 def _is_named(values: Sequence[str], fields: Mapping[str, FieldKind]) -> bool:

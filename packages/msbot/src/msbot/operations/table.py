@@ -26,6 +26,10 @@ def _topic() -> Argument:
     return Argument("topic", is_needed=True, shown_as="TOPIC", help="Name of the topic.")
 
 
+def _topic_type() -> Argument:
+    return Argument("type", parameter="type_name", shown_as="[TYPE]", help="Its message type; needed for a free topic.")
+
+
 def _pupil() -> Argument:
     return Argument("pupil", is_needed=True, longest=64, shown_as="PUPIL", help="Name of the pupil.")
 
@@ -169,6 +173,26 @@ _ROWS = (
         "let_go", "Stop driving a port by hand.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that somebody drives by hand."),),
         Right.OPERATE, OperationScope.RUNNING, EditLog.LINE, "hand", "POST /ports/{port}/let_go",
+    ),
+    Operation(
+        "topics", "Every topic: its type, who publishes and who subscribes, how many messages it has carried.",
+    ),
+    Operation(
+        "topic_samples", "The messages of a topic after one of them; waits a while for the next.",
+        (_topic(), _topic_type(),
+         Argument("after", ArgumentKind.WHOLE, least=0, most=2**53,
+                  help="Number of the message after which they are wanted; left out: only the newest number is told."),
+         Argument("wait", ArgumentKind.NUMBER, default=0.0, least=0.0, most=3.0,
+                  help="Seconds to wait for the next message, if there is none yet."),
+         Argument("values", ArgumentKind.FLAG, default=True, help="Also what the messages say.")),
+    ),
+    Operation(
+        "publish_topic", "Publish one message on a topic, besides what parts publish there.",
+        (_topic(),
+         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+                  help="The values of the message in their order, or FIELD=VALUE."),
+         _topic_type()),
+        Right.OPERATE, OperationScope.RUNNING, EditLog.LINE, "hand", "POST /topics/{topic}/publish",
     ),
     Operation(
         "undo", "Take a change back, or show what was changed.",

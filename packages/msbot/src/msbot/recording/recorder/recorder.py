@@ -16,8 +16,9 @@ from typing import Final, Protocol
 from msbot.config import Blueprint, InDds, Library
 from msbot.master import Master
 from msbot.operations.dispatch import Operations, PerformedOperation, RunningOperations
-from msbot.part import HelloWorld, Message
-from msbot.part.join.pnp_messages import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC, ProfileMessage
+from msbot.operations.message_classes import MessageClasses
+from msbot.part import Message
+from msbot.part.join.pnp_messages import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC
 from msbot.part.join.seal import SEAL_OCTETS
 from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
@@ -53,7 +54,6 @@ from msbot.recording.recorder.schemas import (
     shown_words,
     topics_in_ros,
 )
-from msbot.sim.model_part import message_class
 from msbot_agent.agent import client_key_of
 from msbot_agent.link import Link, bound_name
 from msbot_agent.link.can import CanBusInfo, CanEnd
@@ -82,8 +82,7 @@ class Recorder:
     def __init__(self, clock: Callable[[], float], epoch_ns: Callable[[], int], library: Library | None = None) -> None:
         self.clock = clock
         self._began_ns = epoch_ns() - round(clock() * 1e9)
-        self._types: dict[str, type[Message]] = {cls.type_name: cls for cls in (ProfileMessage, HelloWorld)}
-        self._library = library
+        self._class_of = MessageClasses(lambda: library)
         self._heard = BytesIO()
         self.write: Callable[[bytes], int] = self._heard.write
         """Takes records, or the head of one and then its content."""
@@ -226,18 +225,6 @@ class Recorder:
         """Who tells a message to or from the inventory from the seal behind it."""
         authentication = None if self._master is None else self._master.blueprint.options.authentication
         return ObservedSeals(sealed=authentication == "key+data")
-
-    def _class_of(self, type_name: str) -> type[Message] | None:
-        """What a type looks like; the library is asked each time, because an adopted part brings types of its own."""
-        message = None if self._library is None else self._library.messages.get(type_name)
-        if message is not None:
-            return message_class(message)
-        if type_name not in self._types and "::msg::dds_::" in type_name:
-            from msbot import ros2  # of use only to robots that speak to ROS 2
-
-            ours = (cls for cls in vars(ros2).values() if isinstance(cls, type) and issubclass(cls, Message))
-            self._types |= {cls.type_name: cls for cls in ours}
-        return self._types.get(type_name)
 
     def _number(self, channel: RecordedChannel) -> int | None:
         number = self._numbers.get(channel)

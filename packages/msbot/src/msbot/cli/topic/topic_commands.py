@@ -1,0 +1,425 @@
+"""`msbot topic`: list topics, see their messages and rates as they come, publish one by hand."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import click
+
+from msbot.cli.change.robot_access import running_master
+from msbot.cli.robot_options import robot_options, user_name
+from msbot.cli.topic.message_output import MessageOutput, TimeForm
+from msbot.cli.topic.rates import MessageWindow
+from msbot_agent.agent import RunningProcess
+from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
+from msbot_agent.text.sentence import printable
+from msbot_xrce.counting import amount
+from msbot_xrce.errors import ConfigError
+
+WAIT_S = 2.0
+"""How long the master waits for the next message before it answers that there is none."""
+PAUSE_S = 0.05
+"""Least time between two requests: a topic with a thousand messages a second needs no thousand requests."""
+REPORT_S = 1.0
+WINDOW = 10_000
+
+
+@click.group("topic")
+def command() -> None:
+    """Look at the topics of a running robot, and publish on them, as `ros2 topic` does."""
+
+
+class RobotTopics:
+    """The running master, and what it is asked.
+
+    Raises:
+        ConfigError: no master runs here, or several could be meant.
+    """
+
+    def __init__(self, db: str | None, robot: str | None) -> None:
+        master = running_master(db, robot)
+        if master is None:
+            raise ConfigError("no master runs here: `msbot master robot.toml` or `msbot demo` starts one")
+        self._master: RunningProcess = master
+
+    def ask(self, do: str, **given: object) -> dict[str, Any]:
+        """The answer to an operation.
+
+        Raises:
+            ConfigError: what the master says is wrong, or it does not answer.
+        """
+        args = {name: value for name, value in given.items() if value is not None}
+        answer = self._master.ask({"do": do, "args": args, "who": user_name()})
+        if "error" in answer:
+            raise ConfigError(str(answer["error"]))
+        return answer
+
+    def topics(self) -> list[dict[str, Any]]:
+        """Every topic of the robot."""
+        found: list[dict[str, Any]] = self.ask("topics")["topics"]
+        return found
+
+    def topic(self, name: str) -> dict[str, Any]:
+        """The topic of that name.
+
+        Raises:
+            ConfigError: there is none; the text names those that are like it.
+        """
+        known = {one["topic"]: one for one in self.topics()}
+        for word in (name, name.lstrip("/")):
+            if word in known:
+                return known[word]
+        close = difflib.get_close_matches(name.lstrip("/"), known)
+        hint = f"do you mean {' or '.join(close)}?" if close else "`msbot topic list` lists them"
+        raise ConfigError(f"this robot has no topic {name!r}; {hint}")
+
+
+def _type_given(topic: str, type_name: str | None, meant: Mapping[str, Any]) -> str | None:
+    if meant["free"] and not type_name:
+        raise ConfigError(f"{topic} is a free topic, of any type: name its type behind it, as HelloWorld")
+    return type_name
+
+
+def _answers(
+    asked: RobotTopics, topic: str, type_name: str | None, *, wait: float, values: bool
+) -> Iterator[dict[str, Any]]:
+    """What the master answers about a topic, again and again: `samples`, `missed`."""
+    after = int(asked.ask("topic_samples", topic=topic, type=type_name)["next"])
+    while True:
+        began = time.monotonic()
+        answer = asked.ask("topic_samples", topic=topic, type=type_name, after=after, wait=wait, values=values)
+        after = int(answer["next"])
+        yield answer
+        time.sleep(max(0.0, began + PAUSE_S - time.monotonic()))
+
+
+_topic_argument = click.argument("topic")
+_type_argument = click.argument("type_name", required=False, metavar="[TYPE]")
+
+
+# What there is
+
+
+@command.command("list")
+@click.option("-t", "--show-types", is_flag=True, help="Also show the type of each.")
+@click.option("-c", "--count-topics", is_flag=True, help="Only say how many there are.")
+@click.option("-v", "--verbose", is_flag=True, help="Also show types, ports and messages so far.")
+@json_option
+@robot_options
+def list_(
+    db: str | None, robot: str | None, *, show_types: bool, count_topics: bool, verbose: bool, as_json: bool
+) -> None:
+    """List the topics of the robot."""
+    topics = RobotTopics(db, robot).topics()
+    if as_json:
+        click.echo(json.dumps(topics))
+    elif count_topics:
+        click.echo(str(len(topics)))
+    else:
+        for one in topics:
+            click.echo(_line(one, show_types=show_types, verbose=verbose))
+
+
+def _line(topic: Mapping[str, Any], *, show_types: bool, verbose: bool) -> str:
+    name = printable(topic["topic"])
+    kind = topic["type"] or "free"
+    if verbose:
+        ends = f"{_ends(topic['publishers'])} -> {_ends(topic['subscribers'])}"
+        return f"{name} [{kind}]  {ends}  {amount(topic['published'], 'message')}"
+    return f"{name} [{kind}]" if show_types else name
+
+
+def _ends(ends: list[dict[str, str]]) -> str:
+    return ", ".join(f"{end['slot']}.{end['port']}" for end in ends) or "nobody"
+
+
+@command.command("info")
+@_topic_argument
+@click.option("-v", "--verbose", is_flag=True, help="Also name the parts in the slots.")
+@json_option
+@robot_options
+def info(topic: str, db: str | None, robot: str | None, *, verbose: bool, as_json: bool) -> None:
+    """Show a topic: its type and fields, who publishes and who subscribes."""
+    found = RobotTopics(db, robot).topic(topic)
+    if as_json:
+        click.echo(json.dumps(found))
+        return
+    click.echo(f"Type: {found['type'] or 'any (a free topic)'}")
+    for name, kind in found["fields"]:
+        click.echo(f"  {name}: {kind} {found['units'].get(name, '')}".rstrip())
+    click.echo(f"Reliability: {'reliable' if found['reliable'] else 'best effort'}")
+    for title, key in (("Publisher", "publishers"), ("Subscription", "subscribers")):
+        click.echo(f"{title} count: {len(found[key])}")
+        for end in found[key]:
+            part = f"  ({end['part'] or 'no part in the slot'})" if verbose else ""
+            click.echo(f"  {end['slot']}.{end['port']}{part}")
+    click.echo(f"Messages so far: {found['published']} published, {found['delivered']} delivered")
+
+
+# Messages as they come
+
+
+@command.command("echo")
+@_topic_argument
+@_type_argument
+@click.option("--once", is_flag=True, help="Print one message, then end.")
+@click.option("-n", "--count", type=WholeRange(1), metavar="N", help="Print so many messages, then end.")
+@click.option("--field", default="", metavar="FIELD", help="Only this field; pose.x for one in a nested message.")
+@click.option("--csv", "as_csv", is_flag=True, help="A line for each message: its values, with commas.")
+@click.option("--json", "as_json", is_flag=True, help="A line for each message: a JSON object.")
+@click.option(
+    "-t",
+    "times",
+    type=click.Choice([form.value for form in TimeForm]),
+    help="A line for each message with its time: (a)bsolute, (d)elta, (z)ero, (A)bsolute with date.",
+)
+@click.option(
+    "--timeout",
+    type=FiniteRange(min=0.1),
+    metavar="SECONDS",
+    help="End with status 1 when no message comes for so long.",
+)
+@robot_options
+def echo(
+    topic: str,
+    type_name: str | None,
+    *,
+    once: bool,
+    count: int | None,
+    field: str,
+    as_csv: bool,
+    as_json: bool,
+    times: str | None,
+    timeout: float | None,
+    db: str | None,
+    robot: str | None,
+) -> None:
+    """Print the messages of a topic as they come, until Ctrl-C."""
+    if sum((as_csv, as_json, times is not None)) > 1:
+        raise click.UsageError("choose one of --csv, --json and -t")
+    asked = RobotTopics(db, robot)
+    meant = asked.topic(topic)
+    _type_given(topic, type_name, meant)
+    form = None if times is None else TimeForm(times)
+    output = MessageOutput(meant["topic"], field=field, as_csv=as_csv, as_json=as_json, times=form)
+    most = 1 if once else count
+    wait = min(WAIT_S, WAIT_S if timeout is None else timeout)
+    shown = missed = 0
+    heard_at = time.monotonic()
+    try:
+        for answer in _answers(asked, meant["topic"], type_name, wait=wait, values=True):
+            if answer["missed"]:
+                missed += int(answer["missed"])
+                click.echo(f"msbot: {amount(int(answer['missed']), 'message')} missed: read more quickly", err=True)
+            for sample in answer["samples"]:
+                heard_at = time.monotonic()
+                for line in output.lines(sample):
+                    click.echo(line)
+                shown += 1
+                if shown == most:
+                    return
+            if timeout is not None and time.monotonic() - heard_at >= timeout:
+                click.echo(f"msbot: no message on {meant['topic']} for {timeout:g} s", err=True)
+                sys.exit(1)
+    except KeyboardInterrupt:
+        lost = f", {missed} missed" if missed else ""
+        click.echo(f"\n{meant['topic']}: {amount(shown, 'message')}{lost}", err=True)
+
+
+# Rates
+
+
+def _rate_options(function: Callable[..., None]) -> Callable[..., None]:
+    for option in (
+        click.option("-n", "--count", type=WholeRange(1), metavar="N", help="End after so many reports."),
+        click.option(
+            "-w",
+            "--window",
+            type=WholeRange(2, 100_000),
+            default=WINDOW,
+            show_default=True,
+            metavar="N",
+            help="The newest N messages count.",
+        ),
+        click.option("--json", "as_json", is_flag=True, help="A JSON object for each report."),
+    ):
+        function = option(function)
+    return function
+
+
+@command.command("hz")
+@_topic_argument
+@_type_argument
+@_rate_options
+@robot_options
+def hz(
+    topic: str,
+    type_name: str | None,
+    *,
+    count: int | None,
+    window: int,
+    as_json: bool,
+    db: str | None,
+    robot: str | None,
+) -> None:
+    """Say each second how often messages come, until Ctrl-C."""
+
+    def report(seen: MessageWindow, _now: float) -> str | None:
+        rate = seen.rate
+        return None if rate is None else json.dumps(rate.as_json()) if as_json else rate.words
+
+    _reports(RobotTopics(db, robot), topic, type_name, report, window=window, count=count)
+
+
+@command.command("bw")
+@_topic_argument
+@_type_argument
+@_rate_options
+@robot_options
+def bw(
+    topic: str,
+    type_name: str | None,
+    *,
+    count: int | None,
+    window: int,
+    as_json: bool,
+    db: str | None,
+    robot: str | None,
+) -> None:
+    """Say each second how many octets messages bring, until Ctrl-C."""
+
+    def report(seen: MessageWindow, now: float) -> str | None:
+        found = seen.bandwidth(now)
+        return None if found is None else json.dumps(found.as_json()) if as_json else found.words
+
+    _reports(RobotTopics(db, robot), topic, type_name, report, window=window, count=count)
+
+
+def _reports(
+    asked: RobotTopics,
+    topic: str,
+    type_name: str | None,
+    report: Callable[[MessageWindow, float], str | None],
+    *,
+    window: int,
+    count: int | None,
+) -> None:
+    meant = asked.topic(topic)
+    _type_given(topic, type_name, meant)
+    seen, messages, reported = MessageWindow(window), 0, 0
+    next_at = time.monotonic() + REPORT_S
+    try:
+        for answer in _answers(asked, meant["topic"], type_name, wait=REPORT_S, values=False):
+            for sample in answer["samples"]:
+                seen.add(float(sample["at"]), int(sample["octets"]))
+            messages += len(answer["samples"]) + int(answer["missed"])
+            if time.monotonic() < next_at:
+                continue
+            next_at = time.monotonic() + REPORT_S
+            words = report(seen, time.time())
+            if words is None:
+                click.echo("no new messages", err=True)
+                continue
+            click.echo(words)
+            reported += 1
+            if reported == count:
+                return
+    except KeyboardInterrupt:
+        click.echo(f"\n{meant['topic']}: {amount(messages, 'message')}", err=True)
+
+
+# A message by hand
+
+
+@command.command("pub", context_settings={"ignore_unknown_options": True})
+@_topic_argument
+@click.argument("values", nargs=-1, required=True, metavar="[TYPE] VALUE...")
+@click.option("--once", is_flag=True, help="Publish one message, which is also what happens without --rate.")
+@click.option("-r", "--rate", type=FiniteRange(min=0.01, max=50), metavar="HZ", help="So many messages a second.")
+@click.option("-t", "--times", type=WholeRange(1), metavar="N", help="End after so many messages; 1 a second.")
+@json_option
+@robot_options
+def pub(
+    topic: str,
+    values: tuple[str, ...],
+    *,
+    once: bool,
+    rate: float | None,
+    times: int | None,
+    as_json: bool,
+    db: str | None,
+    robot: str | None,
+) -> None:
+    """Publish a message on a topic, besides what parts publish there.
+
+    VALUE: the values of the message in their order, FIELD=VALUE, or one text '{field: value, ...}'. With --rate they
+    go on until Ctrl-C.
+    """
+    if once and (rate is not None or times is not None):
+        raise click.UsageError("--once is one message: leave --rate and --times out")
+    asked = RobotTopics(db, robot)
+    meant = asked.topic(topic)
+    type_name, wanted = _type_and_values(meant, values)
+    _type_given(topic, type_name, meant)
+    most = times if rate is not None or times is not None else 1
+    done = 0
+    try:
+        next_at = time.monotonic()
+        while most is None or done < most:
+            answer = asked.ask("publish_topic", topic=meant["topic"], values=wanted, type=type_name)
+            done += 1
+            if done == 1:
+                click.echo(json.dumps(answer) if as_json else answer["words"])
+            next_at += 1 / (rate or 1.0)
+            if done != most:
+                time.sleep(max(0.0, next_at - time.monotonic()))
+    except KeyboardInterrupt:
+        click.echo(f"\n{meant['topic']}: {amount(done, 'message')} published", err=True)
+
+
+def _type_and_values(meant: Mapping[str, Any], words: tuple[str, ...]) -> tuple[str | None, list[str]]:
+    """The type, if it was written, and the values."""
+    first, *others = words
+    type_name = None
+    if others and (meant["free"] or first.rpartition("/")[2] == meant["type"]):
+        type_name, words = first.rpartition("/")[2], tuple(others)
+    if len(words) == 1 and words[0].lstrip().startswith("{"):
+        return type_name, values_of(words[0])
+    return type_name, list(words)
+
+
+def values_of(text: str) -> list[str]:
+    """The `FIELD=VALUE` of a text such as `{percent: 40}`, JSON or YAML on one line.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = _flow(text)
+    if not isinstance(found, dict) or any(isinstance(value, dict | list) for value in found.values()):
+        raise ConfigError(f"{text!r}: write {{field: value, field: value}}")
+    return [f"{name}={_word(value)}" for name, value in found.items()]
+
+
+def _word(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _flow(text: str) -> dict[str, str] | None:
+    inner = text.strip()
+    if not inner.endswith("}"):
+        return None
+    found = {}
+    for item in filter(None, (one.strip() for one in inner[1:-1].split(","))):
+        name, colon, value = item.partition(":")
+        if not colon:
+            return None
+        found[name.strip()] = value.strip().strip("'\"")
+    return found
