@@ -79,7 +79,8 @@ class _WatchedTopic:
         number = min(number, self.total)
         oldest = self.total - len(self.kept)
         missed = max(oldest - number, 0)
-        found, octets = [], 0
+        found: list[tuple[float, Guid, bytes]] = []
+        octets = 0
         for place in range(max(number - oldest, 0), len(self.kept)):
             octets += len(self.kept[place][2])
             if found and (len(found) == MOST_TOLD or octets > MOST_OCTETS_TOLD):
