@@ -37,8 +37,8 @@ def test_the_reference_lists_every_call_once_and_no_other(site: Site) -> None:
     """Those of operations in the table of operations."""
     schema = httpx.get(f"{site.base}/openapi.json", timeout=30).json()
     there = {f"{method.upper()} {path}" for path, calls in schema["paths"].items() for method in calls}
-    listed = re.findall(r"^\| `([A-Z]+ /api/\S+)` \|", REFERENCE, re.MULTILINE)
-    listed += re.findall(r"^\| `\w+`.* \| `([A-Z]+ /api/\S+)` \|", OPERATIONS, re.MULTILINE)
+    listed = re.findall(r"^\* `([A-Z]+ /api/\S+)`: ", REFERENCE, re.MULTILINE)
+    listed += re.findall(r"^\* `\w+`.* \(`([A-Z]+ /api/\S+)`, ", OPERATIONS, re.MULTILINE)
     assert sorted(listed) == sorted(there)
 
 

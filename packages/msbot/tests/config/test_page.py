@@ -80,6 +80,12 @@ def _sections() -> dict[str, str]:
     return sections | {"driver.option": sections["parameter"]}
 
 
+def _keys(section: str) -> list[str]:
+    """The keys of its lists, `KEY, KEY (TYPE): meaning`, and of the table of presets."""
+    lists = re.findall(r"(?m)^\* ((?:`\w+`, )*`\w+`) \(", section)
+    return re.findall(r"`(\w+)`", " ".join([*lists, *re.findall(r"(?m)^\| `\w+` \|", section)]))
+
+
 @pytest.fixture
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str]]:
     """(table, key) for everything the reader looks for."""
@@ -109,7 +115,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str
 
 def test_every_key_has_a_row_in_its_table(asked: set[tuple[str, str]]) -> None:
     sections = _sections()
-    missing = [(table, key) for table, key in asked if table and f"| `{key}` |" not in sections[table]]
+    missing = [(table, key) for table, key in asked if table and key not in _keys(sections[table])]
     assert missing == []
     assert {key for table, key in asked if not table} <= set(sections)
 
@@ -117,7 +123,7 @@ def test_every_key_has_a_row_in_its_table(asked: set[tuple[str, str]]) -> None:
 def test_the_standard_message_types_have_their_rows() -> None:
     text = _sections()["Standard message types"]
     for message in standard_message_types().values():
-        row = re.search(rf"(?m)^\| `{message.name}` \| (.*?) \|", text)
+        row = re.search(rf"(?m)^\* `{message.name}` \((.*?)\)", text)
         assert row is not None
         assert re.findall(r"`(\w+)`", row[1]) == list(message.fields)
 
@@ -138,7 +144,7 @@ def test_every_row_is_a_key(asked: set[tuple[str, str]]) -> None:
     sections = _sections()
     sections.pop("Standard message types")
     for heading, text in sections.items():
-        for key in re.findall(r"(?m)^\| `(\w+)` \|", text):
+        for key in _keys(text):
             assert (heading, key) in asked or (heading == key and ("", key) in asked)
 
 
