@@ -11,10 +11,10 @@ from nicegui import Client, ui
 
 from msbot.operations.rights import Right, Role
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.language import languages
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages import layout
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_xrce.errors import NotThere, RegistryError
 from tests.web.rig import Rig, show
 

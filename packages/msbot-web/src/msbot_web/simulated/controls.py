@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from msbot_web.api.models import ControlLine, Scalar
+from msbot_web.models.robot_models import ControlLine, Scalar
 
 
 class SimulatedControls(Protocol):
