@@ -1,4 +1,4 @@
-"""How programs log: to a terminal, to the journal, as JSON, and bounded.
+"""Logging: to a terminal, to the journal, as JSON; bounded.
 
 `LogLimiter` decides which lines are written and which only counted, so that nobody can fill a log. A kind is what one
 place in the code says, or one text word for word. Of each kind a few lines are written; further ones are counted, and

@@ -1,4 +1,4 @@
-"""How often something may happen, and who may connect.
+"""Rate limits, and limits of connections.
 
 An `Acceptor` accepts connections in the event loop, and pauses when the system is out of file descriptors or memory.
 While a process has no file descriptor left, asyncio's own servers retry in a tight loop and log every failure. Here a

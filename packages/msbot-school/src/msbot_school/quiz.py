@@ -1,4 +1,4 @@
-"""Questions about messages and frames, made up or of a real bus: drawn by chance, seeded; graded. Pure."""
+"""Random, seeded questions about messages and frames, with grading. Pure."""
 
 from __future__ import annotations
 

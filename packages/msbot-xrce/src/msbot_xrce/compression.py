@@ -1,4 +1,4 @@
-"""Header compression: makes a message shorter and restores it exactly, with no memory of earlier messages.
+"""Header compression: lossless, stateless.
 
 Theory of operation. Given the CAN identifier pair, most of a message can be predicted: whose it is, that one submessage
 fills it, and, if our own client chose it, the request id. The first octet of the short form, the *code*, says which

@@ -1,4 +1,4 @@
-"""Counts by name, bounded: what was dropped, refused or seen, and why."""
+"""Bounded counts by name: what was dropped, refused or seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The errors that several rooms raise; every error MsBOT raises on purpose derives from `MsbotError`.
+"""The errors that several rooms raise; all derive from `MsbotError`.
 
 A room that needs an error of its own derives it from one of these.
 

@@ -1,4 +1,4 @@
-"""Results kept for an object, not for equal ones: to look one up, nothing of the object is read or compared."""
+"""Results cached by the identity of an object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where each field of a message is: one table, of which explanation, quiz and Wireshark dissector are made.
+"""A table of the fields of all messages, for explanation, quiz and dissector.
 
 It lists the fields at fixed places; what follows them (the properties of a login, the description of an object, a
 sample) is one field `rest`, which `explain` puts into words. Names are those of the submessages' attributes. Where a

@@ -1,4 +1,4 @@
-"""Dataclasses whose methods are compiled when they are first used.
+"""Dataclasses whose methods are compiled at first use.
 
 Python's own decorator writes the source of six methods for each class and compiles it, whenever a program starts: for
 the six hundred classes of a robot that was a seventh of its start, and most of these methods are never called. What

@@ -1,4 +1,4 @@
-"""DDS-XRCE messages in words, for people who watch the wire. Never raises, whatever the bytes."""
+"""DDS-XRCE messages in words. Never raises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dissector of DDS-XRCE for Wireshark, in Lua, written from the table of `layout`."""
+"""A Wireshark dissector of DDS-XRCE in Lua, generated from `layout`."""
 
 from __future__ import annotations
 

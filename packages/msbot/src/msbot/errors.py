@@ -1,4 +1,4 @@
-"""The errors that programs catch; they are the same in all distributions (`msbot_xrce.errors` draws their tree)."""
+"""The errors that programs catch (`msbot_xrce.errors` draws their tree)."""
 
 from msbot_xrce.errors import (
     BusTaken,

@@ -1,4 +1,4 @@
-"""The agent: serves DDS-XRCE clients on any number of links and acts for them in a data space."""
+"""The agent: serves DDS-XRCE clients on links and acts for them in a data space."""
 
 from __future__ import annotations
 

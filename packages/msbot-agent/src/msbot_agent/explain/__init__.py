@@ -1,1 +1,1 @@
-"""From meaning to bits: captures and questions for `msbot explain` and `msbot quiz`."""
+"""Captures and explanations for `msbot explain` and `msbot quiz`."""

@@ -1,4 +1,4 @@
-"""Message definitions of others: OMG IDL and ROS 2 interface files in, Python, C or IDL out (`msbot idl`)."""
+"""OMG IDL and ROS 2 interface files to Python, C or IDL: `msbot idl`."""
 
 from msbot_agent.idl.c_writer import to_c
 from msbot_agent.idl.definitions_reader import read_definitions

@@ -1,4 +1,4 @@
-"""Links carry whole, opaque packets between this process and its peers; `contract.py` says what a link is."""
+"""Links carry whole packets between this process and its peers (`contract.py`)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Clients of the agent as nodes of ROS 2: names, the graph, parameters of nodes that have none."""
+"""Clients of the agent as ROS 2 nodes: names, graph, parameters."""

@@ -1,4 +1,4 @@
-"""The data space: where the writers and readers of an agent meet, in this process' memory, over DDS or over Zenoh.
+"""The data space: writers and readers in memory, over DDS or over Zenoh.
 
 `contract` says what a space is; `open_space` makes one from an address (`memory`, `dds:5`, `zenoh:tcp/host:7447`).
 """

@@ -1,1 +1,1 @@
-"""What makes programs start quickly, and what other packages add to them."""
+"""Quick start of programs; extensions by other packages."""

@@ -1,1 +1,1 @@
-"""Texts: what is printed, sentences that can be translated, JSON and files of others."""
+"""Texts: output, translatable sentences, JSON, files of others."""

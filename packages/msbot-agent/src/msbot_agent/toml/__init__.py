@@ -1,1 +1,1 @@
-"""TOML files written by people: every mistake is found and reported with its line."""
+"""TOML files written by people; every mistake is reported with its line."""

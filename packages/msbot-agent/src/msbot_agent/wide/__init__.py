@@ -1,4 +1,4 @@
-"""Sites far apart: the gateway between a site's data space and the others, and the files that say what passes."""
+"""The gateway between the data spaces of sites, and its files."""
 
 from msbot_agent.wide.gateway import BridgeDirection, BridgedTopic, Gateway, GatewayRules, read_gateway_file
 from msbot_agent.wide.router_file import RouterRules, read_router_file

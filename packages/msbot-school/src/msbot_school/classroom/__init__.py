@@ -1,1 +1,1 @@
-"""All robots of a class, wherever their masters run: who they are, STOP for all, one blueprint for many."""
+"""All robots of a class: discovery, STOP for all, one blueprint for many."""

@@ -1,1 +1,1 @@
-"""The commands of teaching: `msbot lesson`, `mission`, `fault`, `quiz`, `class`."""
+"""Commands: `msbot lesson`, `mission`, `fault`, `quiz`, `class`."""

@@ -1,4 +1,4 @@
-"""The thesis' sample robot in one process, on a simulated bus or over UDP: what `msbot demo` shows."""
+"""Sample robots in one process, on a simulated bus or over UDP: `msbot demo`."""
 
 from msbot_school.demo.demo_links import BusSnapshot, DemoEvent, DemoLinkKind, DemoSnapshot, PartSnapshot, TopicSnapshot
 from msbot_school.demo.demo_robot import DemoRobot

@@ -1,4 +1,4 @@
-"""The fault lab: faults planted on purpose in a running robot, and missions that ask to find them."""
+"""The fault lab: faults planted in a running robot."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Missions: faults that a class is to find and mend, and the marks for it."""
+"""Missions: faults that a class finds and repairs, and marks."""

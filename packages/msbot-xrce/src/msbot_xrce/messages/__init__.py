@@ -1,4 +1,4 @@
-"""Messages of DDS-XRCE: headers, submessages, and the numbers in them."""
+"""Messages of DDS-XRCE: headers, submessages, and their fields."""
 
 from msbot_xrce.messages.cdr import CdrReader, CdrWriter
 from msbot_xrce.messages.ids import (

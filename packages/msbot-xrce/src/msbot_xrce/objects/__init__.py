@@ -1,4 +1,4 @@
-"""What a client wants created, in all three forms: REF, XML and BIN."""
+"""Descriptions of objects in all three forms: REF, XML and BIN."""
 
 from msbot_xrce.objects.binary import (
     RELIABLE_QOS,

@@ -1,4 +1,4 @@
-"""Sessions of both ends, and the events they report to their owners."""
+"""Sessions of both ends, and their events."""
 
 from msbot_xrce.sessions.agent import DataHandler
 from msbot_xrce.sessions.events import (

@@ -1,1 +1,1 @@
-"""Files that the distributions bring and that are not Python: where they are, and what is made of them."""
+"""Files of the distributions that are not Python, and what is made of them."""

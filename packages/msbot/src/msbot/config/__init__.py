@@ -1,4 +1,4 @@
-"""The files people write: the blueprint of a robot (`robot.toml`) and the part library."""
+"""Files that people write: the blueprint (`robot.toml`) and the part library."""
 
 from msbot.config.blueprint.blueprint_file_reader import (
     ADOPTED,

@@ -1,4 +1,4 @@
-"""The doctor: what keeps a robot from working, on its computer, its buses and in itself; and what mends it.
+"""The doctor: finds what keeps a robot from working.
 
 Facts in, findings out: `gather` looks at the computer, `checks` judges what was seen and is pure.
 """

@@ -1,4 +1,4 @@
-"""Real hardware for part types of the library: drivers, where they are wired, and the parts that they make."""
+"""Drivers for part types of the library, their wiring, and the parts that use them."""
 
 from msbot.hardware.driver import Driver, Mount, Values, driver_class
 from msbot.hardware.hardware_fault import HardwareFault

@@ -1,4 +1,4 @@
-"""The composition root: puts agent, inventory, profile and links together. The only place that knows everybody.
+"""The composition root: connects agent, inventory, profile and links.
 
 STOP, which outlives the master, is stored here and can be said from here.
 """

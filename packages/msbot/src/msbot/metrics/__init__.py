@@ -1,4 +1,4 @@
-"""Figures of a running robot or agent, for Prometheus: collected when somebody asks, in the robot's own loop."""
+"""Metrics of a running robot or agent, for Prometheus."""
 
 from msbot.metrics.figures import AgentFigures, Buckets, DatabaseFigures, MomentFigures, PageFigures, RobotFigures
 from msbot.metrics.metrics_collector import MetricsCollector, MetricsSampler

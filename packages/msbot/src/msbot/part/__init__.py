@@ -1,4 +1,4 @@
-"""What a part is made of: the student's `Part`, and the DDS-XRCE client underneath.
+"""The student's `Part`, and its DDS-XRCE client.
 
 Messages are in `msbot.part.messages`, what a part and its inventory say to each other in `msbot.part.join`.
 """

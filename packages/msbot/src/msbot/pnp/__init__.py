@@ -1,4 +1,4 @@
-"""Plug-and-play: who may join the robot, who is in which slot, who is alive, and who may use which topic."""
+"""Plug-and-play: which part may join, holds which slot, is alive, and may use which topic."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The laboratory: what a robot did, kept for later (the flight recorder), looked into, and played again."""
+"""The flight recorder; reading and replaying recordings."""

@@ -1,4 +1,4 @@
-"""The registry: robots, slots, parts, library and journal in a SQL database; the only room that touches SQL."""
+"""The registry: robots, slots, parts, library and journal in a SQL database; the only room that uses SQL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated parts of any library type, for robots without hardware: `msbot part`, the web page, classes, tests."""
+"""Simulated parts of any library type."""
 
 from msbot.config import Control, ControlKind
 from msbot.sim.model_part import Distortion, ModelPart, message_class
