@@ -30,7 +30,7 @@ TASKS = {
     "See what a robot does": ("parts", "why", "topic", "clients", "robots"),
     "Change a running robot": (
         *("adopt", "swap", "release", "block", "unblock", "simulate", "identify"),
-        *("set", "publish", "bind", "unbind", "undo", "stop", "go"),
+        *("set", "publish", "call", "bind", "unbind", "undo", "stop", "go"),
     ),
     "Blueprint and database": ("check", "diff", "apply", "slot", "export", "db"),
     "A class": ("class", "user", "pupils", "fault", "mission"),

@@ -62,6 +62,7 @@ LEAST = {
     "apply": Role.TEACHER, "undo": Role.STUDENT, "edits": Role.VIEWER, "stop": Role.VIEWER, "go": Role.TEACHER,
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,
     "topics": Role.VIEWER, "topic_samples": Role.VIEWER, "publish_topic": Role.STUDENT,
+    "call": Role.STUDENT,
     "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
     "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,
     "forget_type": Role.TEACHER, "plant_fault": Role.TEACHER, "clear_fault": Role.TEACHER, "faults": Role.TEACHER,

@@ -14,7 +14,8 @@ A room that needs an error of its own derives it from one of these.
     ├── LocalProtocolError       this side asked for something the protocol does not allow; also a RuntimeError
     ├── RemoteProtocolError      the other side sent bytes that make no sense; also a ValueError
     ├── RequestError             the agent refused a request; carries the status
-    │   └── RequestTimeout       the agent did not answer in time; also a TimeoutError
+    │   ├── RequestTimeout       the agent did not answer in time; also a TimeoutError
+    │   └── CallError            a call to another part has no reply: late, lost or refused
     └── RegistryError            the database: of a newer version, not writable
         └── DatabaseBusy         another program was writing to it: nothing has changed
 """
@@ -72,6 +73,10 @@ class RequestError(MsbotError):
 
 class RequestTimeout(RequestError, TimeoutError):
     """The agent did not answer a request in time; the status is None."""
+
+
+class CallError(RequestError):
+    """A call to another part has no reply; the text says why. A function that serves raises it to refuse a request."""
 
 
 class RegistryError(MsbotError):

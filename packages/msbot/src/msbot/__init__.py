@@ -22,6 +22,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from msbot_xrce.errors import (
+    CallError,
     ConfigError,
     LinkDown,
     LinkError,
@@ -92,6 +93,7 @@ __all__ = [
     "Angle",
     "AtMost",
     "Battery",
+    "CallError",
     "Colour",
     "ConfigError",
     "Count",

@@ -2,6 +2,7 @@
 
 from msbot_xrce.errors import (
     BusTaken,
+    CallError,
     ConfigError,
     DatabaseBusy,
     LinkDown,
@@ -18,6 +19,7 @@ from msbot_xrce.errors import (
 
 __all__ = [
     "BusTaken",
+    "CallError",
     "ConfigError",
     "DatabaseBusy",
     "LinkDown",

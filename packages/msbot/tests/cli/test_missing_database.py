@@ -28,7 +28,7 @@ WORDS = {
     "user role": "ann teacher", "user ticket": "ann van", "user token": "ann page", "pupils group": "red --slot AA",
     "pupils hand-back": "ann", "pupils take-over": "ann", "pupils ungroup": "red", "db backup": "copy.db",
     "rec save": "odd", "rec start": "odd", "play": "odd.mcap --acts", "fault add": "noise", "mission answer": "noise",
-    "mission repair": "tighten", "mission start": "a-bad-day", "lesson start": "hello",
+    "mission repair": "tighten", "mission start": "a-bad-day", "lesson start": "hello", "call": "AA.echo 1",
 }  # fmt: skip
 """What a command needs besides."""
 

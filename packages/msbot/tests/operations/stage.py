@@ -33,6 +33,16 @@ type = "HelloWorld"
 name = "in"
 direction = "subscribe"
 type = "HelloWorld"
+[[port]]
+name = "echo"
+direction = "serve"
+request = "HelloWorld"
+reply = "HelloWorld"
+[[port]]
+name = "ask"
+direction = "call"
+request = "HelloWorld"
+reply = "HelloWorld"
 [[parameter]]
 name = "period_s"
 type = "float"
@@ -101,6 +111,7 @@ class Stage:
         part = Part(number, local_name=name, uid=octets, random=Random(f"{name} {len(self.events)}"))
         heard = self.heard.setdefault(name, [])
         part.on("in", HelloWorld)(lambda message: heard.append(message.message))
+        part.serves("echo", HelloWorld, HelloWorld)(lambda request: request)
         assert self.tasks is not None
         self.parts[name] = part
         link = LossyLink(self._hub.connect(), random=Random(name), drop=drop)

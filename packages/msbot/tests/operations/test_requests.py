@@ -60,6 +60,13 @@ class Tape:
         return {"file": self.file}
 
 
+async def called(stage: Stage) -> dict[str, object]:
+    """A port that serves must be wired before it can be called."""
+    await ask(stage, "bind", topic="echo", type="HelloWorld -> HelloWorld", from_="AA.echo", to=[])
+    await asyncio.sleep(2.0)
+    return await ask(stage, "call", port="AA.echo", values=["1", "hello"])
+
+
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         stage.operations.recording.use(Tape())
@@ -86,6 +93,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "topics": await ask(stage, "topics"),
             "topic_samples": await ask(stage, "topic_samples", topic="HelloWorldTopic_1_to_2"),
             "publish_topic": await ask(stage, "publish_topic", topic="HelloWorldTopic_1_to_2", values=["1", "hi"]),
+            "call": await called(stage),
             "window": await ask(stage, "window", seconds=5),
             "close_window": await ask(stage, "close_window"),
             "stop": await ask(stage, "stop", reason="hand in the gear"),

@@ -62,7 +62,7 @@ def test_the_path_of_a_call_names_arguments_of_its_operation() -> None:
 
 
 def test_the_help_of_msbot_has_the_summary_of_each_operation() -> None:
-    one_word = {*MADE, "adopt", "set", "undo", "stop", "go", "publish", "simulate"}
+    one_word = {*MADE, "adopt", "set", "undo", "stop", "go", "publish", "simulate", "call"}
     assert {name: COMMANDS[name] for name in one_word} == {name: OPERATIONS[name].summary for name in one_word}
 
 

@@ -40,12 +40,15 @@ class ClientInfo:
 class SampleGuard(Protocol):
     """Opens sealed samples from one client, and seals samples for it."""
 
+    def covers(self, topic: str) -> bool:
+        """Whether the samples of a requester or replier are sealed, by the topic that it writes."""
+
     def open(self, object_id: int, sample: bytes) -> bytes | None:
-        """The sample that the client gave to its data writer with that id; None: it is not from the client, or not
+        """The sample that the client gave to its object with that id; None: it is not from the client, or not
         new."""
 
     def seal(self, object_id: int, sample: bytes) -> bytes:
-        """The sealed sample for the client's data reader with that id."""
+        """The sealed sample for the client's object with that id."""
 
 
 class Gate(Protocol):
@@ -85,7 +88,7 @@ class Gate(Protocol):
         """Whether samples of the topic may go to this client."""
 
     def guard_of(self, client: ClientInfo) -> SampleGuard | None:
-        """What seals and opens the samples of this client's data writers and readers; None: they are not sealed."""
+        """What seals and opens the samples of this client; None: they are not sealed."""
 
 
 class OpenGate:

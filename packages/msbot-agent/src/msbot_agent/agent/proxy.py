@@ -44,8 +44,7 @@ logger = logging.getLogger(__name__)
 
 # Names of the module: to read a member of an IntEnum from its class takes ten times as long.
 _OK = Status.OK
-_DATAREADER = ObjectKind.DATAREADER.value
-_DATAWRITER = ObjectKind.DATAWRITER.value
+_DATA = (ObjectKind.DATAREADER.value, ObjectKind.DATAWRITER.value)
 
 
 class OpenSession(Protocol):
@@ -324,7 +323,7 @@ class Proxy:
         """Book a DATA; False while the link or the stream has no room."""
         if self.is_blocked:
             return False
-        if self._guard is not None and kind_of(object_id) == _DATAREADER:
+        if self._guard is not None and self._is_guarded(object_id):
             payload = self._guard.seal(object_id, payload)
         if len(payload) > LARGEST_TO_STOCK and self.session.is_stock:
             drop_too_large(self.info, object_id, len(payload), self.dropped)
@@ -349,12 +348,20 @@ class Proxy:
     def _write(self, object_id: int, request_id: int, payload: bytes) -> None:
         if (endpoint := self._endpoints.get(object_id)) is None:
             self.dropped.count("WRITE_DATA for an unknown object")
-        elif self._guard is None or kind_of(object_id) != _DATAWRITER:
+        elif self._guard is None or not self._is_guarded(object_id):
             endpoint.write(request_id, payload)
         elif (sample := self._guard.open(object_id, payload)) is None:
             self.dropped.count("sample without a good seal")
         else:
             endpoint.write(request_id, sample)
+
+    def _is_guarded(self, object_id: int) -> bool:
+        """Whether the samples of an object are sealed: all but those of services that seal for themselves."""
+        assert self._guard is not None
+        if kind_of(object_id) in _DATA:
+            return True
+        endpoint = self._endpoints.get(object_id)
+        return endpoint is not None and self._guard.covers(endpoint.topic)
 
     def _take_late(self, event: DataWritten) -> None:
         self._write(event.object_id, event.request_id, event.payload)

@@ -37,6 +37,7 @@ COMMANDS = {
     "set": "Show and set the parameters of a slot.",
     "publish": "Drive a port by hand: the fan, the lamp, the servo.",
     "topic": "Look at topics as `ros2 topic` does: list, echo, hz, bw; publish on one.",
+    "call": "Send a request to a port that serves, and print its reply.",
     "bind": "Join ports by a topic.",
     "unbind": "Take a port off a topic.",
     "undo": "Take a change back, or show what was changed.",

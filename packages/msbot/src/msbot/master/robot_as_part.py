@@ -18,6 +18,7 @@ from msbot.config import Binding, Blueprint, Library, Scalar
 from msbot.master.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.join.pnp_messages import UID_OCTETS
+from msbot.service_types import service_type
 from msbot.sim.model_part import message_class
 from msbot_agent.link import Link
 from msbot_agent.space import (
@@ -252,7 +253,7 @@ def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> Dds
     """
     known: dict[str, tuple[DdsTopic, ...]] = {}
     for binding in blueprint.bindings:
-        if binding.topic not in known:
+        if binding.topic not in known and service_type(binding.type_name) is None:
             known[binding.topic] = _dds_topics(binding, library, partition, blueprint.robot.name)
 
     def find(topic: Topic) -> tuple[DdsTopic, ...]:

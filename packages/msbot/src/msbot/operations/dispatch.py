@@ -25,6 +25,7 @@ from msbot.operations.placement import Placement
 from msbot.operations.recording_operations import PartQueries, Recording
 from msbot.operations.rights import Principal, user_of_computer
 from msbot.operations.running_robot import RunningRobot
+from msbot.operations.service_calls import ServiceCalls
 from msbot.operations.slot_configuration import SlotSettings, Wires
 from msbot.operations.stand_ins import StandIns
 from msbot.operations.stop_and_go import StopOperations
@@ -210,6 +211,7 @@ class RunningOperations(Operations):
         )
         self.showing = PartQueries(running)
         self.by_hand = ManualControl(running)
+        self.service_calls = ServiceCalls(running)
         self.recording = Recording()
         self.faults = Faults(running)
         self.missions = Missions(running)
@@ -226,6 +228,7 @@ class RunningOperations(Operations):
             self.applying,
             self.by_hand,
             self.topics,
+            self.service_calls,
             self.recording,
             self.faults,
             self.missions,

@@ -195,6 +195,17 @@ _ROWS = (
         Right.OPERATE, OperationScope.RUNNING, EditLog.LINE, "hand", "POST /topics/{topic}/publish",
     ),
     Operation(
+        "call", "Send a request to a port that serves, and print its reply.",
+        (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that serves, as camera.photo."),
+         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+                  help="The values of the request in their order, or FIELD=VALUE."),
+         Argument("seconds", ArgumentKind.NUMBER, default=2.0, least=0.1, most=60.0, option="--seconds",
+                  shown_as="SECONDS",
+                  help="How long it waits for the reply; 2 if left out.")),
+        Right.OPERATE, OperationScope.RUNNING, EditLog.NOTHING, "", "POST /ports/{port}/call",
+        "Without a reply, one sentence says why, and the exit status is not 0.",
+    ),
+    Operation(
         "undo", "Take a change back, or show what was changed.",
         (Argument("edit", ArgumentKind.WHOLE, least=1, most=2**53, shown_as="[NUMBER]",
                   help="Number of the change; left out: the newest that was not taken back."),),

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from msbot.part.join.pnp_messages import LEAST_DESCRIPTION, MOST_DESCRIPTION
 from msbot.part.messages.message import Message, fields_of
 from msbot.part.part_settings import Value
-from msbot.part.program import Program
+from msbot.part.program import Exchange, Program
 from msbot_xrce.errors import ConfigError
 
 _KINDS = {bool: "bool", int: "int", float: "float", str: "text"}
@@ -40,7 +40,8 @@ def describe(number: str, name: str, program: Program) -> str:
 def _lines(number: str, name: str, program: Program) -> Iterator[str]:
     yield f"number = {_value(number)}"
     yield f"name = {_value(name)}"
-    if bool(program.listeners) != bool(program.publications):
+    services = bool(program.servers or program.calls)
+    if bool(program.listeners) != bool(program.publications) and not services:
         yield f"category = {_value('actuator' if program.listeners else 'sensor')}"
     classes: list[type[Message]] = []
     for port, message_class in program.publications.items():
@@ -51,6 +52,12 @@ def _lines(number: str, name: str, program: Program) -> Iterator[str]:
         if listener.safe is not None:
             yield f"safe = {_table(_values(port, listener.safe))}"
         classes.append(listener.message_class)
+    for port, exchange in program.calls.items():
+        yield from _service(port, "call", exchange)
+        classes += [exchange.request, exchange.reply]
+    for port, server in program.servers.items():
+        yield from _service(port, "serve", server.exchange)
+        classes += [server.exchange.request, server.exchange.reply]
     for setting in program.settings.followers:
         yield from _parameter(setting, program)
     for message_class in dict.fromkeys(classes):
@@ -60,6 +67,12 @@ def _lines(number: str, name: str, program: Program) -> Iterator[str]:
 def _port(name: str, direction: str, message_class: type[Message]) -> Iterator[str]:
     yield from ("", "[[port]]", f"name = {_value(name)}", f"direction = {_value(direction)}")
     yield f"type = {_value(message_class.type_name)}"
+
+
+def _service(name: str, direction: str, exchange: Exchange) -> Iterator[str]:
+    yield from ("", "[[port]]", f"name = {_value(name)}", f"direction = {_value(direction)}")
+    yield f"request = {_value(exchange.request.type_name)}"
+    yield f"reply = {_value(exchange.reply.type_name)}"
 
 
 def _parameter(name: str, program: Program) -> Iterator[str]:

@@ -10,9 +10,13 @@ import asyncio
 import inspect
 import logging
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from msbot.part.mistakes import line_of
 from msbot_xrce.errors import ConfigError
+
+if TYPE_CHECKING:
+    from greenlet import greenlet
 
 _log = logging.getLogger("msbot.part")
 
@@ -27,7 +31,7 @@ def check_handler(function: Callable[..., object], arguments: str = "") -> str:
 
     Args:
         function: the handler.
-        arguments: the name of its one argument, "" = none.
+        arguments: the names of its arguments, with a comma between them; "" = none.
 
     Raises:
         ConfigError: it is not a plain function, or does not take these arguments.
@@ -38,13 +42,27 @@ def check_handler(function: Callable[..., object], arguments: str = "") -> str:
     if inspect.iscoroutinefunction(function):
         raise ConfigError(f"{name} is an `async def`: a handler must be a plain function (`def {name}(...)`)")
     try:
-        inspect.signature(function).bind(*([None] if arguments else []))
+        inspect.signature(function).bind(*([None] * len(arguments.split(",")) if arguments else []))
     except TypeError:
-        takes = f"one argument, the {arguments}" if arguments else "no arguments"
+        takes = "no arguments"
+        if arguments:
+            takes = f"two arguments, {arguments}" if "," in arguments else f"one argument, the {arguments}"
         raise ConfigError(f"{name} must take {takes}: write `def {name}({arguments})`") from None
     except ValueError:
         _log.debug("%s has no signature to check", name)
     return name
+
+
+class _Turn:
+    """One call of a handler."""
+
+    __slots__ = ("function", "outer", "waited_s")
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self.function = function
+        self.outer: tuple[str, float] | None = None
+        """What `Guard.running` was before, and is again while it waits."""
+        self.waited_s = 0.0
 
 
 class Guard:
@@ -62,23 +80,84 @@ class Guard:
         """Calls that ended with an error."""
         self.running: tuple[str, float] | None = None
         """The function that is running now and when it began, by the loop's clock."""
+        self.lets_wait = False
+        """Whether functions may `wait`: each then runs on a stack of its own."""
         self._mistake = mistake
+        self._turns: dict[greenlet, _Turn] = {}
+        """The functions that have begun and not ended, where they may wait."""
         self._reported: set[tuple[str, str]] = set()
 
     def call(self, function: Callable[..., object], *arguments: object) -> bool:
-        """Call a handler; each kind of error at each line is reported once. False: it ended with an error."""
-        clock = asyncio.get_running_loop().time
+        """Call a handler; each kind of error at each line is reported once. False: it ended with an error, or waits."""
+        if not self.lets_wait:
+            return self._call(_Turn(function), arguments)
+        from greenlet import greenlet
+
+        stack = greenlet(self._call)
+        turn = self._turns[stack] = _Turn(function)
+        try:
+            return stack.switch(turn, arguments) is True
+        finally:
+            self._forget_ended(stack)
+
+    def is_waiting(self, function: Callable[..., object]) -> bool:
+        """Whether a call of that handler has begun and waits."""
+        return any(turn.function is function for turn in self._turns.values())
+
+    def may_wait(self) -> bool:
+        """Whether this is called by a handler that may `wait`."""
+        if not self.lets_wait:
+            return False
+        from greenlet import getcurrent
+
+        return getcurrent() in self._turns
+
+    def wait(self, begin: Callable[[Callable[[object], None]], None]) -> object:
+        """Let the part go on until somebody says that the handler may; called by the handler that waits.
+
+        Args:
+            begin: called with a function to be called later with what this returns.
+        """
+        from greenlet import getcurrent
+
+        stack = getcurrent()
+        turn, clock = self._turns[stack], asyncio.get_running_loop().time
+        begin(lambda outcome: self._go_on(stack, outcome))
+        began_at = clock()
+        here, self.running = self.running, turn.outer
+        try:
+            assert stack.parent is not None
+            return stack.parent.switch()
+        finally:
+            turn.outer, self.running = self.running, here
+            turn.waited_s += clock() - began_at
+
+    def _go_on(self, stack: greenlet, outcome: object) -> None:
+        from greenlet import getcurrent
+
+        stack.parent = getcurrent()
+        try:
+            stack.switch(outcome)
+        finally:
+            self._forget_ended(stack)
+
+    def _forget_ended(self, stack: greenlet) -> None:
+        if stack.dead:
+            self._turns.pop(stack, None)
+
+    def _call(self, turn: _Turn, arguments: tuple[object, ...]) -> bool:
+        function, clock = turn.function, asyncio.get_running_loop().time
         began_at = clock()
         failed = False
-        before, self.running = self.running, (self._shown(function), began_at)
+        turn.outer, self.running = self.running, (self._shown(function), began_at)
         try:
             function(*arguments)
         except Exception as error:
             self._failed(function, error)
             failed = True
         finally:
-            self.running = before
-        took_s = clock() - began_at
+            self.running = turn.outer
+        took_s = clock() - began_at - turn.waited_s
         if took_s > SLOW_S and _is_own(function):
             words = f"one of its steps took {took_s:.1f} s, and it cannot beat meanwhile: this computer may be too busy"
             self.report(self.part or "a part", words, kind="slow")

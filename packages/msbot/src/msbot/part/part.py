@@ -19,7 +19,7 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from random import Random, SystemRandom
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from msbot.part.beginner import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
@@ -30,12 +30,13 @@ from msbot.part.join.part_keys import check_key, parse_key
 from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, V
-from msbot.part.program import Action, Listener, PortAction, Program, When
+from msbot.part.program import Action, Exchange, Listener, PortAction, Program, Server, When
 from msbot.part.program_runner import Identity, PartCounters, ProgramRunner
 from msbot_agent.link import Link
 from msbot_xrce.errors import ConfigError
 
 _M = TypeVar("_M", bound=Message)
+_R = TypeVar("_R", bound=Message)
 _A = TypeVar("_A", bound=Action)
 _P = TypeVar("_P", bound=PortAction)
 _F = TypeVar("_F")
@@ -168,6 +169,40 @@ class Part:
             )
         self._program.add_publication(port, message_class)
 
+    def serves(
+        self, port: str, request_class: type[_M] | None = None, reply_class: type[_R] | None = None
+    ) -> Callable[[Callable[[_M], _R]], Callable[[_M], _R]]:
+        """Call the decorated function with each request at the port, and send back the message that it returns.
+
+        It raises `CallError` to refuse a request; the caller gets its sentence. While STOP holds, all are refused.
+
+        Args:
+            port: the part's own name for it.
+            request_class: the class of the incoming messages.
+            reply_class: the class of the message that the function returns.
+
+        Raises:
+            ConfigError: not message classes, another use of the port, or not a plain function of one argument.
+        """
+        if callable(port):
+            name = getattr(port, "__name__", "...")
+            raise ConfigError(f'@part.serves above {name} needs port and messages: @part.serves("in", Number, Number)')
+        exchange = _exchange("@part.serves", port, request_class, reply_class)
+
+        def remember(function: Callable[[_M], _R]) -> Callable[[_M], _R]:
+            self._program.add_server(port, Server(exchange, function))  # type: ignore[arg-type]  # decoded as _M
+            return function
+
+        return remember
+
+    def calls(self, port: str, request_class: type[Message], reply_class: type[Message]) -> None:
+        """Declare that the part sends such requests out of that port, and gets such replies; `call` sends one.
+
+        Raises:
+            ConfigError: not message classes, or another use of the port.
+        """
+        self._program.add_call(port, _exchange("part.calls", port, request_class, reply_class))
+
     def on_setting(
         self,
         name: str,
@@ -262,6 +297,34 @@ class Part:
             ConfigError: no such port, or it carries another type.
         """
         return self._runner.publish_octets(port, type_name, octets)
+
+    def call(
+        self,
+        port: str,
+        request: Message,
+        *,
+        timeout: float = 1.0,
+        on_reply: Callable[[Any, str], object] | None = None,
+    ) -> Any:  # noqa: ANN401 - the class that `calls` declared
+        """Send a request out of a port, and return the reply of the part that serves it.
+
+        While the function waits, the part goes on: it beats, and calls its other functions. With `on_reply` nothing
+        waits: this returns None at once, and the function is called later with the reply and "", or with None and a
+        sentence.
+
+        Args:
+            port: the part's own name for it, declared by `calls`.
+            request: the message.
+            timeout: seconds until the call ends without a reply.
+            on_reply: a function of two arguments, `reply` and `error`.
+
+        Raises:
+            CallError: there is no reply: too late, refused, or nobody is there; the text says why. With `on_reply`:
+                the request could not be sent.
+            LocalProtocolError: the part is not active, or nothing can wait here.
+            ConfigError: not declared, or another message or timeout than possible; the part ends with this error.
+        """
+        return self._runner.call(port, request, timeout, on_reply)
 
     # What it reads.
 
@@ -410,6 +473,18 @@ def _given(decorator: str, function: _F | None) -> _F:
     if function is None:
         raise ConfigError(f"@part.{decorator} is written without parentheses")
     return function
+
+
+def _exchange(verb: str, port: str, request_class: object, reply_class: object) -> Exchange:
+    for given in (request_class, reply_class):
+        if not (isinstance(given, type) and issubclass(given, Message)):
+            what = "" if given is None else f", not {given!r}"
+            raise ConfigError(
+                f"{verb}({port!r}, ...) needs the classes of request and reply{what}: ({port!r}, Number, Text)"
+            )
+    assert isinstance(request_class, type)
+    assert isinstance(reply_class, type)
+    return Exchange(request_class, reply_class)
 
 
 def _name(what: str, text: str) -> str:

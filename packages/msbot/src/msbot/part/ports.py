@@ -8,14 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from msbot.part.client.client import Client
+from msbot.part.client.client import Client, ServiceNames
 from msbot.part.client.entities import Entity
 from msbot.part.join.pnp_messages import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
+from msbot.service_types import service_type
 from msbot_xrce.errors import ConfigError, LinkFull, LocalProtocolError
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE
 from msbot_xrce.objects import EndpointQos
+
+_NAMES = {one.value: one.name.lower() for one in BindingDirection}
+_WORDS: dict[int, tuple[str, str]] = {
+    BindingDirection.PUBLISH: ("publishes", "part.publish"),
+    BindingDirection.SUBSCRIBE: ("subscribes", "@part.on"),
+    BindingDirection.SERVE: ("serves", "@part.serves"),
+    BindingDirection.CALL: ("calls", "part.call"),
+}
+"""Direction -> what a port does, and what a program writes for it."""
 
 LARGEST_MESSAGE = 262_000
 """Most octets of a message: an agent reassembles no more (`AgentSettings.max_message`) and drops the message unseen."""
@@ -26,9 +36,10 @@ class BoundPort:
     """One port with its objects at the agent."""
 
     binding: PortBinding
-    topic: Entity
+    topic: Entity | None
+    """None for a service, which has no topic of its own."""
     endpoint: Entity
-    """Data writer or data reader."""
+    """Data writer, data reader, requester or replier."""
 
     @property
     def publishes(self) -> bool:
@@ -104,9 +115,45 @@ class Ports:
             return "" if optional else f"nothing will come in; {self.words}"
         if binding.direction == BindingDirection.PUBLISH:
             return f"publishes, so nothing comes in there: use part.publish({port!r}, ...), or another port"
+        if binding.direction in (BindingDirection.SERVE, BindingDirection.CALL):
+            return f"is for requests: use {_words(binding)[1]}"
         if binding.topic_type != type_name:
             return f"carries {binding.topic_type}, but its function expects {type_name}"
         return ""
+
+    def service_fault(self, port: str, type_name: str, direction: BindingDirection) -> str:
+        """Why a port that serves or calls will do neither, in words; "" = all is well, or the robot does not use it."""
+        binding = self.binding(port)
+        if binding is None:
+            return ""
+        if binding.direction != direction:
+            verb, use = _words(binding)
+            return f"{verb} in this robot's library: use {use}, or another port"
+        if binding.topic_type != type_name:
+            return f"carries {binding.topic_type}, but the program says {type_name}"
+        return ""
+
+    def send_request(self, port: str, request: Message) -> int | None:
+        """Send a request out of a port that calls; returns its number, None when there is no room for it.
+
+        Raises:
+            LocalProtocolError: there is no session, or the message is larger than any agent accepts.
+        """
+        bound = self._bound[port]
+        try:
+            octets = self._seal(bound.endpoint.object_id, _bounded(request.encode(), request.type_name))
+            return self._client.write(bound.endpoint, octets, stream_id=STREAM_RELIABLE)
+        except LinkFull:
+            return None
+
+    def send_reply(self, bound: BoundPort, identity: bytes, reply: bytes) -> bool:
+        """Answer a request; False when there was no room, or nobody to say it to."""
+        try:
+            octets = self._seal(bound.endpoint.object_id, identity + _bounded(reply, "reply"))
+            self._client.write(bound.endpoint, octets, stream_id=STREAM_RELIABLE)
+        except (LinkFull, LocalProtocolError):
+            return False
+        return True
 
     def publish(self, port: str, message: Message) -> bool:
         """Send a message; False when the port's stream or the link had no room.
@@ -150,13 +197,16 @@ class Ports:
         if not self._bound:
             return "this robot binds no port of the part"
         listed = (
-            f"{port} ({'publish' if bound.publishes else 'subscribe'} {bound.binding.topic_type})"
+            f"{port} ({_NAMES.get(bound.binding.direction, 'subscribe')} {bound.binding.topic_type})"
             for port, bound in self._bound.items()
         )
         return f"bound in this robot: {', '.join(listed)}"
 
     def _bind(self, binding: PortBinding) -> None:
         client = self._client
+        if binding.direction in (BindingDirection.SERVE, BindingDirection.CALL):
+            self._bind_service(binding)
+            return
         topic = client.create_topic(self._participant, binding.topic, binding.topic_type)
         qos = EndpointQos(reliable=bool(binding.reliable))
         if binding.direction == BindingDirection.PUBLISH:
@@ -169,11 +219,28 @@ class Ports:
             self._by_reader[bound.endpoint.object_id] = bound
         self._bound[binding.port] = bound
 
+    def _bind_service(self, binding: PortBinding) -> None:
+        kind = service_type(binding.topic_type)
+        if kind is None:
+            return  # of a master that this version does not understand: `service_fault` says so
+        names = ServiceNames(binding.topic, kind.request, kind.reply)
+        serves = binding.direction == BindingDirection.SERVE
+        make = self._client.create_replier if serves else self._client.create_requester
+        bound = BoundPort(binding, None, make(self._participant, names))
+        self._client.read(bound.endpoint)
+        self._by_reader[bound.endpoint.object_id] = bound
+        self._bound[binding.port] = bound
+
     def _unbind(self, port: str) -> None:
         bound = self._bound.pop(port)
         self._by_reader.pop(bound.endpoint.object_id, None)
         self._client.delete(bound.endpoint)
-        self._client.delete(bound.topic)
+        if bound.topic is not None:
+            self._client.delete(bound.topic)
+
+
+def _words(binding: PortBinding) -> tuple[str, str]:
+    return _WORDS.get(binding.direction, ("does what only a newer MsBOT knows", "another port"))
 
 
 def _check_type(bound: BoundPort, type_name: str) -> None:

@@ -12,6 +12,7 @@ from typing import Literal
 from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, DeclaredSettings
+from msbot.service_types import ServiceType
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -66,7 +67,8 @@ class Every:
     def _due(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
         behind = max(0.0, loop.time() - due_at)
         self._arm(loop, due_at + (behind // self.period_s + 1) * self.period_s, guard)
-        guard.call(self.function)
+        if not guard.is_waiting(self.function):
+            guard.call(self.function)
 
 
 Action = Callable[[], object]
@@ -89,6 +91,27 @@ class Listener:
     """The port's safe value, if the part describes itself."""
 
 
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """The two messages of a service port."""
+
+    request: type[Message]
+    reply: type[Message]
+
+    @property
+    def type_name(self) -> str:
+        """As the robot's configuration has it."""
+        return str(ServiceType(self.request.type_name, self.reply.type_name))
+
+
+@dataclass(frozen=True, slots=True)
+class Server:
+    """The function of a port that serves."""
+
+    exchange: Exchange
+    function: Callable[[Message], Message]
+
+
 class Program:
     """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called."""
 
@@ -99,6 +122,10 @@ class Program:
         self.settings = DeclaredSettings()
         self.publications: dict[str, type[Message]] = {}
         """Port -> what it publishes; only the ports that the program declares."""
+        self.servers: dict[str, Server] = {}
+        """Port -> the function that serves there."""
+        self.calls: dict[str, Exchange] = {}
+        """Port -> what it sends and gets."""
         self.when: dict[When, list[Action]] = {
             "join": [],
             "lost": [],
@@ -135,6 +162,23 @@ class Program:
         if self.publications.setdefault(port, message_class) is not message_class:
             other = self.publications[port].__name__
             raise ConfigError(f"port {port!r} publishes {other} already: a port has one message class")
+
+    def add_server(self, port: str, server: Server) -> None:
+        """Call it with the requests at a port; what it returns is the reply."""
+        check_handler(server.function, "request")
+        self._check_one_use(port)
+        self.servers[port] = server
+
+    def add_call(self, port: str, exchange: Exchange) -> None:
+        """The part sends such requests there."""
+        if self.calls.get(port) != exchange:
+            self._check_one_use(port)
+            self.calls[port] = exchange
+
+    def _check_one_use(self, port: str) -> None:
+        for used, words in ((self.listeners, "on"), (self.servers, "serves"), (self.calls, "calls")):
+            if port in used:
+                raise ConfigError(f"port {port!r} is in part.{words}(...) already: one port is for one thing")
 
     def add_action(self, when: When, function: Action) -> None:
         """Call it when this happens."""

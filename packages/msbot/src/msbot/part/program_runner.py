@@ -21,9 +21,18 @@ from msbot.part.handler_guard import Guard
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
 from msbot.part.join.part_keys import prove, prove_sealed
-from msbot.part.join.pnp_messages import STOP_SETTING, ClaimMessage, ConfigurationMessage, Nature, Notice, NoticeKind
+from msbot.part.join.pnp_messages import (
+    STOP_SETTING,
+    BindingDirection,
+    ClaimMessage,
+    ConfigurationMessage,
+    Nature,
+    Notice,
+    NoticeKind,
+)
 from msbot.part.join.refusal import displayed_state
 from msbot.part.messages.message import Message
+from msbot.part.part_services import PartCalls, PartServices
 from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
@@ -125,6 +134,8 @@ class ProgramRunner:
         self._ports: Ports | None = None
         self._membership: Membership | None = None
         self._loop_thread = 0
+        self._calls = PartCalls(program, self.guard)
+        self._services = PartServices(program, self.guard)
 
     @property
     def counters(self) -> PartCounters:
@@ -153,17 +164,23 @@ class ProgramRunner:
         """Send an encoded message out of a port (`Part.publish_octets`)."""
         return self._count(self._open_ports().publish_octets(port, type_name, octets))
 
-    def _open_ports(self) -> Ports:
+    def call(
+        self, port: str, request: Message, timeout_s: float, on_reply: Callable[..., object] | None
+    ) -> Message | None:
+        """Send a request and wait for the reply, or have `on_reply` called with it (`Part.call`)."""
+        return self._calls.call(self._open_ports("call"), port, request, timeout_s, on_reply)
+
+    def _open_ports(self, does: str = "publish") -> Ports:
         if self._ports is None or self.joining.state is not JoinState.ACTIVE:
             if self._ports is None:
-                raise LocalProtocolError("the part does not run: publish in a function below @part.every or @part.on")
+                raise LocalProtocolError(f"the part does not run: {does} in a function below @part.every or @part.on")
             raise LocalProtocolError(
-                f"the part is {self.joining.state.value}, not active ({self.joining.reason}): publish after on_join"
+                f"the part is {self.joining.state.value}, not active ({self.joining.reason}): {does} after on_join"
             )
         if threading.get_ident() != self._loop_thread:
             name = threading.current_thread().name
             raise LocalProtocolError(
-                f"publish was called from another thread ({name}): call it in a function below @part.every or @part.on"
+                f"{does} was called from another thread ({name}): call it in a function below @part.every or @part.on"
             )
         return self._ports
 
@@ -214,6 +231,7 @@ class ProgramRunner:
                 epoch_ns=epoch_ns,
                 random=random,
                 on_signal=self._signal_received,
+                on_request=self._requested,
             ),
             self.joining,
             claim,
@@ -224,12 +242,15 @@ class ProgramRunner:
             configure=self._configure,
             noticed=self._noticed,
             on_topic=self._sample_received,
+            on_reply=self._calls.replied,
             stop_in_beats=lambda: self.safety.beats,
             nature=identity.nature,
             description=identity.description,
             absent=identity.absent,
         )
         self._ports = Ports(membership.client, membership.participant, membership.subscriber, membership.seals.seal)
+        self._calls.begin(membership.seals.open)
+        self.guard.lets_wait = bool(self.program.calls)
         membership.start()
         loop = asyncio.get_running_loop()
         told = [loop.call_later(after_s, self._tell_of_silence, link.info.name) for after_s in SILENCE_S]
@@ -239,6 +260,7 @@ class ProgramRunner:
             for timer in told:
                 timer.cancel()
             membership.end("ended")
+            self._calls.end("the part has ended")
             self.trouble_heard = membership.trouble_heard
             self._ports = self._membership = None
         if self._mistake is not None:
@@ -286,6 +308,7 @@ class ProgramRunner:
         elif change.before is JoinState.ACTIVE:
             for timed in self.program.timed:
                 timed.cancel()
+            self._calls.end(f"the part is {change.after.value}, not active any more ({change.reason})")
             self.safety.leave()
         self._follow_master(change)
         if change.after is JoinState.ENDED:
@@ -340,6 +363,14 @@ class ProgramRunner:
             fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
             if fault:
                 self.guard.report(f"port {port!r}", fault)
+        for port, server in self.program.servers.items():
+            if fault := self._ports.service_fault(port, server.exchange.type_name, BindingDirection.SERVE):
+                self.guard.report(f"port {port!r}", fault)
+        for port, exchange in self.program.calls.items():
+            if fault := self._ports.service_fault(port, exchange.type_name, BindingDirection.CALL):
+                self.guard.report(f"port {port!r}", fault)
+            if port not in self._ports:
+                self._calls.end("the robot has taken its wire away", port)
         self.settings.tell()
 
     def _noticed(self, notice: Notice) -> None:
@@ -369,6 +400,7 @@ class ProgramRunner:
         if port is None or notice.number != self.joining.configuration_version:
             return
         _log.info("%s: nobody sends to port %s any more", self._local_name, port)
+        self._calls.end("the part that served it has left: `msbot parts` shows who is there", port)
         self.safety.enter(port)
         for function in self.program.partner_lost:
             self.guard.call(function, port)
@@ -396,6 +428,24 @@ class ProgramRunner:
             return
         self._counters.messages_in += 1
         self.guard.call(listener.function, message)
+
+    def _requested(self, object_id: int, _request_id: int, identity: bytes, payload: bytes) -> None:
+        assert self._ports is not None
+        assert self._membership is not None
+        bound = self._ports.port_of(object_id)
+        opened = self._membership.seals.open(object_id, identity + payload)
+        if bound is None or opened is None or self.joining.state is not JoinState.ACTIVE:
+            self._counters.dropped += 1
+            return
+        identity, request = opened[: len(identity)], opened[len(identity) :]
+
+        def reply(octets: bytes) -> None:
+            self._count(self._ports is not None and self._ports.send_reply(bound, identity, octets))
+
+        if self._services.serve(bound.binding, request, stopped=self.safety.stopped, reply=reply):
+            self._counters.messages_in += 1
+        elif self.safety.stopped:
+            self._counters.held += 1
 
     def _signal_received(self, signal: Signal, _peer: Peer | None, reason: str, _now: float) -> None:
         if signal is Signal.STOP:

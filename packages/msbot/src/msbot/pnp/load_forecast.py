@@ -18,6 +18,7 @@ from msbot.part.join.pnp_messages import Beat, BeatReply
 from msbot.part.join.seal import Seal
 from msbot.part.sample_parts import SAMPLE_PARTS
 from msbot.pnp.profile import Profile
+from msbot.service_types import service_type
 from msbot_agent.link.can.protocol import BEACONS_HZ, Cost, Framing, beacon_cost, message_cost
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import (
@@ -107,6 +108,9 @@ def forecast(
     samples = _Samples(known | dict(sizes or {}))
     on_event = []
     for binding in blueprint.bindings:
+        if service_type(binding.type_name) is not None:
+            on_event.append(binding.topic)
+            continue
         part_type = _part_type(blueprint, library, binding)
         port = None if part_type is None else part_type.port(binding.source.port)
         rate_hz = 0.0 if port is None else port.rate_hz

@@ -13,6 +13,7 @@ from msbot.config import Described, PartType, Slot
 from msbot.part.join.pnp_messages import Nature, Refusal
 from msbot.pnp.emergency_stop import StopRecord
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.service_types import reply_topic, request_topic, service_type
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -97,8 +98,25 @@ class SlotBinding:
     topic: str
     type_name: str
     publishes: bool
-    """True: the part writes the topic; False: it reads it."""
+    """True: the part writes the topic, or serves there; False: it reads it, or calls."""
     reliable: bool = True
+
+    @property
+    def is_service(self) -> bool:
+        """Whether it carries requests and replies."""
+        return service_type(self.type_name) is not None
+
+    def opens(self, topic: str, *, publishes: bool) -> bool:
+        """Whether the port makes the part write (or read) a topic of the data space.
+
+        A part that serves reads requests and writes replies. One that calls writes requests; the agent hands it the
+        replies to its own, so that it needs no right to read all of them.
+        """
+        if not self.is_service:
+            return topic == self.topic and publishes is self.publishes
+        if topic == request_topic(self.topic):
+            return publishes is not self.publishes
+        return topic == reply_topic(self.topic) and publishes and self.publishes
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from msbot.part.join.seal import SEAL_OCTETS
 from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
-from msbot.pnp.model import Claim, Configuration, Verdict
+from msbot.pnp.model import Claim, Configuration, SlotBinding, Verdict
 from msbot.pnp.part_events import PartState
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
@@ -232,12 +232,17 @@ def configuration_message(configuration: Configuration) -> pnp_messages.Configur
                 port=binding.port,
                 topic=binding.topic,
                 topic_type=binding.type_name,
-                direction=pnp_messages.BindingDirection.PUBLISH
-                if binding.publishes
-                else pnp_messages.BindingDirection.SUBSCRIBE,
+                direction=_direction(binding),
                 reliable=int(binding.reliable),
             )
             for binding in configuration.bindings
         ],
         settings=[pnp_messages.Setting(name=name, value=value) for name, value in configuration.settings],
     )
+
+
+def _direction(binding: SlotBinding) -> pnp_messages.BindingDirection:
+    way = pnp_messages.BindingDirection
+    if binding.is_service:
+        return way.SERVE if binding.publishes else way.CALL
+    return way.PUBLISH if binding.publishes else way.SUBSCRIBE

@@ -5,7 +5,8 @@ who                          may
 ===========================  ============================================================================
 anybody                      open a session; read the profile; ask the inventory and get the answers to it alone
 an agent that brings parts   also: write and read what its own parts may
-a registered part            also: write and read the topics of its slot's bindings, by direction
+a registered part            also: write and read the topics of its slot's bindings, by direction; of a service
+                             write requests, or read them and write replies
 a pupil's part that is held  what anybody may: a teacher has frozen the class, or taken it over
 the robot's own services     everything; they are the clients of the in-process link, and nobody else is
 ===========================  ============================================================================
@@ -111,6 +112,10 @@ class _SampleSealer:
         self.seal = seal.seal
         self._seal = seal
         self._refused = refused
+
+    def covers(self, topic: str) -> bool:
+        """The services of parts; what parts ask the robot's own services has a seal of its own."""
+        return topic not in RESERVED_TOPICS
 
     def open(self, object_id: int, sample: bytes) -> bytes | None:
         opened = self._seal.open(object_id, sample)
@@ -272,7 +277,7 @@ class RobotGate:
         configuration = self._inventory.configuration_of(key)
         if configuration is None:
             return False
-        return any(binding.topic == topic and binding.publishes is publishes for binding in configuration.bindings)
+        return any(binding.opens(topic, publishes=publishes) for binding in configuration.bindings)
 
     def _sample_refused(self, key: int, reason: str) -> None:
         self._inventory.sample_refused(key, reason, self._clock())

@@ -162,7 +162,7 @@ BINDINGS = [
         '"leg.goal"',
         '"eye.light"',
         'line 21, binding[0].to[0]: "eye.light": this port can only publish; '
-        "part EYE has no port of the other direction: choose another slot",
+        "part EYE has no port that can subscribe: choose another slot",
     ),
     (
         '"leg.goal"',
@@ -282,3 +282,64 @@ def test_a_part_that_beats_in_time_cannot_be_delisted(tmp_path: Path) -> None:
         "(life 3, tick 2 s); use a tick_period_s of at least 2.25, a higher life, or a shorter beat_period_s"
     ]
     assert _load(tmp_path, text.replace("[timing]", "[timing]\ntick_period_s = 2.25")) == []
+
+
+SERVICES = Library(
+    [
+        PartType(
+            "EYE",
+            "Camera",
+            ports=(Port("photo", Direction.SERVE, "Angle -> Text"), Port("light", Direction.PUBLISH, "Light")),
+        ),
+        PartType("LEG", "Brain", ports=(Port("look", Direction.CALL, "Angle -> Text"),)),
+    ]
+)
+SERVICE = """
+[robot]
+name = "R"
+[[slot]]
+name = "eye"
+part = "EYE"
+[[slot]]
+name = "ear"
+part = "EYE"
+[[slot]]
+name = "leg"
+part = "LEG"
+[[binding]]
+topic = "photo"
+type = "Angle -> Text"
+from = "eye.photo"
+to = ["leg.look"]
+"""
+
+
+def test_a_service_joins_a_port_that_serves_with_those_that_call(tmp_path: Path) -> None:
+    assert _load(tmp_path, SERVICE, SERVICES) == []
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ('from = "eye.photo"', 'from = "eye.light"', '"eye.light": this port can only publish; use "photo"'),
+        ('from = "eye.photo"', 'from = "leg.look"', "part LEG has no port that can serve: choose another slot"),
+        ('to = ["leg.look"]', 'to = ["eye.photo"]', '"eye.photo": this port can only serve'),
+        ('Angle -> Text"\nfrom', 'Angle -> Light"\nfrom', 'carries messages of type "Angle -> Text"'),
+        ('to = ["leg.look"]', 'to = ["leg.look"]\nreliable = false', "requests and replies are always reliable"),
+        ('to = ["leg.look"]', 'to = ["leg.look"]\nexport = true', "a service cannot be exported"),
+        ('topic = "photo"', 'topic = "msbot_inventory"', 'needs the topic "msbot_inventory_Request", which is in use'),
+        (
+            'to = ["leg.look"]',
+            'to = ["leg.look"]\n[[binding]]\ntopic = "photo"\ntype = "Angle -> Text"\nfrom = "ear.photo"\nto = []',
+            'service "photo" is served by "eye.photo" already',
+        ),
+        (
+            'to = ["leg.look"]',
+            'to = ["leg.look"]\n[[binding]]\ntopic = "photo_Reply"\ntype = "Light"\nfrom = "ear.light"\nto = []',
+            'needs the topic "photo_Reply", which is in use',
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_service(tmp_path: Path, before: str, after: str, words: str) -> None:
+    assert SERVICE.count(before) == 1
+    assert any(words in line for line in _load(tmp_path, SERVICE.replace(before, after), SERVICES))

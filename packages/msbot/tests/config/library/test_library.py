@@ -159,7 +159,7 @@ WRONG = [
     (
         '"subscribe"',
         '"subscibe"',
-        'line 7, port[0].direction: "subscibe" is none of "publish", "subscribe"; did you mean',
+        'line 7, port[0].direction: "subscibe" is none of "publish", "subscribe", "serve", "call"; did you mean',
     ),
     ('name = "speed"', "", 'line 5, port[0].name: is missing; add a line such as name = "light"'),
     ('"speed"', '"a.b"', 'line 6, port[0].name: "a.b" must not contain "."'),

@@ -5,13 +5,14 @@ Values already found wrong (these are empty) are skipped, so that one mistake is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from msbot.config.blueprint.blueprint_model import Binding, Slot, SlotPort, Timing
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_wiring import wired_parts
-from msbot.config.library.part_library import Direction, Library, PartType, Port, scalar_text
+from msbot.config.library.part_library import Direction, Library, PartType, scalar_text
+from msbot.service_types import reply_topic, request_topic, service_type
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.problems import MOST_LISTED, quoted, suggestion
 from msbot_agent.toml.table import Table
@@ -153,14 +154,47 @@ def check_bindings(
     topics: dict[str, Binding] = {}
     for table, binding in zip(tables, bindings, strict=True):
         _check_topic(table, binding, topics)
-        ports.check(table, binding, binding.source, Direction.PUBLISH, "from")
+        is_service = service_type(binding.type_name) is not None
+        ports.check(table, binding, binding.source, Direction.SERVE if is_service else Direction.PUBLISH, "from")
+        hears = Direction.CALL if is_service else Direction.SUBSCRIBE
         seen: set[SlotPort] = set()
         for position, target in enumerate(binding.targets):
             if target in seen:
                 table.problem(said('"{target}" is there twice; keep one', target=target), "to", position)
             else:
-                ports.check(table, binding, target, Direction.SUBSCRIBE, "to", position)
+                ports.check(table, binding, target, hears, "to", position)
             seen.add(target)
+    for table, binding in zip(tables, bindings, strict=True):
+        if service_type(binding.type_name) is not None:
+            _check_service(table, binding, topics)
+
+
+def _check_service(table: Complaints, binding: Binding, topics: Mapping[str, Binding]) -> None:
+    """What holds for the topics of a service alone."""
+    earlier = topics[binding.topic]
+    if earlier is not binding and earlier.source != binding.source:
+        table.problem(
+            said(
+                'service "{topic}" is served by "{source}" already; give the other one a topic of its own',
+                topic=binding.topic,
+                source=earlier.source,
+            ),
+            "from",
+        )
+    for name in (request_topic(binding.topic), reply_topic(binding.topic)):
+        if name in topics or name in RESERVED_TOPICS:
+            table.problem(
+                said(
+                    'service "{topic}" needs the topic "{name}", which is in use; choose another name',
+                    topic=binding.topic,
+                    name=name,
+                ),
+                "topic",
+            )
+    if not binding.reliable:
+        table.problem(said("requests and replies are always reliable; remove it"), "reliable")
+    if binding.in_dds.export:
+        table.problem(said("a service cannot be exported; remove it"), "export")
 
 
 def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
@@ -206,6 +240,14 @@ def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]
             ),
             "reliable",
         )
+
+
+_USUAL_NAMES = {
+    Direction.PUBLISH: "out",
+    Direction.SUBSCRIBE: "in",
+    Direction.SERVE: "serve",
+    Direction.CALL: "ask",
+}
 
 
 class _Ports:
@@ -255,7 +297,7 @@ class _Ports:
         earlier = self._topics.setdefault(endpoint, binding.topic)
         if earlier != binding.topic and earlier and binding.topic:
             remedy = said("let all senders publish that topic")
-            if direction is Direction.PUBLISH:
+            if direction in (Direction.PUBLISH, Direction.SERVE):
                 remedy = said("list all receivers in one binding")
             table.problem(
                 said(
@@ -270,7 +312,7 @@ class _Ports:
     def _example(self, slot: Slot | None, direction: Direction) -> str:
         part_type = self._library.get(slot.part_number) if slot else None
         ports = [port.name for port in part_type.ports if port.direction is direction] if part_type else []
-        return ports[0] if ports else {Direction.PUBLISH: "out", Direction.SUBSCRIBE: "in"}[direction]
+        return ports[0] if ports else _USUAL_NAMES[direction]
 
 
 def _check_port(
@@ -303,7 +345,7 @@ def _check_port(
                 '"{endpoint}": this port can only {value}; {right}',
                 endpoint=endpoint,
                 value=port.direction.value,
-                right=_fitting(part_type, port),
+                right=_fitting(part_type, direction),
             ),
             *steps,
         )
@@ -323,8 +365,12 @@ def _check_port(
     return False
 
 
-def _fitting(part_type: PartType, wrong: Port) -> str:
-    fitting = [port.name for port in part_type.ports if port.direction is not wrong.direction]
+def _fitting(part_type: PartType, wanted: Direction) -> str:
+    fitting = [port.name for port in part_type.ports if port.direction is wanted]
     if not fitting:
-        return said("part {number} has no port of the other direction: choose another slot", number=part_type.number)
+        return said(
+            "part {number} has no port that can {value}: choose another slot",
+            number=part_type.number,
+            value=wanted.value,
+        )
     return said("use {words}", words=quoted(fitting[:MOST_LISTED], " or "))

@@ -66,10 +66,13 @@ def read_description(text: str, number: str, library: Library) -> Described:
     elif (other := library.find(number)) is not None:
         root.problem(f"the library knows {other.number} already, and its entry counts", "number")
     elif not part_type.ports:
-        root.problem("a part needs at least one port: publishes(...) or on(...)", "port")
+        root.problem("a part needs at least one port: publishes(...), on(...), serves(...) or calls(...)", "port")
     problems.raise_if_any()
     assert part_type is not None
-    own = {port.type_name for port in part_type.ports} - standard_message_types().keys()
+    carried = {
+        message.name for port in part_type.ports for message in (port.message, port.reply) if message is not None
+    }
+    own = carried - standard_message_types().keys()
     messages = {message.name: message for _, message in file.messages if message.name in own}
     return Described(part_type, tuple(messages.values()), _toml(document.values, messages))
 

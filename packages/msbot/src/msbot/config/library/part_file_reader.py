@@ -25,6 +25,7 @@ from msbot.config.library.part_types import (
 from msbot.config.library.picture import picture_fault
 from msbot.config.library.simulator_reader import SimulatorReader
 from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, Versions, parse_versions
+from msbot.service_types import ServiceType
 from msbot_agent.toml.document import Document
 from msbot_agent.toml.problems import Problems, kind_words, suggestion
 from msbot_agent.toml.table import Table
@@ -242,22 +243,26 @@ def _check_sources(table: Table, part_type: PartType) -> None:
 
 
 def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
-    name = table.name("type", "Light")
-    message = known.get(name)
-    if message is None and name:
-        right = suggestion(name, sorted(known), none_known="declare it")
-        table.problem(f'there is no message type "{name}"; {right} Or declare it in a table [[type]]', "type")
+    direction = Direction(table.choice("direction", [direction.value for direction in Direction]))
+    reply = None
+    if direction.is_service:
+        request_name, message = _read_port_type(table, "request", known)
+        reply_name, reply = _read_port_type(table, "reply", known)
+        type_name = str(ServiceType(request_name, reply_name))
+    else:
+        type_name, message = _read_port_type(table, "type", known)
     port = Port(
         name=table.name("name", "light", forbidden=FORBIDDEN_IN_PORTS),
-        direction=Direction(table.choice("direction", [direction.value for direction in Direction])),
-        type_name=name,
+        direction=direction,
+        type_name=type_name,
         rate_hz=table.number("rate_hz", default=0.0, least=0.0, most=_MOST_HZ, unit="times a second"),
         safe=table.scalars("safe") if "safe" in table else None,
         stop=table.text("stop", "on"),
         description=table.text("description", "How bright it is"),
         message=message,
+        reply=reply,
     )
-    if port.safe is not None and port.direction is Direction.PUBLISH:
+    if port.safe is not None and port.direction is not Direction.SUBSCRIBE:
         table.problem("only a port that subscribes can have a safe value; remove it", "safe")
     elif port.safe is not None and message is not None:
         _check_safe(table, port, message)
@@ -265,6 +270,16 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         _check_stop(table, port, message)
     table.finish()
     return port
+
+
+def _read_port_type(table: Table, key: str, known: Mapping[str, MessageType]) -> tuple[str, MessageType | None]:
+    """The name and the fields of a message that a port carries."""
+    name = table.name(key, "Light")
+    message = known.get(name)
+    if message is None and name:
+        right = suggestion(name, sorted(known), none_known="declare it")
+        table.problem(f'there is no message type "{name}"; {right} Or declare it in a table [[type]]', key)
+    return name, message
 
 
 def _check_stop(table: Table, port: Port, message: MessageType | None) -> None:

@@ -20,6 +20,15 @@ class Direction(Enum):
 
     PUBLISH = "publish"
     SUBSCRIBE = "subscribe"
+    SERVE = "serve"
+    """It takes requests and gives replies."""
+    CALL = "call"
+    """It sends requests and gets replies."""
+
+    @property
+    def is_service(self) -> bool:
+        """Whether its type is a request and a reply."""
+        return self in (Direction.SERVE, Direction.CALL)
 
 
 class Category(Enum):
@@ -95,16 +104,19 @@ class Port:
     name: str
     direction: Direction
     type_name: str
-    """Name of the message type, for example `Light`."""
+    """Name of the message type, for example `Light`; of a service both: `Angle -> Picture`."""
     rate_hz: float = 0.0
     """How often it is normally sent; 0 = only when something happens."""
     safe: Mapping[str, Scalar] | None = None
     """Fields of the message that an actuator applies when its partner or the master is lost; None = keep going."""
     description: str = ""
     message: MessageType | None = None
-    """The fields of the message; None only for types that were not read from a library."""
+    """The fields of the message, of a service those of the request; None only for types that were not read from a
+    library."""
     stop: str = ""
     """A field of what it publishes: while it is true, the part says STOP to the robot; empty: none."""
+    reply: MessageType | None = None
+    """Of a service: the fields of the reply."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,6 +83,7 @@ class Membership:
         configure: Callable[[pnp_messages.ConfigurationMessage], None],
         noticed: Callable[[pnp_messages.Notice], None] = lambda _: None,
         on_topic: Callable[[int, int, bytes], None] = lambda *_: None,
+        on_reply: Callable[[int, int, bytes], None] = lambda *_: None,
         stop_in_beats: Callable[[], tuple[int, ...]] = lambda: (),
         nature: pnp_messages.Nature = pnp_messages.Nature.UNKNOWN,
         description: str = "",
@@ -103,6 +104,7 @@ class Membership:
             configure: puts a configuration into use; called before `changed` reports `active`.
             noticed: called with what the inventory says unasked.
             on_topic: called with the samples that are not the robot's profile, as `Client.on_topic`.
+            on_reply: called with the replies to requests of others than itself, as `Client.on_reply`.
             stop_in_beats: what its beats say of STOP, one after the other, as `StoppedBeat`; none: nothing.
             nature: what is behind the part's ports.
             description: what the part says of itself to a robot that asks; empty: nothing.
@@ -130,6 +132,7 @@ class Membership:
         """The seals of samples, in a robot that has them."""
         self._noticed = noticed
         self._on_topic = on_topic
+        self._on_reply = on_reply
         self._stop_in_beats = stop_in_beats
         self._nature = nature
         self._description = description
@@ -211,12 +214,15 @@ class Membership:
             self._forget_trouble()
         self._drain()
 
-    def _reply_received(self, object_id: int, _request_id: int, payload: bytes) -> None:
+    def _reply_received(self, object_id: int, request_id: int, payload: bytes) -> None:
         now = self._turn.now()
         if self._thesis_requester is not None and object_id == self._thesis_requester.object_id:
             if len(payload) == thesis_master.BUFFER_BYTES:
                 self.joining.thesis_master_found(thesis_master.DOES_NOT_JOIN, now)
                 self._drain()
+            return
+        if object_id != self._requester.object_id:
+            self._on_reply(object_id, request_id, payload)
             return
         opened = self.seals.open_reply(payload)
         if opened is None:

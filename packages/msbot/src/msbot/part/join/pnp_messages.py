@@ -232,6 +232,10 @@ class BindingDirection(IntEnum):
 
     PUBLISH = 0
     SUBSCRIBE = 1
+    SERVE = 2
+    """Requests come in, replies go out; the topic's type is `Request -> Reply`."""
+    CALL = 3
+    """Requests go out, replies come in."""
 
 
 class PortBinding(Message):

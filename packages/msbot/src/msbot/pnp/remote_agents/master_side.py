@@ -15,7 +15,7 @@ from random import Random
 from typing import Final, Protocol
 
 from msbot.pnp.inventory import Inventory
-from msbot.pnp.model import Configuration
+from msbot.pnp.model import Configuration, SlotBinding
 from msbot.pnp.profile import Profile
 from msbot.pnp.remote_agents.agent_messages import (
     VERSION,
@@ -423,17 +423,19 @@ class MasterSide:
 
     def _topics_changed(self, agent: _Agent) -> None:
         configurations = [self._configuration(one.client.key) for one in agent.sessions.values()]
-        bindings = (binding for one in configurations if one is not None for binding in one.bindings)
+        bindings = (binding for one in configurations for binding in _topic_bindings(one))
         topics = frozenset((binding.topic, binding.publishes) for binding in bindings)
         if topics != agent.topics:
             agent.topics = topics
             self._around.recheck(agent.key)
 
 
+def _topic_bindings(configuration: Configuration | None) -> list[SlotBinding]:
+    return [] if configuration is None else [one for one in configuration.bindings if not one.is_service]
+
+
 def _topics_of(configuration: Configuration | None) -> list[OpenTopic]:
-    if configuration is None:
-        return []
-    found = {(one.topic, one.publishes): one for one in configuration.bindings if one.topic}
+    found = {(one.topic, one.publishes): one for one in _topic_bindings(configuration) if one.topic}
     return [
         OpenTopic(topic=topic, topic_type=one.type_name, publishes=int(publishes), reliable=int(one.reliable))
         for (topic, publishes), one in found.items()

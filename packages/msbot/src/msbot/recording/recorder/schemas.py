@@ -14,6 +14,7 @@ from msbot.part import Message
 from msbot.part.messages.wire_types import AtMost, Exactly, Number, Octets
 from msbot.pnp import PartEvent
 from msbot.recording.recorder.batch import HEAD_FORMAT
+from msbot.service_types import service_type
 from msbot_agent.link.can.protocol import Frame
 from msbot_agent.ros.node_names import topic_of
 from msbot_agent.text.sentence import to_json
@@ -129,7 +130,7 @@ def topics_in_ros(blueprint: Blueprint) -> dict[str, tuple[str, InDds]]:
     return {
         one.topic: (topic_of(robot, one.in_dds.ros_topic or one.topic).removeprefix("rt"), one.in_dds)
         for one in blueprint.bindings
-        if one.in_dds.ros
+        if one.in_dds.ros and service_type(one.type_name) is None
     }
 
 

@@ -1,0 +1,167 @@
+"""Calls of the robot itself: a person, the page or ROS 2 asks a port that serves, and gets its reply or a sentence."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import Sequence
+
+from msbot.config import Binding, Direction, MessageType, Port, SlotPort
+from msbot.operations.manual_control import read_message
+from msbot.operations.operation import Outcome
+from msbot.operations.running_robot import RunningRobot, endpoint_of
+from msbot.part import Message
+from msbot.part.calls import OpenCalls
+from msbot.part.messages.message import fields_of
+from msbot.pnp import message_words
+from msbot.service_types import reply_topic, request_topic, service_type
+from msbot.sim.model_part import message_class
+from msbot_agent.space import Qos, Sample, Topic
+from msbot_agent.text.sentence import said
+from msbot_xrce.errors import CallError, ConfigError, RemoteProtocolError
+
+MOST_OPEN = 64
+"""Calls of the robot itself that wait for their replies, whoever asked for them."""
+_SERVICE = Qos(service=True)
+
+
+class ServiceCalls:
+    """The calls that one running robot makes to its own parts."""
+
+    def __init__(self, running: RunningRobot) -> None:
+        self._running = running
+        self._open = OpenCalls(MOST_OPEN)
+        self._number = 0
+        self._alarm: asyncio.TimerHandle | None = None
+
+    async def call(self, port: str, values: Sequence[str], seconds: float, who: str) -> Outcome:  # noqa: ARG002 - every operation is told who asks
+        """Send a request of these values to a port that serves; the outcome has the reply.
+
+        Raises:
+            ConfigError: no such port, it is not wired, or the values make no request.
+            CallError: there is no reply; the text says why.
+        """
+        end = endpoint_of(self._running, port)
+        declared = self._port(end)
+        binding = self._binding(end, declared)
+        assert declared.message is not None
+        assert declared.reply is not None
+        request = read_message(str(end), declared.message, values)
+        reply = await self.ask(binding, end, request.encode(), declared.reply, seconds)
+        shown = message_words(reply, declared.reply.units)
+        fields = {field.name: getattr(reply, field.name) for field in fields_of(type(reply))}
+        return Outcome(said("{port}: {shown}", port=str(end), shown=shown), answer={"reply": fields})
+
+    async def ask(
+        self, binding: Binding, end: SlotPort, request: bytes, reply_type: MessageType, seconds: float
+    ) -> Message:
+        """Send an encoded request to the part at that end of a service; returns its reply.
+
+        Raises:
+            CallError: there is none; the text says why.
+        """
+        octets = await self._exchange(binding, end, request, seconds)
+        cls = message_class(reply_type)
+        try:
+            return cls.decode(octets)
+        except RemoteProtocolError as error:
+            raise CallError(f"call of {end}: the reply cannot be read as {reply_type.name}: {error}") from None
+
+    async def _exchange(self, binding: Binding, end: SlotPort, request: bytes, seconds: float) -> bytes:
+        kind = service_type(binding.type_name)
+        assert kind is not None
+        self._check_holder(end)
+        self._open.check_room(str(end))
+        loop = self._running.loop
+        outcome: asyncio.Future[bytes | CallError] = loop.create_future()
+        self._number += 1
+        number = self._number
+        space, guid = self._running.master.space, secrets.token_bytes(16)
+
+        def take(sample: Sample) -> bool:
+            if sample.related is not None and sample.related[0] == guid:
+                self._open.replied(number, sample.payload)
+            return True
+
+        def done(found: bytes | CallError) -> None:
+            if not outcome.done():
+                outcome.set_result(found)
+
+        reader = space.reader(Topic(reply_topic(binding.topic), kind.reply), _SERVICE, take)
+        writer = space.writer(Topic(request_topic(binding.topic), kind.request), _SERVICE, guid)
+        try:
+            self._open.open(number, str(end), seconds, loop.time(), done)
+            self._set_alarm()
+            writer.write(request)
+            found = await outcome
+        finally:
+            self._open.forget(number)
+            self._set_alarm()
+            writer.close()
+            reader.close()
+        if isinstance(found, CallError):
+            raise found
+        return found
+
+    def _check_holder(self, end: SlotPort) -> None:
+        holder = self._running.holder(end.slot)
+        if holder is None or not holder.state.is_registered:
+            raise CallError(
+                said("slot {slot} has no part now: there is nobody to serve {port}", slot=end.slot, port=str(end))
+            )
+
+    def _port(self, end: SlotPort) -> Port:
+        slot = self._running.blueprint.slot(end.slot)
+        library = self._running.library
+        part_type = None if slot is None or library is None else library.find(slot.part_number)
+        if part_type is None:
+            raise ConfigError(
+                said(
+                    "the library does not know the part type of slot {slot}: nobody can say what it serves",
+                    slot=end.slot,
+                )
+            )
+        declared = part_type.port(end.port)
+        serving = [f"{end.slot}.{one.name}" for one in part_type.ports if one.direction is Direction.SERVE]
+        if declared is not None and declared.direction is Direction.CALL:
+            bound = (str(one.source) for one in self._running.blueprint.bindings if end in one.targets)
+            raise ConfigError(
+                said(
+                    "{port} is a port that calls; name the port that it calls: {source}",
+                    port=str(end),
+                    source=next(bound, "") or said("none is wired to it"),
+                )
+            )
+        if declared is None or declared.direction is not Direction.SERVE or declared.message is None:
+            raise ConfigError(
+                said(
+                    "{port} is not a port that serves; those of {number}: {known}",
+                    port=str(end),
+                    number=part_type.number,
+                    known=", ".join(serving) or said("none"),
+                )
+            )
+        return declared
+
+    def _binding(self, end: SlotPort, declared: Port) -> Binding:
+        for binding in self._running.blueprint.bindings:
+            if binding.source == end and service_type(binding.type_name) is not None:
+                return binding
+        raise ConfigError(
+            said(
+                "no wire leads to {port}: make one, for example msbot bind {name} --type '{type}' --from {port}",
+                port=str(end),
+                name=end.port,
+                type=declared.type_name,
+            )
+        )
+
+    def _set_alarm(self) -> None:
+        at = self._open.timer()
+        if self._alarm is not None:
+            self._alarm.cancel()
+        self._alarm = None if at is None else self._running.loop.call_at(at, self._ring)
+
+    def _ring(self) -> None:
+        self._open.handle_timer(self._running.now())
+        self._set_alarm()

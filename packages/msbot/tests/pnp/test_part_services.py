@@ -1,0 +1,399 @@
+"""Requests and replies between the parts of a robot, in virtual time: what is served, and how each call ends."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from random import Random
+
+import pytest
+
+from msbot import CallError, HelloWorld, Number, Part, Text
+from msbot.config import Slot
+from msbot.part.calls import MOST_OPEN_CALLS, MOST_SERVED
+from msbot.pnp import Configuration, Keys, MemoryStore, SlotBinding
+from msbot.process.virtual_time import run_virtual
+from msbot_agent.link import InprocEnd
+from tests.pnp.robot import ABCD, EFGH, WXYZ, uid
+from tests.pnp.scene import Robot, epoch_ns
+from tests.pnp.test_sealed_robot import KEY, Spy
+
+HALVE = "Number -> Number"
+NAMES = "Number -> Text"
+
+
+def slot(name: str, *bindings: SlotBinding) -> Configuration:
+    return Configuration(1, name, bindings)
+
+
+def store(*of: Configuration, keys: int = 0) -> MemoryStore:
+    numbers = {"AA": "ABCD", "BB": "EFGH", "CC": "WXYZ"}
+    slots = tuple(Slot(one.slot, numbers[one.slot]) for one in of)
+    found = MemoryStore(types=(ABCD, EFGH, WXYZ), slots=slots, configurations=of)
+    found.keys = {uid(number): KEY for number in range(1, keys + 1)}
+    return found
+
+
+def usual(keys: int = 0) -> MemoryStore:
+    """AA asks, BB halves numbers and names them; CC has another topic."""
+    return store(
+        slot(
+            "AA",
+            SlotBinding("ask", "half", HALVE, publishes=False),
+            SlotBinding("name", "name", NAMES, publishes=False),
+        ),
+        slot(
+            "BB",
+            SlotBinding("halve", "half", HALVE, publishes=True),
+            SlotBinding("says", "name", NAMES, publishes=True),
+            SlotBinding("wait", "nobody", HALVE, publishes=False),
+        ),
+        slot("CC", SlotBinding("ask", "half", HALVE, publishes=False)),
+        keys=keys,
+    )
+
+
+class Scene:
+    """A robot, and parts that come in when the story wants them."""
+
+    def __init__(self, parts: MemoryStore, *, sealed: bool) -> None:
+        keys = Keys(parts, Random(3), sealed=True) if sealed else None
+        self.robot = Robot(parts, explain=True, keys=keys)
+        self.sealed = sealed
+        self.aa, self.bb, self.cc = (self.make(number) for number in ("ABCD", "EFGH", "WXYZ"))
+        self.log: list[object] = []
+        self.running: dict[Part, asyncio.Task[None]] = {}
+        self.links: dict[Part, InprocEnd] = {}
+        self._declare(self.aa)
+
+    def make(self, number: str) -> Part:
+        serial = {"ABCD": 1, "EFGH": 2, "WXYZ": 3}[number]
+        key = KEY if self.sealed else None
+        return Part(number, uid=uid(serial), random=Random(serial), key=key)
+
+    def _declare(self, part: Part) -> None:
+        part.calls("ask", Number, Number)
+        part.calls("name", Number, Text)
+
+    async def plug(self, *parts: Part, through: Callable[[InprocEnd], InprocEnd] = lambda link: link) -> None:
+        for part in parts:
+            self.links[part] = link = through(self.robot.outside.connect())
+            self.running[part] = asyncio.get_running_loop().create_task(part.run_async(link, epoch_ns=epoch_ns))
+        for _ in range(6):  # whoever comes when the robot's profile has just been said waits for the next one
+            await asyncio.sleep(2.0)
+            if all(part.state.value == "active" for part in parts):
+                break
+        assert [part.state.value for part in parts] == ["active"] * len(parts)
+
+    def pull(self, part: Part) -> None:
+        """It vanishes without a word."""
+        self.running.pop(part).cancel()
+
+    def asks(self, port: str, request: Number, timeout: float = 1.0) -> None:
+        """AA asks once, from now on."""
+
+        @self.aa.every(1000.0)
+        def ask() -> None:
+            try:
+                self.log.append(self.aa.call(port, request, timeout=timeout))
+            except CallError as error:
+                self.log.append(str(error))
+
+
+def tell(story: Callable[[Scene], Awaitable[None]], parts: MemoryStore | None = None, *, sealed: bool = False) -> None:
+    async def main() -> None:
+        scene = Scene(parts or usual(keys=3 if sealed else 0), sealed=sealed)
+        async with asyncio.TaskGroup() as tasks:
+            robot = scene.robot
+            running = [tasks.create_task(run()) for run in (robot.agent.run, robot.service.run, robot.master.run)]
+            await robot.service.until_ready()
+            await story(scene)
+            for task in [*running, *scene.running.values()]:
+                task.cancel()
+            await asyncio.gather(*scene.running.values(), return_exceptions=True)
+
+    run_virtual(main())
+
+
+def halve_with(part: Part) -> None:
+    @part.serves("halve", Number, Number)
+    def half(request: Number) -> Number:
+        return Number(value=request.value / 2)
+
+
+def halve(scene: Scene) -> None:
+    halve_with(scene.bb)
+
+    @scene.bb.serves("says", Number, Text)
+    def says(request: Number) -> Text:
+        if request.value < 0:
+            raise CallError("negative numbers have no name here")
+        return Text(text=f"it is {request.value:g}")
+
+
+@pytest.mark.promise("A call ends with its reply, or with one sentence, never without an end")
+@pytest.mark.parametrize("sealed", [False, True])
+def test_a_function_waits_for_its_reply_and_the_part_goes_on_meanwhile(sealed: bool) -> None:
+    async def story(scene: Scene) -> None:
+        halve(scene)
+        beats: list[float] = []
+        scene.aa.every(0.1)(lambda: beats.append(asyncio.get_running_loop().time()))
+        scene.asks("ask", Number(value=9.0))
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log == [Number(value=4.5)]
+        assert scene.aa.counters.refused == scene.bb.counters.refused == 0
+        assert len(beats) > 10
+        assert scene.aa.busy_with is None
+
+    tell(story, sealed=sealed)
+
+
+@pytest.mark.parametrize("sealed", [False, True])
+def test_the_callback_form_waits_for_nothing(sealed: bool) -> None:
+    async def story(scene: Scene) -> None:
+        halve(scene)
+
+        @scene.aa.every(1000.0)
+        def ask() -> None:
+            for value in (3.0, -1.0):
+                scene.aa.call(
+                    "name", Number(value=value), on_reply=lambda reply, error: scene.log.append((reply, error))
+                )
+            scene.log.append("asked")
+
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log == [
+            "asked",
+            (Text(text="it is 3"), ""),
+            (None, "call of name: refused: negative numbers have no name here"),
+        ]
+
+    tell(story, sealed=sealed)
+
+
+def test_nobody_serves() -> None:
+    async def story(scene: Scene) -> None:
+        scene.asks("ask", Number(value=1.0), timeout=0.5)
+        await scene.plug(scene.aa)
+        assert len(scene.log) == 1
+        assert str(scene.log[0]).startswith("call of ask: no reply within 0.5 s: is the part there that serves it")
+
+    tell(story)
+
+
+def serves_slowly(part: Part) -> None:
+    """Its first request waits for a reply that never comes; the others are served at once."""
+    requests: list[float] = []
+    part.calls("wait", Number, Number)
+
+    @part.serves("halve", Number, Number)
+    def half(request: Number) -> Number:
+        requests.append(request.value)
+        if len(requests) == 1:
+            part.call("wait", request, timeout=1000.0)
+        return Number(value=request.value / 2)
+
+
+def test_the_part_that_serves_ends_while_a_call_is_open() -> None:
+    async def story(scene: Scene) -> None:
+        serves_slowly(scene.bb)
+        scene.asks("ask", Number(value=1.0), timeout=600.0)
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log == []
+        scene.bb.end()
+        await asyncio.sleep(1.0)
+        assert scene.log in (
+            ["call of ask: the part that served it has left: `msbot parts` shows who is there"],
+            ["call of ask: refused: call of wait: the part is ended, not active any more (ended)"],
+        )
+
+    tell(story)
+
+
+def test_the_part_that_serves_vanishes_and_another_takes_its_slot() -> None:
+    async def story(scene: Scene) -> None:
+        serves_slowly(scene.bb)
+        scene.asks("ask", Number(value=8.0), timeout=600.0)
+        await scene.plug(scene.bb, scene.aa)
+        scene.pull(scene.bb)
+        await asyncio.sleep(10.0)
+        assert scene.log == ["call of ask: the part that served it has left: `msbot parts` shows who is there"]
+        other = Part("EFGH", uid=uid(9), random=Random(9))
+        other.serves("halve", Number, Number)(lambda request: Number(value=request.value / 2))
+        await scene.plug(other)
+        scene.aa.call("ask", Number(value=8.0), on_reply=lambda reply, _: scene.log.append(reply))
+        await asyncio.sleep(0.5)
+        assert scene.log[1:] == [Number(value=4.0)]
+
+    tell(story)
+
+
+def test_the_program_that_serves_starts_anew_while_a_call_is_open() -> None:
+    async def story(scene: Scene) -> None:
+        serves_slowly(scene.bb)
+        scene.asks("ask", Number(value=8.0), timeout=20.0)
+        await scene.plug(scene.bb, scene.aa)
+        scene.pull(scene.bb)
+        again = scene.make("EFGH")
+        halve_with(again)
+        await scene.plug(again)
+        await asyncio.sleep(20.0)
+        assert len(scene.log) == 1
+        assert str(scene.log[0]).startswith(("call of ask: the part that served", "call of ask: no reply within 20 s"))
+        scene.aa.call("ask", Number(value=8.0), on_reply=lambda reply, _: scene.log.append(reply))
+        await asyncio.sleep(0.5)
+        assert scene.log[1:] == [Number(value=4.0)]
+
+    tell(story)
+
+
+def test_while_stop_holds_no_function_serves() -> None:
+    async def story(scene: Scene) -> None:
+        halve(scene)
+        await scene.plug(scene.bb)
+        scene.robot.service.stop_all("ann", "", 0)
+        await asyncio.sleep(1.5)
+        scene.asks("ask", Number(value=1.0))
+        await scene.plug(scene.aa)
+        assert scene.log == ["call of ask: STOP is in force: call again after GO"]
+        assert scene.bb.counters.held == 1
+
+    tell(story)
+
+
+def test_what_a_serving_function_does_wrong_the_caller_learns_and_the_part_goes_on() -> None:
+    async def story(scene: Scene) -> None:
+        answers = iter((1 // 1, "text"))
+
+        @scene.bb.serves("halve", Number, Number)
+        def half(request: Number) -> Number:
+            return next(answers)  # type: ignore[return-value]  # that is the mistake
+
+        @scene.aa.every(0.2)
+        def ask() -> None:
+            if len(scene.log) < 4:
+                try:
+                    scene.log.append(scene.aa.call("ask", Number(value=1.0)))
+                except CallError as error:
+                    scene.log.append(str(error))
+
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log[:2] == [
+            "call of ask: the function that serves it failed: it returned 1, not a Number",
+            "call of ask: the function that serves it failed: it returned 'text', not a Number",
+        ]
+        assert str(scene.log[2]).startswith("call of ask: the function that serves it failed: ")
+        assert scene.bb.state.value == "active"
+
+    tell(story)
+
+
+def test_a_program_without_the_function_says_so() -> None:
+    async def story(scene: Scene) -> None:
+        scene.asks("ask", Number(value=1.0))
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log == ["call of ask: the program of the part has no function for it: write @part.serves(...)"]
+
+    tell(story)
+
+
+def test_open_calls_and_served_requests_are_bounded() -> None:
+    async def story(scene: Scene) -> None:
+        scene.bb.calls("wait", Number, Number)
+
+        @scene.bb.serves("halve", Number, Number)
+        def half(request: Number) -> Number:
+            scene.bb.call("wait", request, timeout=3.0)
+            return request
+
+        @scene.aa.every(1000.0)
+        def ask() -> None:
+            for number in range(MOST_OPEN_CALLS + 4):
+                try:
+                    scene.aa.call(
+                        "ask", Number(value=number), timeout=2.0, on_reply=lambda _, error: scene.log.append(error)
+                    )
+                except CallError as error:
+                    scene.log.append(str(error))
+
+        await scene.plug(scene.bb)
+        await scene.plug(scene.aa)
+        await asyncio.sleep(5.0)
+        assert len(scene.log) == MOST_OPEN_CALLS + 4
+        assert sum("16 calls wait" in str(words) for words in scene.log) == 4
+        assert (
+            sum(f"has {MOST_SERVED} requests already" in str(words) for words in scene.log)
+            == MOST_OPEN_CALLS - MOST_SERVED
+        )
+
+    tell(story)
+
+
+def test_a_lost_way_to_the_robot_ends_the_calls_that_wait() -> None:
+    async def story(scene: Scene) -> None:
+        scene.asks("ask", Number(value=1.0), timeout=3000.0)
+        await scene.plug(scene.aa)
+        for task in (scene.robot.agent,):
+            task.disconnect(scene.robot.inventory.view(0.0)[0].client_key, reason="gone")
+        await asyncio.sleep(30.0)
+        assert len(scene.log) >= 1
+        assert "the part is lost, not active any more" in str(scene.log[0])
+
+    tell(story)
+
+
+def test_only_those_who_are_wired_may_ask_and_answer() -> None:
+    """A part that is in the robot sends requests, and replies to those of others, without a right to either."""
+
+    async def story(scene: Scene) -> None:
+        halve(scene)
+        heard: list[float] = []
+
+        @scene.cc.on("in", HelloWorld, optional=True)
+        def listen(message: HelloWorld) -> None:
+            heard.append(message.index)
+
+        await scene.plug(scene.bb, scene.cc)
+        client = scene.cc._runner._membership.client  # type: ignore[union-attr]
+        from msbot.part import ServiceNames
+
+        participant = client.create_participant()
+        requester = client.create_requester(participant, ServiceNames("name", "Number", "Text"))
+        replier = client.create_replier(participant, ServiceNames("half", "Number", "Number"))
+        for entity in (requester, replier):
+            client.read(entity)
+        await asyncio.sleep(0.5)
+        served = scene.bb.counters.messages_in
+        client.write(requester, Number(value=1.0).encode())
+        scene.asks("ask", Number(value=6.0))
+        await scene.plug(scene.aa)
+        client.reply(replier, bytes(24), b"\0" + Number(value=13.0).encode())
+        await asyncio.sleep(1.0)
+        assert scene.log == [Number(value=3.0)]
+        assert scene.bb.counters.messages_in == served + 1
+
+    tell(story)
+
+
+@pytest.mark.parametrize("sealed", [False, True])
+def test_a_recorded_request_played_back_is_served_only_in_an_open_robot(sealed: bool) -> None:
+    async def story(scene: Scene) -> None:
+        halve(scene)
+        scene.asks("ask", Number(value=9.0))
+        await scene.plug(scene.bb)
+        spies: list[Spy] = []
+
+        def spy(link: InprocEnd) -> InprocEnd:
+            spies.append(Spy(link))
+            return spies[0]  # type: ignore[return-value]  # a link like any other
+
+        await scene.plug(scene.aa, through=spy)
+        recorded = [(object_id, octets) for object_id, octets in spies[0].recorded(up=True) if object_id & 0xF == 7]
+        object_id, octets = [one for one in recorded if one[0] != recorded[0][0]][-1]
+        before = scene.bb.counters.messages_in
+        spies[0].spoof(object_id, octets, up=True)
+        await asyncio.sleep(0.5)
+        assert scene.bb.counters.messages_in - before == (0 if sealed else 1)
+        assert scene.log == [Number(value=4.5)]
+
+    tell(story, sealed=sealed)
