@@ -37,6 +37,7 @@ from msbot.part.join.pnp_messages import (
     SealedProof,
     Setting,
     StoppedBeat,
+    TypeMessage,
     VerdictMessage,
     decode_request,
 )
@@ -202,7 +203,7 @@ def honest_answer(body: bytes) -> bytes | None:
         case ConfigurationRequest():
             # Topics of its own: the agent keeps the type that a topic was first created with.
             return _configuration(HONEST_VERSION, out="honest one", into="honest two").encode()
-        case NatureMessage() | DescriptionMessage() | TroublePiece():
+        case NatureMessage() | TypeMessage() | DescriptionMessage() | TroublePiece():
             return None
         case _:  # mypy says so if a request has come that is not here
             assert_never(request)

@@ -5,7 +5,7 @@ from .errors import ConfigError, LocalProtocolError
 from .message import fields_of, type_name_of
 from .objects import PARTICIPANT, PUBLISHER, SUBSCRIBER, endpoint_blob, topic_blob
 from .part import Timed, read_setting, stream_of
-from .running import forget
+from .running import forget, once
 
 forget("objects")
 
@@ -52,6 +52,7 @@ def configure(part, slot, bindings, settings, now):
         elif bound[0][2] != name:
             words = "carries {}, but its function expects {}".format(bound[0][2], name)
             part.report("port {!r}".format(port), words)
+    once("type_hash").tell(part)
     _tell_settings(part, now)
 
 

@@ -47,6 +47,7 @@ _REQUESTER = const(0x0017)
 _REFUSED_RETRY = const(2000)
 _SHORTEST_BEAT = const(20)
 _DESCRIBE = const(6)
+_TYPE_DIFFERS = const(7)
 
 
 class ExpectedRobot:
@@ -153,9 +154,11 @@ class Membership:
         if size == 4:
             self._beat_answered(struct.unpack("<I", octets)[0], now)
         elif size == 8:
-            number, place, kind, _ = struct.unpack("<IHBB", octets)
+            number, place, kind, detail = struct.unpack("<IHBB", octets)
             if kind == _DESCRIBE:
                 self._describe()
+            elif kind == _TYPE_DIFFERS and number == self.version:
+                once("type_hash").differs(self.part, place, detail)
             self.part.noticed(kind, number, place, now)
         elif size == 12:
             lease, _, period, reason, _ = struct.unpack("<IIHBB", octets)

@@ -75,6 +75,7 @@ class Part:
         self._reported = set()
         self._ports = {}
         self._places = []
+        self.told_types = {}  # port -> (its place, its binding, class): of whose messages the robot has been told
         self.configurations = 0
         # STOP, by the rules of `msbot.part.safe_state`; its names are these.
         self._is_safe = self._is_held = self._is_masters = self._is_asked = False
@@ -98,6 +99,8 @@ class Part:
             return False  # not wired in this robot (yet): nobody listens
         if binding[3] or not isinstance(message, Message) or type_name_of(type(message)) != binding[2]:
             raise ConfigError(once("words").not_for_port(self, port, binding, message))
+        if port not in self.told_types:
+            once("type_hash").tell_port(self, port, type(message))
         octets = self._membership.seal(object_id, message.encode())
         sent = self._client.write(object_id, octets, stream_of(binding))
         self.counters.messages_out += sent
@@ -229,6 +232,7 @@ class Part:
                 timed.due_at = None
             self._is_safe = self._enter_safe_state()
         if state is JoinState.CONFIGURING:
+            self.told_types = {}
             self._is_asked = self.stopped and self._is_masters
             if self.stopped:
                 self._membership.beat_soon(now)

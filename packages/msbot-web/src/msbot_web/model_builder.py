@@ -113,6 +113,7 @@ class ModelBuilder:
             planted=planted,
             plugged=lambda: {slot: bench.is_plugged(slot) for slot in bench.slots()},
             wear=master.agent.wear,
+            type_differences=master.type_differences,
         )
         self.curves = LiveCurves(
             master,

@@ -84,6 +84,7 @@ class SlotCards:
         plugged: Callable[[], Mapping[str, bool]] = dict,
         wear: Callable[[int], SessionFaultCounts | None] = no_session_faults,
         planted: Callable[[str], Sequence[str]] = lambda _: (),
+        type_differences: Callable[[int], Sequence[str]] = lambda _: (),
     ) -> None:
         self.live = live
         self.library = library
@@ -97,6 +98,7 @@ class SlotCards:
         self._stop = stop
         self._by_hand = by_hand
         self._planted = planted
+        self._type_differences = type_differences
         self._ends_are_of: Blueprint | None = None
         self._ends: Mapping[str, list[_End]] = {}
         self._slots: Mapping[str, Slot] = {}
@@ -154,6 +156,7 @@ class SlotCards:
             simulated=slot.name in look.plugged,
             plugged=look.plugged.get(slot.name),
             faults=list(self._planted(slot.name)),
+            type_differences=[] if info is None else list(self._type_differences(info.client_key)),
             wear=self._wear(info),
         )
 

@@ -138,6 +138,7 @@ PLANTED: dict[str, tuple[str, Looked]] = {
     "slot-empty": ("BB", robot(parts=ROBOT.parts[:1])),
     "often-late": ("lamp", robot(late={"lamp": 9})),
     "many-late": ("Rover", robot(late={"lamp": 9, "knob": 4, "AA": 3})),
+    "type-differs": ("BB", robot(type_differences=("BB port in: Raw of the part's program is not that",))),
     "often-refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": ("wrong number",) * 8})),
     "refused": ("knob", robot(parts=(*ROBOT.parts, LOST_PART), refused={"knob": ("wrong number",)})),
     "blocked": ("mole", robot(parts=(*ROBOT.parts, replace(LOST_PART, name="mole", slot="", uid="ff" * 8)),

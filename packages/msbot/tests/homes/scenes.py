@@ -143,6 +143,32 @@ async def describes(world: World) -> None:
     world.note(world.home.state())
 
 
+LIBRARY = {
+    "Raw": [("value", "float32")],
+    "Pair": [("x", "float32"), ("z", "float32")],
+    "Level": [("percent", "float32")],
+    "Count": [("value", "int32")],
+}
+"""The robot's message types, as `other_types` finds them."""
+
+
+async def other_types(world: World) -> None:
+    world.master.inventory.types.library_fields = LIBRARY.get
+    said: list[str] = []
+    world.master.inventory.on_event(lambda event: said.append(event.reason))
+    world.plug()
+    await world.until_state("active")
+    await asyncio.sleep(3.0)
+    for line in world.master.troubles("roof"):
+        world.note(line)
+    world.note(f"lines in the journal: {sum('is not that of' in one for one in said)}")
+    world.note("the library learns, and the configuration changes")
+    world.master.inventory.types.library_fields = {**LIBRARY, "Raw": [("value", "uint16")]}.get
+    world.configure((("gain", "1"),))
+    await asyncio.sleep(2.0)
+    world.note(f"still told: {len(world.master.troubles('roof'))}")
+
+
 async def settings(world: World) -> None:
     await begin(world, hears(world, "out", Count))
     await asyncio.sleep(0.7)
@@ -402,6 +428,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
         ),
         describes,
     ),
+    "other_types": Scene(wired("out out Raw", "in in Pair", "level in Level", "count out Count"), other_types),
     "key": Scene(KEYED, key),
     "large": Scene(wired("in in Text", "out out Text"), large),
     "listen": Scene(wired("in in HelloWorld"), listen),

@@ -12,6 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.carried.carried_files import OF_GENERIC_BOARDS
+from msbot.part.messages.type_hash import described_fields, type_hash
 from msbot_xrce.errors import RemoteProtocolError
 from tests import ROOT
 from tests.damage import damaged
@@ -370,3 +371,18 @@ def test_the_packages_name_every_file_once() -> None:
     assert sorted(named) == sorted(f"msbot/{path.name}" for path in micro.FOLDER.glob("*.py"))
     generic = {f"msbot/{name}.py" for name in OF_GENERIC_BOARDS}
     assert {source for _, source in listed["generic.json"]} == generic
+
+
+@pytest.mark.parametrize("name", STANDARD_MESSAGES)
+def test_a_standard_message_has_the_same_hash_in_every_home(name: str) -> None:
+    theirs = micro.load("type_hash").type_hash(micro.load("standards").standard(name))
+    assert theirs == type_hash(name, described_fields(STANDARD_MESSAGES[name]) or ())
+
+
+@pytest.mark.parametrize("name", ["std_msgs::msg::dds_::Float32_", "Raw", "a::b"])
+@given(st.lists(st.sampled_from([*"BHIQbhiqfd", bool, str]), min_size=1, max_size=5))
+def test_any_message_has_the_same_hash_in_every_home(name: str, kinds: list[Any]) -> None:
+    home = micro.load("type_hash")
+    fields = [(f"field_{place}", kind) for place, kind in enumerate(kinds)]
+    cls = type("Any", (micro.load("message").Message,), {"_fields": tuple(fields), "type_name": name})
+    assert home.type_hash(cls) == type_hash(name, [(field, home._WORDS[kind]) for field, kind in fields])

@@ -185,6 +185,10 @@ class SmallMaster:
         self.answers_beats = True
         self.requests: list[tuple[str, str]] = []
         """(what was asked, part number or "") in order."""
+        self.types: list[tuple[str, int, bytes]] = []
+        """(part number, place of the binding, hash) of the types that parts tell."""
+        self.odd_types: dict[int, pnp_messages.Notice] = {}
+        """Place of a binding -> the answer to its hash."""
         self.parts: dict[int, str] = {}
         """Lease -> part number."""
         self.configured: set[int] = set()
@@ -279,6 +283,9 @@ class SmallMaster:
             case pnp_messages.NatureMessage(lease=lease, nature=nature):
                 self.requests.append((f"nature {nature}", self.parts.get(lease, "")))
                 return None
+            case pnp_messages.TypeMessage(lease=lease, binding=binding, hash=octets):
+                self.types.append((self.parts.get(lease, ""), binding, octets))
+                return self.odd_types.get(binding)
             case TroublePiece(lease=lease, place=place):
                 self.requests.append((f"trouble {place}", self.parts.get(lease, "")))
                 return None

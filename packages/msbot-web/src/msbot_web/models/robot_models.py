@@ -234,6 +234,9 @@ class SlotCard(Model):
     plugged: bool | None
     """For a simulated part: whether it is on the wire."""
     faults: list[SentenceField] = Field(default_factory=list, description="What may be told of planted faults.")
+    type_differences: list[SentenceField] = Field(
+        default_factory=list, description="Ports whose messages are others in the part's program than in the library."
+    )
     wear: SessionFaults | None = None
 
     @property

@@ -196,6 +196,7 @@ def look_of(card: SlotCard, beat_s: float) -> object:
         card.plugged,
         tuple(card.faults),
         tuple(card.spares),
+        tuple(card.type_differences),
         None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
         None
         if port is None

@@ -279,5 +279,7 @@ class RobotFacts:
     """Share of the time that the bus will be busy."""
     not_stored: str
     """Why its changes are not stored; empty: they are."""
+    type_differences: tuple[str, ...] = ()
+    """Parts whose programs have other messages than the library: a part and what differs, in words."""
     lost_packets: Mapping[str, int] = field(default_factory=dict)
     """Packets that its links had to drop, by reason in words."""

@@ -21,18 +21,20 @@ from msbot.config import Blueprint, Library
 from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopStore
 from msbot.part import Client
+from msbot.part.messages.type_hash import Fields
 from msbot.pnp import Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile, RobotGate
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
 from msbot.pnp.inventory_service import InventoryService, in_any_case
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.remote_agents.agents_service import RemoteAgentsService
+from msbot.pnp.type_agreement import difference_sentence
 from msbot.stop.socket_names import own_group
 from msbot_agent.agent import Agent, AgentSettings
 from msbot_agent.link import InprocHub, Link, Peer, Signal
 from msbot_agent.link.relay import RelayGreeting
 from msbot_agent.process.end_signals import ungrouped
 from msbot_agent.space import MemorySpace, Space
-from msbot_agent.text.sentence import counted, said
+from msbot_agent.text.sentence import Sentence, counted, said
 from msbot_xrce.errors import ConfigError, LinkDown, LinkFull, MsbotError
 
 _log = logging.getLogger(__name__)
@@ -117,6 +119,7 @@ class Master:
             signal=self._link_signalled,
             relay_greeting=RelayGreeting(self.profile.profile_hash()),
         )
+        self.inventory.types.library_fields = self._fields_of_type
         self.inventory.on_rights(self.agent.recheck)
         self.inventory.on_superseded(self._superseded)
         self.inventory.watch.use_agent(last_heard=self._last_heard, probe=self._probe)
@@ -220,9 +223,24 @@ class Master:
         return [
             *of_boards,
             *(trouble for info in found for trouble in self.agent.troubles(info.client_key)),
+            *(words for info in found for words in self.type_differences(info.client_key)),
             *worn,
             *told,
         ]
+
+    def _fields_of_type(self, type_name: str) -> Fields | None:
+        """The fields of a message type of the library; it may learn types while the robot runs."""
+        known = None if self.library is None else self.library.messages.get(type_name)
+        return None if known is None else [(name, kind.value) for name, kind in known.fields.items()]
+
+    def type_differences(self, client_key: int) -> list[Sentence]:
+        """Where a part's program and the library mean different messages, one sentence for each port."""
+        return [difference_sentence(one) for one in self.inventory.type_differences(client_key)]
+
+    def all_type_differences(self) -> list[tuple[str, Sentence]]:
+        """The same of all parts, with their names."""
+        infos = self.inventory.view(self._clock())
+        return [(info.slot or info.part, words) for info in infos for words in self.type_differences(info.client_key)]
 
     def on_why(self, witness: Callable[[PartInfo], Sequence[str]]) -> None:
         """Ask the witness, too, what there is to say about a part."""

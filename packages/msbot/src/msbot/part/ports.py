@@ -103,6 +103,10 @@ class Ports:
         """The port of the configuration's binding with that number (from 0), or None."""
         return self._order[place] if 0 <= place < len(self._order) else None
 
+    def place_of(self, port: str) -> int | None:
+        """The number of a port's binding in the configuration (from 0), or None."""
+        return self._order.index(port) if port in self._bound else None
+
     def binding(self, port: str) -> PortBinding | None:
         """The binding of a port, or None."""
         bound = self._bound.get(port)

@@ -37,6 +37,7 @@ from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
 from msbot.part.program import Program, When
 from msbot.part.safe_state import Safety
+from msbot.part.type_telling import TypeTelling
 from msbot_agent.link import Link, Peer, Signal
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -130,6 +131,7 @@ class ProgramRunner:
         self._local_name = ""
         self._counters = PartCounters()
         self._configurations = 0
+        self.types = TypeTelling(program)
         self._mistake: ConfigError | None = None
         self._ports: Ports | None = None
         self._membership: Membership | None = None
@@ -158,6 +160,8 @@ class ProgramRunner:
             raise ConfigError('the port comes first, and is a text: publish("out", message)')
         if type(message) is self.program.publications.get(port) and port not in ports:
             return False  # declared, and not wired in this robot (yet): nobody listens
+        if port not in self.types.told and self._membership is not None and isinstance(message, Message):
+            self.types.tell_port(port, type(message), ports, self._membership)
         return self._count(ports.publish(port, message))
 
     def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
@@ -301,6 +305,8 @@ class ProgramRunner:
         told = f"is {displayed_state(change.after.value, change.reason)}: {change.reason}"
         _log.info("%s %s", self._local_name, "has ended" if change.after is JoinState.ENDED else told)
         assert self._ports is not None
+        if change.after is JoinState.CONFIGURING:
+            self.types.told.clear()
         if change.after is JoinState.ACTIVE:
             self._tell("join")
             for timed in self.program.timed:
@@ -371,6 +377,8 @@ class ProgramRunner:
                 self.guard.report(f"port {port!r}", fault)
             if port not in self._ports:
                 self._calls.end("the robot has taken its wire away", port)
+        if self._membership is not None:
+            self.types.tell(self._ports, self._membership)
         self.settings.tell()
 
     def _noticed(self, notice: Notice) -> None:
@@ -385,6 +393,16 @@ class ProgramRunner:
                 self._tell("identify")
             case NoticeKind.PARTNER_LOST:
                 self._partner_lost_at(notice)
+            case NoticeKind.TYPE_DIFFERS if notice.number == self.joining.configuration_version:
+                self._type_differs(notice)
+
+    def _type_differs(self, notice: Notice) -> None:
+        if self._ports is None or self._membership is None:
+            return
+        found = self.types.differs(notice, self._ports, self._membership)
+        if found is not None:
+            port, words = found
+            self.guard.report(f"port {port!r}", f"{words}; `msbot why {self.slot}` shows both")
 
     def _stop_said(self, reason: str, number: int | None = None) -> None:
         before = self.safety.number

@@ -21,7 +21,17 @@ from msbot.pnp.claim_handler import PENDING, Adopter, ClaimHandler
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.life_watch import LifeWatch
-from msbot.pnp.model import THESIS_TIMING, Claim, Configuration, LifeTiming, PartInfo, PartStore, SessionStatus, Verdict
+from msbot.pnp.model import (
+    THESIS_TIMING,
+    Claim,
+    Configuration,
+    LifeTiming,
+    PartInfo,
+    PartStore,
+    SessionStatus,
+    TypeDifference,
+    Verdict,
+)
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.pupil_parts import PupilParts
 from msbot.pnp.self_descriptions import SelfDescriptions
@@ -29,6 +39,7 @@ from msbot.pnp.session_seals import SessionSeals
 from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import HandControl, StateChanges
+from msbot.pnp.type_agreement import TypeAgreement
 from msbot_agent.text.sentence import said
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError
@@ -62,6 +73,8 @@ class Inventory:
         self.hand = HandControl()
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
         self.descriptions = SelfDescriptions(self._index, self._changes, self.dropped)
+        self.types = TypeAgreement(self._changes, self.dropped)
+        """Whether parts and library mean the same by a message type."""
         self._assignment = SlotAssignment(store, self._index, self._matcher, self._changes)
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self.watch = LifeWatch(self._index, self._changes, timing, now)
@@ -278,6 +291,18 @@ class Inventory:
     def with_lease(self, lease: int, client_key: int) -> InventoryRecord | None:
         """The part that says something with that lease; None: the lease is unknown."""
         return self._index.by_lease(lease, client_key)
+
+    def waits_for_fields(self, client_key: int) -> InventoryRecord | None:
+        """The part behind a session, if it is to tell the fields of its messages; else None."""
+        record = self._index.record_of(client_key)
+        if record is None or all(one.detail for one in self.types.differences(record)):
+            return None
+        return record
+
+    def type_differences(self, client_key: int) -> list[TypeDifference]:
+        """Where the program of the part behind a session and the library mean different messages."""
+        record = self._index.record_of(client_key)
+        return [] if record is None else self.types.differences(record)
 
     def configuration_request(self, lease: int, client_key: int) -> Configuration | None:
         """The configuration of the part with that lease, or None: the lease is unknown, so no answer is sent."""

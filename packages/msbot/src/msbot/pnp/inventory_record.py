@@ -7,7 +7,7 @@ from collections import deque
 from msbot.part.join.pnp_messages import Nature, Refusal
 from msbot.part.join.refusal import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
 from msbot.pnp.life_status import Life, check_transition
-from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription
+from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription, TypeDifference
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot_agent.text.sentence import Sentence, said
 
@@ -66,6 +66,8 @@ class InventoryRecord:
         "state",
         "trouble",
         "trouble_pieces",
+        "type_differences",
+        "type_notes",
     )
 
     def __init__(self, client_key: int, address: str, timing: LifeTiming, plugged_in_at: float) -> None:
@@ -94,6 +96,10 @@ class InventoryRecord:
         self.trouble = ""
         """What is wrong with its hardware, as the part said before it ended."""
         self.trouble_pieces = b""
+        self.type_differences: dict[str, TypeDifference] = {}
+        """By port; at most as many as its configuration has."""
+        self.type_notes = 0
+        """Lines of the journal about them."""
         self.refused_claims = 0
         self.refused_samples = 0
         """Samples that showed its session but had no valid seal."""

@@ -233,6 +233,8 @@ class InventoryService:
         reply = None if request is None else self.requests.answer(request, client_key, now, asker)
         self._remember(client_key, asker, reply)
         self._asking = None
+        for notice in self.requests.fields_told(request, client_key, now):
+            self._tell(client_key, notice)
         if request is not None and self.requests.asks_what(request, client_key):
             self._notify(client_key, pnp_messages.NoticeKind.DESCRIBE)
         if request is None or reply is None:

@@ -184,6 +184,23 @@ class SelfDescription:
 
 
 @dataclass(frozen=True, slots=True)
+class TypeDifference:
+    """A port where the message class of the part's program is not the type of the library."""
+
+    port: str
+    type_name: str
+    theirs: bytes
+    """The hash that the part tells."""
+    ours: bytes
+    """That of the library."""
+    detail: int = 0
+    """Place of the first field that differs, from 1; 0: the part has not told its fields yet; 255: not known."""
+    their_field: str = ""
+    """`uint16 value`; empty: there is none."""
+    our_field: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class PartInfo:
     """A part as the inventory shows it."""
 

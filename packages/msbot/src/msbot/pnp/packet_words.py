@@ -39,6 +39,7 @@ _NOTICES: Final[Mapping[int, str]] = {
     pnp_messages.NoticeKind.STOP: "the master tells {part} to STOP",
     pnp_messages.NoticeKind.GO: "the master tells {part} that STOP is over",
     pnp_messages.NoticeKind.DESCRIBE: "the master asks {part} what it is",
+    pnp_messages.NoticeKind.TYPE_DIFFERS: "the master tells {part} that its messages are not those of the library",
 }
 _SAID_TO_THE_INVENTORY: Final[Mapping[type, str]] = {
     Claim: "{part} asks to be let in, by the thesis' own program",
@@ -47,6 +48,7 @@ _SAID_TO_THE_INVENTORY: Final[Mapping[type, str]] = {
     pnp_messages.Beat: "{part} says that it is alive",
     pnp_messages.StoppedBeat: "{part} says that it is alive, and has stopped",
     pnp_messages.NatureMessage: "{part} says whether it is real or simulated",
+    pnp_messages.TypeMessage: "{part} says what its messages look like",
     pnp_messages.ConfigurationRequest: "{part} asks what it does in this robot",
     pnp_messages.DescriptionMessage: "{part} says what it is",
     TroublePiece: "{part} says what is wrong with it",

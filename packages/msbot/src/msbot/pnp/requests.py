@@ -85,6 +85,13 @@ class RequestHandler:
                 else:
                     record.take_nature(nature)
                 return None
+            case pnp_messages.TypeMessage(lease=lease, binding=place, hash=octets):
+                if (record := self._inventory.with_lease(lease, client_key)) is None:
+                    self.dropped.count("hash of a type with an unknown lease")
+                    return None
+                return self._inventory.types.told(record, place, octets)
+            case pnp_messages.DescriptionMessage(text=text) if self._inventory.waits_for_fields(client_key):
+                return None  # the answers are several notices: `fields_told`
             case pnp_messages.DescriptionMessage(text=text):
                 self._inventory.descriptions.said(client_key, text, now)
                 return None
@@ -101,6 +108,15 @@ class RequestHandler:
                 return self._answer_to(claim_of(message), client_key, asker, now)
             case pnp_messages.Proof(proof=proof) | pnp_messages.SealedProof(proof=proof):
                 return self._take_proof(proof, client_key, asker, now)
+
+    def fields_told(
+        self, request: pnp_messages.Request | None, client_key: int, now: float
+    ) -> list[pnp_messages.Notice]:
+        """What to answer to the fields of a part's messages, if the request has them."""
+        if not isinstance(request, pnp_messages.DescriptionMessage):
+            return []
+        record = self._inventory.waits_for_fields(client_key)
+        return [] if record is None else self._inventory.types.fields_told(record, request.text, now)
 
     def asks_what(self, request: pnp_messages.Request, client_key: int) -> bool:
         """Whether to ask the part behind a request what it is: only where strangers get an answer, or after a proof."""

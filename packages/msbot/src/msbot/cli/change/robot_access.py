@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from msbot.registry import RobotRecord
 
 
+MOST_DIFFERENCES = 10
+"""Ports with other messages than the library's that a master tells other programs of."""
+
+
 def master_details(
     master: Master, db: str, *, mark: str = "", page: str = "", trouble: str | None = None
 ) -> dict[str, str]:
@@ -53,6 +57,8 @@ def master_details(
         "slots": str(len(master.inventory.slots.names())),
         "active": str(len(master.inventory.members())),
     }
+    differences = [f"{part} {words}" for part, words in master.all_type_differences()]
+    known |= {"type_differences": "\n".join(differences[:MOST_DIFFERENCES])} if differences else {}
     return known | {"trouble": trouble} if trouble else known
 
 

@@ -28,6 +28,7 @@ def check_robot(facts: RobotFacts) -> Iterator[Finding | Unavailable]:
     yield from _master(facts)
     yield from _slots(facts)
     yield from _parts(facts)
+    yield from _types(facts)
     yield from _wires(facts)
     yield from _bus(facts)
 
@@ -188,6 +189,20 @@ def _parts(facts: RobotFacts) -> Iterator[Finding]:
                     said("the master asks for a proof; the part has none, and is refused"),
                     f"msbot key new {part.uid}",
                 )
+
+
+def _types(facts: RobotFacts) -> Iterator[Finding]:
+    for line in facts.type_differences:
+        part, _, words = line.partition(" ")
+        yield Finding(
+            "type-differs",
+            part,
+            said("{part}: {words}", part=part, words=words),
+            said("what it says is read as something else, and so is what it hears"),
+            said("samples of another length, or values that make no sense"),
+            f"msbot why {part}",
+            first=said("give the program's class the fields of the library's type, in the same order"),
+        )
 
 
 def _wires(facts: RobotFacts) -> Iterator[Finding]:

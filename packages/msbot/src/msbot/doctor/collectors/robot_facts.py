@@ -152,6 +152,9 @@ def _facts(
         bus_bitrate=bitrate,
         bus_load=load,
         not_stored=next((trouble for master in masters if (trouble := master.details.get("trouble"))), ""),
+        type_differences=tuple(
+            line for master in masters for line in master.details.get("type_differences", "").splitlines()
+        ),
         lost_packets=lost,
     )
 

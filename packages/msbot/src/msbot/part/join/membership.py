@@ -312,6 +312,16 @@ class Membership:
             _log.info("the robot does not know this part number, and asks what the part is: it is told")
             self._send(pnp_messages.DescriptionMessage(text=self._description).encode(), STREAM_RELIABLE)
 
+    def say_type(self, binding: int, octets: bytes) -> None:
+        """Tell the robot the hash of the messages that the program has at a port."""
+        message = pnp_messages.TypeMessage(lease=self.joining.lease, binding=binding, hash=octets)
+        self._send(message.encode(), STREAM_RELIABLE)
+
+    def say_fields(self, text: str) -> None:
+        """Tell the robot the fields of the program's messages, because a hash differs from the library's."""
+        filled = text + "\n" * (pnp_messages.LEAST_DESCRIPTION - len(text.encode()))
+        self._send(pnp_messages.DescriptionMessage(text=filled).encode(), STREAM_RELIABLE)
+
     def say_trouble(self, sentence: str) -> None:
         """Tell the robot what is wrong with the part's hardware; only a part that has a lease can."""
         if self.joining.lease:

@@ -11,6 +11,7 @@ from the part             answer of the inventory                  octets
 `Proof`                   `VerdictMessage`, or none                16, 12
 `Beat`                    `BeatReply`                              4, 4
 `NatureMessage`           none                                     5
+`TypeMessage`             `Notice` if the library's type differs   13
 `StoppedBeat`             `BeatReply`                              6, 4
 `ConfigurationRequest`    `ConfigurationMessage`                   8, 20 or more
 `ClaimMessage`, key+data  `SealedChallenge`                        28 or more, 17
@@ -38,6 +39,7 @@ from msbot.part.join.refusal import TROUBLE_PIECE_OCTETS, TroublePiece
 from msbot.part.join.refusal import Refusal as Refusal  # noqa: PLC0414 - others look for it here
 from msbot.part.join.seal import CONFIGURATIONS, SHORT_SAYINGS
 from msbot.part.messages.message import Message
+from msbot.part.messages.type_hash import HASH_OCTETS
 from msbot.part.messages.wire_types import AtMost, Octets, uint8, uint16, uint32
 
 PROFILE_TOPIC = "msbot_masterTopic"
@@ -203,8 +205,18 @@ class NatureMessage(Message):
     """`Nature`; another number counts as unknown."""
 
 
+class TypeMessage(Message):
+    """A part says what messages its program has at a port: the hash of their type (`msbot.part.messages.type_hash`)."""
+
+    lease: uint32
+    binding: uint8
+    """Which of the configuration's bindings, counted from 0."""
+    hash: Annotated[bytes, Octets(HASH_OCTETS)]
+
+
 class DescriptionMessage(Message):
-    """What a part says of itself when it is asked: the text of a library file (`msbot.part.description`)."""
+    """What a part says of itself when it is asked: the text of a library file (`msbot.part.description`); after a
+    notice of kind `TYPE_DIFFERS` the fields of its messages (`msbot.part.messages.type_hash`)."""
 
     type_name = "Description"
 
@@ -283,6 +295,8 @@ class NoticeKind(IntEnum):
     """STOP is over."""
     DESCRIBE = 6
     """Say what you are: the library does not know your part number."""
+    TYPE_DIFFERS = 7
+    """The library's type of the port has other fields than the part's program. `detail` 0: say which ones it has."""
 
 
 class Notice(Message):
@@ -295,7 +309,8 @@ class Notice(Message):
     """Which of the configuration's bindings, counted from 0; 0xFFFF = none."""
     kind: uint8
     """`NoticeKind`."""
-    reserved: uint8 = 0
+    detail: uint8 = 0
+    """For `TYPE_DIFFERS`: the place of the first field that differs, counted from 1; 255 = not known. Else 0."""
 
 
 NO_BINDING = 0xFFFF
@@ -305,6 +320,7 @@ NO_BINDING = 0xFFFF
 _BEAT_OCTETS = 4
 _NATURE_OCTETS = 5
 _STOPPED_BEAT_OCTETS = 6
+_TYPE_OCTETS = 13
 _CONFIGURATION_REQUEST_OCTETS = 8
 _NOTICE_OCTETS = 8
 _VERDICT_OCTETS = 12
@@ -317,6 +333,7 @@ LONGEST_CLAIM_OCTETS = 535
 Request = (
     Beat
     | NatureMessage
+    | TypeMessage
     | StoppedBeat
     | ConfigurationRequest
     | Proof
@@ -338,6 +355,8 @@ def decode_request(payload: bytes) -> Request:
         return Beat.decode(payload)
     if len(payload) == _NATURE_OCTETS:
         return NatureMessage.decode(payload)
+    if len(payload) == _TYPE_OCTETS:
+        return TypeMessage.decode(payload)
     if len(payload) == _STOPPED_BEAT_OCTETS:
         return StoppedBeat.decode(payload)
     if len(payload) == _CONFIGURATION_REQUEST_OCTETS:

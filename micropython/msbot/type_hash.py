@@ -1,0 +1,102 @@
+"""What a part tells its robot about its messages, as on a PC: the hash that ROS 2 gives a type, and its fields.
+
+Imported when a configuration comes, or a port without a declaration is used for the first time, and forgotten again.
+"""
+
+import struct
+from hashlib import sha256
+
+from .cdr import put_text
+from .message import fields_of, type_name_of
+from .xrce import RELIABLE
+
+_WORDS = {
+    "B": "uint8", "H": "uint16", "I": "uint32", "Q": "uint64", "b": "int8", "h": "int16", "i": "int32", "q": "int64",
+    "f": "float32", "d": "float64", bool: "bool", str: "text",
+}  # fmt: skip
+_IDS = {"B": 3, "H": 5, "I": 7, "Q": 9, "b": 2, "h": 4, "i": 6, "q": 8, "f": 10, "d": 11, bool: 15, str: 17}
+_FIELD = '{{"name": "{}", "type": {{"type_id": {}, "capacity": 0, "string_capacity": 0, "nested_type_name": ""}}}}'
+_TYPE = '{{"type_description": {{"type_name": "{}", "fields": [{}]}}, "referenced_type_descriptions": []}}'
+_LEAST, _MOST = 540, 4096
+_NOT_KNOWN = 255
+
+
+def type_hash(message_class):
+    """The first octets of the hash of a class; None: it has fields that are not compared."""
+    name, fields = type_name_of(message_class), fields_of(message_class)
+    if not all([kind in _IDS for _, kind in fields]):
+        return None
+    words = [word for word in name.split("::") if word]
+    if len(words) == 4 and words[2] == "dds_":
+        last = words[3]
+        name = "{}/{}/{}".format(words[0], words[1], last[:-1] if last.endswith("_") else last)
+    else:
+        name = "msbot_msgs/msg/" + name
+    told = ", ".join([_FIELD.format(field, _IDS[kind]) for field, kind in fields])
+    return sha256(_TYPE.format(name, told).encode()).digest()[:8]
+
+
+def tell(part):
+    """Tell of the declared messages at ports that the robot has bound, or bound elsewhere than before."""
+    for port, told in list(part.told_types.items()):
+        if told[:2] != _standing(part, port):
+            del part.told_types[port]
+    for kind, port, message_class, _ in part.declared:
+        if kind == "publish" and port not in part.told_types:
+            tell_port(part, port, message_class)
+    for port, (message_class, _, _) in part._listeners.items():
+        if port not in part.told_types:
+            tell_port(part, port, message_class)
+
+
+def tell_port(part, port, message_class):
+    """Tell of the messages at one port."""
+    place, binding = _standing(part, port)
+    if binding is None:
+        return
+    part.told_types[port] = (place, binding, message_class)
+    if type_name_of(message_class) != binding[2]:
+        return  # a mistake that is told in other words
+    octets = type_hash(message_class)
+    if octets and place < 120:
+        membership = part._membership
+        membership._ask(struct.pack("<IB", membership._lease, place) + octets, RELIABLE)
+
+
+def differs(part, place, detail):
+    """The library's type of a port differs: tell the fields, or tell people."""
+    port = part._places[place] if place < len(part._places) else None
+    if port not in part.told_types:
+        return
+    message_class = part.told_types[port][2]
+    if not detail:
+        classes = []
+        for _, _, other in part.told_types.values():
+            if other not in classes and type_hash(other):
+                classes.append(other)
+        text = "".join([_line(other) for other in classes])[:_MOST]
+        said = bytearray()
+        put_text(said, text + "\n" * (_LEAST - len(text.encode())))
+        part._membership._ask(bytes(said), RELIABLE)
+        return
+    fields, where = fields_of(message_class), ""
+    if detail <= len(fields):
+        name, kind = fields[detail - 1]
+        where = ": the first field that differs is number {}, here {} {}".format(detail, _WORDS[kind], name)
+    elif detail != _NOT_KNOWN:
+        where = ": the first field that differs is number {}, which is missing here".format(detail)
+    mine = "".join(["{:02x}".format(octet) for octet in type_hash(message_class) or b""])
+    words = "{} of this program (RIHS01_{}...) is not that of the robot's library{}; `msbot why {}` shows both"
+    part.report("port {!r}".format(port), words.format(type_name_of(message_class), mine, where, part.slot))
+
+
+def _line(message_class):
+    words = [type_name_of(message_class)]
+    for name, kind in fields_of(message_class):
+        words += [name, _WORDS[kind]]
+    return " ".join(words) + "\n"
+
+
+def _standing(part, port):
+    bound = part._ports.get(port)
+    return (part._places.index(port), bound[0]) if bound else (None, None)

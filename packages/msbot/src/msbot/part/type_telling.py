@@ -1,0 +1,73 @@
+"""What a part tells its robot about its messages: the hash of each port's type, and on request the fields.
+
+The hash goes with the first configuration of a port, or with the first message of a port that is not declared.
+It goes again when the port stands elsewhere in a new configuration, or after the session was lost. The robot answers
+only if its library has another type (`TYPE_DIFFERS`): first it asks for the fields, then it says which one differs.
+"""
+
+from __future__ import annotations
+
+from msbot.part.join.membership import Membership
+from msbot.part.join.pnp_messages import MOST_BINDINGS, MOST_DESCRIPTION, Notice, PortBinding
+from msbot.part.messages.message import Message
+from msbot.part.messages.type_hash import Fields, described_fields, fields_text, hash_words, type_hash
+from msbot.part.ports import Ports
+from msbot.part.program import Program
+
+NOT_KNOWN = 255
+"""`Notice.detail`: which field differs is not known."""
+
+
+class TypeTelling:
+    """See the module's docstring; for one program."""
+
+    def __init__(self, program: Program) -> None:
+        self.told: dict[str, tuple[int, PortBinding]] = {}
+        """Ports of whose messages the robot has been told, with where they stood in the configuration."""
+        self._program = program
+        self._fields: dict[str, Fields] = {}
+        """The fields of these messages, by type."""
+
+    def tell(self, ports: Ports, membership: Membership) -> None:
+        """Tell of the declared messages at ports that the robot has bound, or bound elsewhere than before."""
+        for port, told in list(self.told.items()):
+            if told != (ports.place_of(port), ports.binding(port)):
+                del self.told[port]
+        heard = {port: listener.message_class for port, listener in self._program.listeners.items()}
+        for port, message_class in (self._program.publications | heard).items():
+            if port not in self.told:
+                self.tell_port(port, message_class, ports, membership)
+
+    def tell_port(self, port: str, message_class: type[Message], ports: Ports, membership: Membership) -> None:
+        """Tell of the messages at one port."""
+        place, binding = ports.place_of(port), ports.binding(port)
+        if place is None or binding is None:
+            return
+        self.told[port] = place, binding
+        if message_class.type_name != binding.topic_type:
+            return  # a mistake that is told in other words
+        fields = described_fields(message_class)
+        if fields is not None and place < MOST_BINDINGS:
+            self._fields[message_class.type_name] = fields
+            membership.say_type(place, type_hash(message_class.type_name, fields))
+
+    def differs(self, notice: Notice, ports: Ports, membership: Membership) -> tuple[str, str] | None:
+        """The library's type of a port differs: the port and what to tell people; None: the robot asks for the fields,
+        and gets them."""
+        port = ports.port_at(notice.binding)
+        binding = None if port is None else ports.binding(port)
+        if port is None or binding is None:
+            return None
+        if not notice.detail:
+            membership.say_fields(fields_text(self._fields.items())[:MOST_DESCRIPTION])
+            return None
+        name, place = binding.topic_type, notice.detail
+        fields = self._fields.get(name, ())
+        where = ""
+        if place <= len(fields):
+            field, kind = fields[place - 1]
+            where = f": the first field that differs is number {place}, here {kind} {field}"
+        elif place != NOT_KNOWN:
+            where = f": the first field that differs is number {place}, which is missing here"
+        mine = hash_words(type_hash(name, fields))
+        return port, f"{name} of this program ({mine}) is not that of the robot's library{where}"

@@ -1,0 +1,147 @@
+"""Whether the programs of parts and the library mean the same by a message type. Pure.
+
+A part tells for each of its ports the hash of the type that its program has (`TypeMessage`). If the library's hash is
+another one, the part is asked for its fields, once for each port and hash; then journal, part and people learn
+which field is the first that differs. A part that tells no hash (of the thesis, stock, written in C) is not compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from msbot.part.join.pnp_messages import MOST_BINDINGS, Notice, NoticeKind
+from msbot.part.messages.type_hash import Fields, first_difference, hash_words, read_fields, type_hash
+from msbot.pnp.inventory_record import InventoryRecord
+from msbot.pnp.model import SlotBinding, TypeDifference
+from msbot.pnp.state_changes import StateChanges
+from msbot_agent.text.sentence import Sentence, said
+from msbot_xrce.counting import Tally
+
+NOT_KNOWN = 255
+"""`Notice.detail`: which field differs is not known."""
+MOST_NOTES = 20
+"""Lines of the journal about this in one session of a part."""
+LONGEST_NAME = 64
+"""Characters of a field's name that are shown."""
+
+LibraryFields = Callable[[str], Fields | None]
+"""The fields of a type of the library; None: it does not know the type."""
+
+
+class TypeAgreement:
+    """See the module's docstring.
+
+    Args:
+        changes: where notes are made.
+        dropped: counts what is not taken.
+    """
+
+    def __init__(self, changes: StateChanges, dropped: Tally) -> None:
+        self.library_fields: LibraryFields = lambda _: None
+        """Set by who has a library."""
+        self._changes = changes
+        self._dropped = dropped
+
+    def differences(self, record: InventoryRecord) -> list[TypeDifference]:
+        """Where a part's program and the library of today mean different messages, at the ports that it has now."""
+        if not record.is_registered or record.configuration is None or not record.type_differences:
+            return []
+        bound = {one.port: one.type_name for one in record.configuration.bindings}
+        return [
+            one
+            for one in record.type_differences.values()
+            if bound.get(one.port) == one.type_name and self._library_hash(one.type_name) not in (None, one.theirs)
+        ]
+
+    def _library_hash(self, type_name: str) -> bytes | None:
+        fields = self.library_fields(type_name)
+        return None if fields is None else type_hash(type_name, fields)
+
+    def told(self, record: InventoryRecord, place: int, octets: bytes) -> Notice | None:
+        """A part tells the hash of a port's type; the answer, if the library's is another one."""
+        configuration = record.configuration
+        bindings = () if configuration is None else configuration.bindings
+        if configuration is None or place >= min(len(bindings), MOST_BINDINGS):
+            self._dropped.count("hash of a type for a port that is not bound")
+            return None
+        binding = bindings[place]
+        expected = self._library_hash(binding.type_name)
+        if expected is None:
+            return None
+        known = record.type_differences.get(binding.port)
+        if octets == expected:
+            record.type_differences.pop(binding.port, None)
+            return None
+        if known is not None and (known.theirs, known.ours) == (octets, expected):
+            return _notice(configuration.version, place, known.detail) if known.detail else None
+        record.type_differences[binding.port] = TypeDifference(binding.port, binding.type_name, octets, expected)
+        return _notice(configuration.version, place, 0)
+
+    def fields_told(self, record: InventoryRecord, text: str, now: float) -> list[Notice]:
+        """A part tells the fields of its messages; answers for the ports whose types differ."""
+        theirs = read_fields(text)
+        configuration = record.configuration
+        answers = []
+        for place, binding in enumerate(() if configuration is None else configuration.bindings):
+            difference = record.type_differences.get(binding.port)
+            if configuration is None or difference is None or difference.detail:
+                continue
+            found = self._compared(difference, binding, theirs)
+            record.type_differences[binding.port] = found
+            if record.type_notes < MOST_NOTES:
+                record.type_notes += 1
+                self._changes.note(record, now, difference_sentence(found))
+            answers.append(_notice(configuration.version, place, found.detail))
+        self._changes.publish()
+        return answers
+
+    def _compared(
+        self, difference: TypeDifference, binding: SlotBinding, theirs: Mapping[str, Fields]
+    ) -> TypeDifference:
+        ours = self.library_fields(binding.type_name) or ()
+        told = theirs.get(binding.type_name, ())
+        place = first_difference(told, ours) if told else None
+        detail = NOT_KNOWN if place is None else min(place + 1, NOT_KNOWN - 1)
+        return TypeDifference(
+            difference.port,
+            difference.type_name,
+            difference.theirs,
+            difference.ours,
+            detail,
+            "" if place is None else _field_words(told, place),
+            "" if place is None else _field_words(ours, place),
+        )
+
+
+def difference_sentence(difference: TypeDifference) -> Sentence:
+    """What differs at a port, for people."""
+    known = {
+        "port": difference.port,
+        "type": difference.type_name,
+        "theirs": hash_words(difference.theirs),
+        "ours": hash_words(difference.ours),
+    }
+    if difference.detail in (0, NOT_KNOWN):
+        return said(
+            "port {port}: {type} of the part's program ({theirs}) is not that of the library ({ours})",
+            **known,
+        )
+    return said(
+        "port {port}: {type} of the part's program ({theirs}) is not that of the library ({ours}): "
+        "field {place} is {their_field} there, and {our_field} in the library",
+        **known,
+        place=difference.detail,
+        their_field=difference.their_field or said("missing"),
+        our_field=difference.our_field or said("missing"),
+    )
+
+
+def _field_words(fields: Fields, place: int) -> str:
+    if place >= len(fields):
+        return ""
+    name, kind = fields[place]
+    return f"{kind[:LONGEST_NAME]} {name[:LONGEST_NAME]}"
+
+
+def _notice(version: int, place: int, detail: int) -> Notice:
+    return Notice(number=version & 0xFFFFFFFF, binding=place, kind=NoticeKind.TYPE_DIFFERS, detail=detail)
