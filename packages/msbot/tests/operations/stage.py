@@ -169,6 +169,7 @@ def play(
     *changes: tuple[str, str],
     parts: tuple[str, ...] = (),
     busy_timeout_s: float = 2.0,
+    dial: str = DIAL,
 ) -> None:
     """Run a scene with the sample robot; `parts` are plugged in at the start, as `NAME=NUMBER`."""
 
@@ -182,7 +183,7 @@ def play(
             text = text.replace(before, after)
         path.write_text(text)
         (folder / "library").mkdir(exist_ok=True)
-        (folder / "library" / "DIAL.toml").write_text(DIAL)
+        (folder / "library" / "DIAL.toml").write_text(dial)
         library = load_library(folder / "library")
         blueprint = load_blueprint(path, library)
         put_database(folder / "robot.db")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config import FieldKind
+from msbot.config import FieldKind, load_library
 from msbot.operations.manual_control import _value
 from msbot_xrce.errors import ConfigError
-from tests.operations.stage import Stage, play
+from tests.operations.stage import AA_IS_A_DIAL, DIAL, Stage, play
 
 RING = ("AA=ABCD", "BB=EFGH", "CC=WXYZ")
 
@@ -144,3 +144,25 @@ def test_it_is_journalled_once_for_each_time_somebody_takes_a_port(tmp_path: Pat
         ]
 
     play(tmp_path, scene, parts=RING)
+
+
+@pytest.mark.promise("A value outside the range that a port declares is refused, whoever sends it by hand")
+def test_a_value_outside_the_declared_range_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    dial = ('type = "HelloWorld"\n[[parameter]]', 'type = "HelloWorld"\nranges = { index = [2, 9] }\n[[parameter]]')
+
+    async def scene(stage: Stage) -> None:
+        for value in ("1", "10"):
+            with pytest.raises(ConfigError, match=rf"^AA.in: index must be from 2 to 9; it is {value}$"):
+                await stage.do.publish("AA.in", [value, "x"], who="ann")
+        assert stage.operations.by_hand.held() == {}
+        for value in ("2", "9"):
+            await stage.do.publish("AA.in", [value, "x"], who="ann")
+
+    assert dial[0] in DIAL
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",), dial=DIAL.replace(*dial))
+
+
+def test_the_ports_that_msbot_brings_have_ranges() -> None:
+    found = load_library()
+    assert found.get("FAN-5V").port("power").ranges == {"percent": (0.0, 100.0)}  # type: ignore[union-attr]
+    assert found.get("L298N").port("left").ranges == {"percent": (-100.0, 100.0)}  # type: ignore[union-attr]

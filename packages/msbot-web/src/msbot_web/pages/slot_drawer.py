@@ -38,7 +38,7 @@ HELD_S = 3.0
 RENEW_S = 1.0
 COLOUR = ["red", "green", "blue"]
 RANGES = {"%": (-100.0, 100.0), "deg": (-180.0, 180.0), "Hz": (0.0, 5000.0), "1/min": (-600.0, 600.0), "s": (0.0, 60.0)}
-"""What a slider offers, by the unit of the field."""
+"""What a slider offers where the port declares no range, by the unit of the field."""
 
 
 def manual_control_panel(page: Page, slot: str, part_number: str) -> None:
@@ -70,7 +70,7 @@ class _PortControl:
         with ui.element("div").style("margin-top:.6rem;width:100%"):
             self._held = ui.switch(page.say("{port} by hand", port=port.name), on_change=self._switched)
             with ui.element("div").style("padding-left:1rem;width:100%") as self._fields:
-                _fields(page, message, self._values, self._changed)
+                _fields(page, message, self._values, self._changed, port.ranges)
         self._fields.bind_visibility_from(self._held, "value")
         self._renewing = ui.timer(RENEW_S, self._say, active=False)
         assert page.client is not None
@@ -116,7 +116,13 @@ class _PortControl:
 Changed = Callable[[str, Scalar], Awaitable[None]]
 
 
-def _fields(page: Page, message: MessageType, values: Mapping[str, Scalar], changed: Changed) -> None:
+def _fields(
+    page: Page,
+    message: MessageType,
+    values: Mapping[str, Scalar],
+    changed: Changed,
+    ranges: Mapping[str, tuple[float, float]],
+) -> None:
     """A control for each field; one for all three of a colour."""
     if list(message.fields) == COLOUR and all(kind is FieldKind.UINT8 for kind in message.fields.values()):
         _colour(page, values, changed)
@@ -129,8 +135,8 @@ def _fields(page: Page, message: MessageType, values: Mapping[str, Scalar], chan
             ui.switch(title, value=bool(values[name]), on_change=take)
         elif kind is FieldKind.TEXT:
             ui.input(title, value=str(values[name]), on_change=take).props("debounce=300")
-        elif unit in RANGES and not kind.is_whole:
-            least, most = RANGES[unit]
+        elif (name in ranges or unit in RANGES) and not kind.is_whole:
+            least, most = ranges.get(name) or RANGES[unit]
             put = partial(changed, name)
             Slider(page.language, title, least=least, most=most, value=float(values[name]), unit=unit, on_number=put)
         else:

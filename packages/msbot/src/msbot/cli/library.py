@@ -535,6 +535,7 @@ def _port_json(port: Port) -> dict[str, object]:
         "fields": {name: kind.value for name, kind in (port.message.fields if port.message else {}).items()},
         "rate_hz": port.rate_hz,
         "safe": None if port.safe is None else dict(port.safe),
+        "ranges": {name: list(ends) for name, ends in port.ranges.items()},
         "description": port.description,
     }
 

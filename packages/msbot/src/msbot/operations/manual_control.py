@@ -67,6 +67,9 @@ class ManualControl:
         declared = self._port(end.slot, end.port, holder.part_number)
         assert declared.message is not None
         message = read_message(f"{end.slot}.{end.port}", declared.message, values)
+        for name in declared.ranges:
+            if fault := declared.fault(name, getattr(message, name)):
+                raise ConfigError(f"{end.slot}.{end.port}: {name} {fault}")
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
             hold = self._take(declared, end.slot, message, who)

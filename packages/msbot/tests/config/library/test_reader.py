@@ -121,6 +121,21 @@ WRONG = [
     ('kind = "power"', 'kind = "5V"', 'line 14, pin[0].kind: "5V" is none of "power"'),
     ("{ on = false }", "{ no = false }", 'port[0].safe.no: a Switch has no field "no"; known: "on"'),
     ("{ on = false }", "{ on = 0 }", "port[0].safe.on: must be true or false; it is the number 0"),
+    ("safe = { on = false }", "ranges = { no = [0, 1] }", 'port[0].ranges.no: a Switch has no field "no"; known: "on"'),
+    ("safe = { on = false }", "ranges = { on = [0, 1] }", "port[0].ranges.on: only a number has a range; remove it"),
+    *(
+        (
+            'type = "Switch"\nsafe = { on = false }',
+            f'type = "Level"\nranges = {{ percent = {value} }}',
+            "port[0].ranges.percent: must be the least and the greatest value, for example percent = [0, 100]",
+        )
+        for value in ("100", "[0]", "[100, 0]", '["0", "1"]', "[false, true]", "[nan, 1]")
+    ),
+    (
+        'type = "Switch"\nsafe = { on = false }',
+        'type = "Level"\nsafe = { percent = 5 }\nranges = { percent = [10, 100] }',
+        "port[0].safe.percent: must be from 10 to 100 %; it is 5",
+    ),
 ]
 
 

@@ -261,6 +261,7 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         description=table.text("description", "How bright it is"),
         message=message,
         reply=reply,
+        ranges=_read_ranges(table.table("ranges"), message),
     )
     if port.safe is not None and port.direction is not Direction.SUBSCRIBE:
         table.problem("only a port that subscribes can have a safe value; remove it", "safe")
@@ -282,6 +283,29 @@ def _read_port_type(table: Table, key: str, known: Mapping[str, MessageType]) ->
     return name, message
 
 
+def _read_ranges(table: Table, message: MessageType | None) -> dict[str, tuple[float, float]]:
+    """The least and the greatest value of fields."""
+    found = {}
+    for name in table.present_keys():
+        value = table.item(name)
+        kind = None if message is None else message.fields.get(name)
+        if message is not None and kind is None:
+            right = suggestion(name, list(message.fields), none_known="remove it")
+            table.problem(f'a {message.name} has no field "{name}"; {right}', name)
+        elif kind in (FieldKind.BOOL, FieldKind.TEXT):
+            table.problem("only a number has a range; remove it", name)
+        elif (
+            not isinstance(value, list)
+            or len(value) != 2
+            or not all(isinstance(one, int | float) and not isinstance(one, bool) for one in value)
+            or not value[0] < value[1]
+        ):
+            table.problem(f"must be the least and the greatest value, for example {name} = [0, 100]", name)
+        else:
+            found[name] = float(value[0]), float(value[1])
+    return found
+
+
 def _check_stop(table: Table, port: Port, message: MessageType | None) -> None:
     if port.direction is not Direction.PUBLISH:
         table.problem("only a port that publishes can say STOP; remove it", "stop")
@@ -297,7 +321,7 @@ def _check_safe(table: Table, port: Port, message: MessageType) -> None:
         if kind is None:
             right = suggestion(name, list(message.fields), none_known="remove it")
             table.problem(f'a {message.name} has no field "{name}"; {right}', "safe", name)
-        elif fault := kind.fault(value):
+        elif fault := kind.fault(value) or port.fault(name, value):
             table.problem(fault, "safe", name)
 
 

@@ -117,6 +117,19 @@ class Port:
     """A field of what it publishes: while it is true, the part says STOP to the robot; empty: none."""
     reply: MessageType | None = None
     """Of a service: the fields of the reply."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Field -> the least and the greatest value that makes sense at this port."""
+
+    def fault(self, name: str, value: Scalar) -> str | None:
+        """Why a field cannot have this value at this port; None when it can."""
+        if name not in self.ranges or isinstance(value, str | bool):
+            return None
+        least, most = self.ranges[name]
+        unit = "" if self.message is None else self.message.units.get(name, "")
+        if least <= value <= most:
+            return None
+        words = f"must be from {least:g} to {most:g} {unit}".rstrip()
+        return f"{words}; it is {value:g}"
 
 
 @dataclass(frozen=True, slots=True)
