@@ -153,9 +153,8 @@ def _hold(request):
     part, _held = _parts[0], request["on"]
     if _held:
         part._enter_safe_state()
-    else:
-        for timed in part._timed:
-            timed.due_at = request["now"] if part.state is msbot.JoinState.ACTIVE else None
+    elif part.state is msbot.JoinState.ACTIVE:
+        part.start_timers(request["now"])
 
 
 def _step(request):
@@ -171,8 +170,7 @@ def _step(request):
     elif link:
         part._client.link_down(link, request["now"])
     if _held:
-        for timed in part._timed:
-            timed.due_at = None
+        part.stop_timers()
     return part.step(request["now"])
 
 

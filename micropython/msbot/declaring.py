@@ -58,6 +58,13 @@ def every(part, period, *, default=None):
     return remember
 
 
+def check_after(seconds, function):
+    """Raise ConfigError if no such function can be called after such a time."""
+    if not callable(function):
+        raise ConfigError("a handler must be a function, not {!r}".format(function))
+    raise ConfigError("after({}): the time must be 0 seconds or more".format(seconds))
+
+
 def on(part, port, message_class, *, optional=False, safe=None):
     """Call the function below with each message that arrives at the port."""
     if not (isinstance(message_class, type) and issubclass(message_class, Message)):

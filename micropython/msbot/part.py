@@ -22,6 +22,7 @@ _PARTNER_LOST = const(1)
 _IDENTIFY = const(3)
 _STOP = const(4)
 _GO = const(5)
+_MOST_DELAYED = const(100)
 _NEVER = const(0x3FFFFFFF)  # no GO has that number
 
 
@@ -66,6 +67,8 @@ class Part:
         if board is not None:
             self.board = board
         self._timed = []
+        self._delayed = []  # (ms, function): called once, so long after the part has become active
+        self._pending = []  # (due, function)
         self._listeners = {}
         self._when = {}
         self._followers = []
@@ -106,6 +109,24 @@ class Part:
         self.counters.messages_out += sent
         self.counters.not_sent += not sent
         return sent
+
+    def after(self, seconds, function=None):
+        """Call a function once, so many seconds from now; said before the part runs, after it becomes active."""
+        if function is None:
+            return lambda function: self.after(seconds, function)
+        if not seconds >= 0 or not callable(function):
+            load("declaring").check_after(seconds, function)
+        delay = int(seconds * 1000 + 0.5)
+        waiting = self._pending if self._client else self._delayed
+        if len(waiting) >= _MOST_DELAYED:
+            raise LocalProtocolError(once("words").too_many_delayed(_MOST_DELAYED))
+        if not self._client:
+            waiting.append((delay, function))
+        elif self.state is JoinState.ACTIVE:
+            waiting.append((self._now + delay, function))
+        else:
+            raise LocalProtocolError(once("words").not_active(self, "call after()"))
+        return function
 
     def say_stop(self):
         """Say STOP to the whole robot."""
@@ -182,12 +203,18 @@ class Part:
             if timed.due_at is not None and now >= timed.due_at:
                 timed.due_at += ((now - timed.due_at) // timed.period + 1) * timed.period
                 self._call(timed.function)
+        if self._pending:
+            for one in sorted([one for one in self._pending if now >= one[0]], key=lambda one: one[0]):
+                if one in self._pending:  # what was called before may have ended the part
+                    self._pending.remove(one)
+                    self._call(one[1])
         self._membership.step(now)
         self._client.step(now)
         link.step(now)
         if self._client.is_closed():
             return None
         times = [timed.due_at for timed in self._timed]
+        times += [due for due, _ in self._pending]
         times += self._membership.due() + self._client.due() + (link.due(),)
         return max(now + 1, min([time for time in times if time is not None], default=now + 1000))
 
@@ -225,11 +252,9 @@ class Part:
         say("info", "{} {}".format(self.local_name, told))
         if state is JoinState.ACTIVE:
             self._tell("join")
-            for timed in self._timed:
-                timed.due_at = now
+            self.start_timers(now)
         elif before is JoinState.ACTIVE:
-            for timed in self._timed:
-                timed.due_at = None
+            self.stop_timers()
             self._is_safe = self._enter_safe_state()
         if state is JoinState.CONFIGURING:
             self.told_types = {}
@@ -253,6 +278,18 @@ class Part:
         if state is JoinState.LOST:
             if self._places:  # the next agent learns of topics only once the part has joined its robot
                 once("configuring").bind(self, [])
+
+    def start_timers(self, now):
+        """Call from now on what is called by time."""
+        for timed in self._timed:
+            timed.due_at = now
+        self._pending += [(now + delay, function) for delay, function in self._delayed]
+
+    def stop_timers(self):
+        """Call nothing by time any more."""
+        for timed in self._timed:
+            timed.due_at = None
+        self._pending.clear()
 
     def configure(self, slot, bindings, settings, now):
         """A configuration has arrived: settings, safe values, ports."""

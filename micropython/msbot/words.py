@@ -52,11 +52,16 @@ def bound(ports):
     return "bound in this robot: " + ", ".join(listed)
 
 
-def not_active(part):
-    """Why a part cannot publish now."""
+def not_active(part, verb="publish"):
+    """Why a part cannot do that now."""
     if part._client is None:
-        return "the part does not run: publish in a function below @part.every or @part.on"
-    return "the part is {}, not active ({}): publish after on_join".format(part.state.value, part.reason)
+        return "the part does not run: {} in a function below @part.every or @part.on".format(verb)
+    return "the part is {}, not active ({}): {} after on_join".format(part.state.value, part.reason, verb)
+
+
+def too_many_delayed(most):
+    """Why no more functions can wait."""
+    return "{} functions wait for their time already: does `after` call itself more than once?".format(most)
 
 
 def not_for_port(part, port, binding, message):

@@ -292,6 +292,18 @@ async def timers(world: World) -> None:
     world.note(world.part_states())
 
 
+async def delays(world: World) -> None:
+    await begin(world)
+    await asyncio.sleep(2.0)
+    world.note("the master dies")
+    await world.kill_master()
+    await asyncio.sleep(30.0)
+    world.note("a new master")
+    world.new_master()
+    await world.until_state("active")
+    await asyncio.sleep(2.0)
+
+
 async def errors(world: World) -> None:
     partner = await begin(world)
     for index in range(5):
@@ -417,6 +429,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
         ),
         blocks,
     ),
+    "delays": Scene(Robot(), delays),
     "describes": Scene(
         wired("wind out Wind", "brake in Level", settings=(("gain", "5"), ("brake.safe.percent", "100"))), describes
     ),

@@ -18,13 +18,15 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping
+from math import inf
 from random import Random, SystemRandom
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from msbot.part.beginner import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
 from msbot.part.client.client_settings import ClientSettings
 from msbot.part.description import describe
+from msbot.part.handler_guard import check_handler
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.part_keys import check_key, parse_key
 from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS, Nature
@@ -126,6 +128,33 @@ class Part:
             return function
 
         return remember
+
+    @overload
+    def after(self, seconds: float) -> Callable[[_A], _A]: ...
+
+    @overload
+    def after(self, seconds: float, function: _A) -> _A: ...
+
+    def after(self, seconds: float, function: _A | None = None) -> _A | Callable[[_A], _A]:
+        """Call a function once, `seconds` from now; it is forgotten when the part stops being active.
+
+        Said before the part runs, it is called so long after each time that the part has become active.
+
+        Args:
+            seconds: 0 or more.
+            function: a plain function without arguments; left out: the decorated one.
+
+        Raises:
+            ConfigError: the time is negative, or this is not a plain function without arguments.
+            LocalProtocolError: the part runs and is not active, or 100 functions wait already.
+        """
+        if not isinstance(seconds, int | float) or not 0 <= seconds < inf:
+            raise ConfigError(f"after({seconds!r}): the time must be 0 seconds or more")
+        if function is None:
+            return lambda decorated: self.after(seconds, decorated)
+        check_handler(function)
+        self._runner.after(seconds, function)
+        return function
 
     def on(
         self, port: str, message_class: type[_M] | None = None, *, optional: bool = False, safe: _M | None = None
@@ -365,6 +394,11 @@ class Part:
         if self._board is None:
             raise ConfigError(f"part {self.local_name} has no board: make it with Part(..., board=SimGpio())")
         return self._board
+
+    @property
+    def program(self) -> Program:
+        """What its program has declared."""
+        return self._program
 
     @property
     def slot(self) -> str:

@@ -13,7 +13,7 @@ from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, DeclaredSettings
 from msbot.service_types import ServiceType
-from msbot_xrce.errors import ConfigError
+from msbot_xrce.errors import ConfigError, LocalProtocolError
 from msbot_xrce.lazy import dataclass
 
 SHORTEST_PERIOD_S = 0.001
@@ -71,6 +71,39 @@ class Every:
             guard.call(self.function)
 
 
+# `part.after`: a student's function that is called once.
+
+
+MOST_DELAYED = 100
+"""So many functions can wait for their time."""
+
+
+class After:
+    """Calls a handler once, some time after it was started."""
+
+    def __init__(self, delay_s: float, function: Callable[[], object]) -> None:
+        self._delay_s = delay_s
+        self._function = function
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self, guard: Guard, on_called: Callable[[After], object] = lambda _: None) -> None:
+        """Have the guard call it after its time; `on_called` hears of it just before."""
+        self.cancel()
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(self._delay_s, self._due, guard, on_called)
+
+    def cancel(self) -> None:
+        """Do not call it."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _due(self, guard: Guard, on_called: Callable[[After], object]) -> None:
+        self._timer = None
+        on_called(self)
+        guard.call(self._function)
+
+
 Action = Callable[[], object]
 """A student's function without arguments; what it returns is ignored."""
 PortAction = Callable[[str], object]
@@ -117,6 +150,7 @@ class Program:
 
     def __init__(self) -> None:
         self.timed: list[Every] = []
+        self.delayed: list[After] = []
         self.listeners: dict[str, Listener] = {}
         """Port -> its function."""
         self.settings = DeclaredSettings()
@@ -149,6 +183,11 @@ class Program:
             declared = DeclaredSetting(float, float(default), least=SHORTEST_PERIOD_S, unit="s")
         self.settings.follow(period, float, timed.change, declared, check=timed.check)
         self.timed.append(timed)
+
+    def add_delayed(self, delay_s: float, function: Action) -> None:
+        """Call it once, so long after the part has become active."""
+        check_room(len(self.delayed))
+        self.delayed.append(After(delay_s, function))
 
     def add_listener(self, port: str, listener: Listener) -> None:
         """Call it with the messages of a port."""
@@ -189,3 +228,15 @@ class Program:
         """Call it with each port for which nobody publishes any more."""
         check_handler(function, "port")
         self.partner_lost.append(function)
+
+
+def check_room(waiting: int) -> None:
+    """Refuse one more function that waits for its time.
+
+    Raises:
+        LocalProtocolError: there are too many.
+    """
+    if waiting >= MOST_DELAYED:
+        raise LocalProtocolError(
+            f"{MOST_DELAYED} functions wait for their time already: does `after` call itself more than once?"
+        )

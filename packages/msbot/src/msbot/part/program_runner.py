@@ -35,7 +35,7 @@ from msbot.part.messages.message import Message
 from msbot.part.part_services import PartCalls, PartServices
 from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
-from msbot.part.program import Program, When
+from msbot.part.program import Action, After, Program, When, check_room
 from msbot.part.safe_state import Safety
 from msbot.part.type_telling import TypeTelling
 from msbot_agent.link import Link, Peer, Signal
@@ -133,6 +133,8 @@ class ProgramRunner:
         self._configurations = 0
         self.types = TypeTelling(program)
         self._mistake: ConfigError | None = None
+        self._pending: set[After] = set()
+        """What is called once, and waits for its time."""
         self._ports: Ports | None = None
         self._membership: Membership | None = None
         self._loop_thread = 0
@@ -174,6 +176,19 @@ class ProgramRunner:
         """Send a request and wait for the reply, or have `on_reply` called with it (`Part.call`)."""
         return self._calls.call(self._open_ports("call"), port, request, timeout_s, on_reply)
 
+    def after(self, delay_s: float, function: Action) -> None:
+        """Call a function once (`Part.after`)."""
+        if self._membership is None:
+            self.program.add_delayed(delay_s, function)
+            return
+        self._open_ports("call after()")
+        check_room(len(self._pending))
+        self._wait(After(delay_s, function))
+
+    def _wait(self, one: After) -> None:
+        self._pending.add(one)
+        one.start(self.guard, self._pending.discard)
+
     def _open_ports(self, does: str = "publish") -> Ports:
         if self._ports is None or self.joining.state is not JoinState.ACTIVE:
             if self._ports is None:
@@ -182,9 +197,9 @@ class ProgramRunner:
                 f"the part is {self.joining.state.value}, not active ({self.joining.reason}): {does} after on_join"
             )
         if threading.get_ident() != self._loop_thread:
-            name = threading.current_thread().name
+            name, called = threading.current_thread().name, does.removeprefix("call ")
             raise LocalProtocolError(
-                f"{does} was called from another thread ({name}): call it in a function below @part.every or @part.on"
+                f"{called} was called from another thread ({name}): call it in a function below @part.every or @part.on"
             )
         return self._ports
 
@@ -311,10 +326,15 @@ class ProgramRunner:
             self._tell("join")
             for timed in self.program.timed:
                 timed.start(self.guard)
+            for delayed in self.program.delayed:
+                self._wait(delayed)
         elif change.before is JoinState.ACTIVE:
             for timed in self.program.timed:
                 timed.cancel()
             self._calls.end(f"the part is {change.after.value}, not active any more ({change.reason})")
+            for delayed in self._pending:
+                delayed.cancel()
+            self._pending.clear()
             self.safety.leave()
         self._follow_master(change)
         if change.after is JoinState.ENDED:
