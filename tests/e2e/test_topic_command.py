@@ -52,3 +52,11 @@ def test_topics_of_a_running_robot(tmp_path: Path) -> None:
             assert run("stop", cwd=tmp_path, env=env).returncode == 0
             often.wait_for("STOP is in force")
             assert often.end() == 2
+        last = run("log", "-n", "5", cwd=tmp_path, env=env)
+        assert (last.returncode, "STOP" in last.stdout) == (0, True), last.stderr
+        with running("log", "--follow", "--json", cwd=tmp_path, env=env) as follow:
+            follow.wait_for("STOP")
+            assert run("go", cwd=tmp_path, env=env).returncode == 0
+            assert json.loads(follow.wait_for("ended STOP"))["kind"] == "person"
+            assert follow.end(signal.SIGINT) == 0
+            assert not any("Traceback" in line for line in follow.lines)

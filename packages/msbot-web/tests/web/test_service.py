@@ -61,7 +61,7 @@ LEAST = {
     "set": Role.STUDENT, "reset": Role.STUDENT, "values": Role.VIEWER, "bind": Role.TEACHER, "unbind": Role.TEACHER,
     "apply": Role.TEACHER, "undo": Role.STUDENT, "edits": Role.VIEWER, "stop": Role.VIEWER, "go": Role.TEACHER,
     "stop_report": Role.VIEWER, "identify": Role.STUDENT, "why": Role.VIEWER, "publish": Role.STUDENT,
-    "topics": Role.VIEWER, "topic_samples": Role.VIEWER, "publish_topic": Role.STUDENT,
+    "topics": Role.VIEWER, "topic_samples": Role.VIEWER, "log_lines": Role.VIEWER, "publish_topic": Role.STUDENT,
     "call": Role.STUDENT,
     "let_go": Role.STUDENT, "stored": Role.VIEWER, "add_slot": Role.TEACHER, "remove_slot": Role.TEACHER,
     "record": Role.TEACHER, "end_record": Role.TEACHER, "recording": Role.VIEWER,

@@ -91,6 +91,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "publish": await ask(stage, "publish", port="BB.in", values=["1", "turn-on 3"], seconds=60),
             "let_go": await ask(stage, "let_go", port="BB.in"),
             "topics": await ask(stage, "topics"),
+            "log_lines": await ask(stage, "log_lines"),
             "topic_samples": await ask(stage, "topic_samples", topic="HelloWorldTopic_1_to_2"),
             "publish_topic": await ask(stage, "publish_topic", topic="HelloWorldTopic_1_to_2", values=["1", "hi"]),
             "call": await called(stage),

@@ -35,7 +35,7 @@ def test_what_cannot_be_called_later_is_refused_where_it_is_written() -> None:
     with pytest.raises(ConfigError, match="must be 0 seconds or more"):
         part.after("1")  # type: ignore[call-overload]
     with pytest.raises(ConfigError, match="must take no arguments"):
-        part.after(1.0)(lambda _: None)  # type: ignore[arg-type,misc]
+        part.after(1.0)(lambda _: None)  # type: ignore[type-var]
     for _ in range(MOST_DELAYED):
         part.after(1.0, lambda: None)
     with pytest.raises(LocalProtocolError, match="100 functions wait for their time already"):

@@ -24,6 +24,7 @@ from msbot.operations.operation import EditLog, Operation, Outcome
 from msbot.operations.placement import Placement
 from msbot.operations.recording_operations import PartQueries, Recording
 from msbot.operations.rights import Principal, user_of_computer
+from msbot.operations.robot_log import RobotLog
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.service_calls import ServiceCalls
 from msbot.operations.slot_configuration import SlotSettings, Wires
@@ -218,6 +219,7 @@ class RunningOperations(Operations):
         self.lessons = Lessons(running)
         self.worlds = Worlds()
         self.topics = TopicInspection(running)
+        self.log = RobotLog(running)
         self.pupils = ClassControl(running, self.lessons, self.by_hand, self.topics.slots_that_hear)
         super().__init__(
             SlotSettings(running),
@@ -229,6 +231,7 @@ class RunningOperations(Operations):
             self.by_hand,
             self.topics,
             self.service_calls,
+            self.log,
             self.recording,
             self.faults,
             self.missions,
@@ -242,6 +245,7 @@ class RunningOperations(Operations):
             BusObjects(running),
         )
         self.on_asked(self.pupils.check)
+        self.on_done(lambda deed: self.log.operation_done(deed.who, deed.operation, deed.arguments, deed.words))
 
     def _stop_said(self, operation: str, by: str, given: Mapping[str, object], words: str) -> None:
         if by not in self._running.slot_names():  # a STOP button is nobody's hand

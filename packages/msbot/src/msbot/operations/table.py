@@ -187,6 +187,14 @@ _ROWS = (
          Argument("values", ArgumentKind.FLAG, default=True, help="Also what the messages say.")),
     ),
     Operation(
+        "log_lines", "What happened in the robot after a line of its log; waits a while for the next.",
+        (Argument("after", ArgumentKind.WHOLE, least=0, most=2**53,
+                  help="Number of the line after which they are wanted; left out: the last ones."),
+         Argument("last", ArgumentKind.WHOLE, default=10, least=0, most=200, help="How many of the last ones."),
+         Argument("wait", ArgumentKind.NUMBER, default=0.0, least=0.0, most=3.0,
+                  help="Seconds to wait for the next line, if there is none yet.")),
+    ),
+    Operation(
         "publish_topic", "Publish one message on a topic, besides what parts publish there.",
         (_topic(),
          Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",

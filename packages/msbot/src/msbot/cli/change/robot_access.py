@@ -119,6 +119,32 @@ def running_master(db: str | None, robot: str | None) -> RunningProcess | None:
     return _find(database_identity(path) if is_named else None, robot)
 
 
+class MasterConnection:
+    """The running master, for commands that ask it again and again.
+
+    Raises:
+        ConfigError: no master runs here, or several could be meant.
+    """
+
+    def __init__(self, db: str | None, robot: str | None) -> None:
+        master = running_master(db, robot)
+        if master is None:
+            raise ConfigError("no master runs here: `msbot master robot.toml` or `msbot demo` starts one")
+        self._master: RunningProcess = master
+
+    def ask(self, do: str, **given: object) -> dict[str, Any]:
+        """The answer to an operation.
+
+        Raises:
+            ConfigError: what the master says is wrong, or it does not answer.
+        """
+        args = {name: value for name, value in given.items() if value is not None}
+        answer = self._master.ask({"do": do, "args": args, "who": user_name()})
+        if "error" in answer:
+            raise ConfigError(str(answer["error"]))
+        return answer
+
+
 def until_stored(db: str) -> None:
     """Before a database is read, have the masters that use it store what is waiting.
 

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from msbot_agent.cli.options import FiniteRange
+from msbot.cli.robot_options import robot_options
+from msbot_agent.cli.options import FiniteRange, WholeRange
 from msbot_agent.text.sentence import as_cell, printable
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
@@ -54,9 +55,34 @@ MOST_NAMES = 30
 _C = TypeVar("_C", bound=Callable[..., object])
 
 
-@click.group("log")
-def command() -> None:
-    """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames."""
+@click.group("log", invoke_without_command=True)
+@click.option("-f", "--follow", is_flag=True, help="Print what happens in the robot that runs here, until Ctrl-C.")
+@click.option("-n", "--lines", type=WholeRange(0, 200), metavar="N", help="Begin with the last N lines of its log; 10.")
+@click.option("--slot", "slots", multiple=True, help="Of --follow: only this slot; may be given several times.")
+@click.option("--json", "as_json", is_flag=True, help="Of --follow: a JSON object for each line.")
+@robot_options
+@click.pass_context
+def command(
+    context: click.Context,
+    db: str | None,
+    robot: str | None,
+    *,
+    follow: bool,
+    lines: int | None,
+    slots: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames.
+
+    With --follow or --lines: what happens in the robot that runs here, line by line.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    if not follow and lines is None:
+        raise click.exceptions.NoArgsIsHelpError(context)
+    from msbot.cli.record.follow import follow_log
+
+    follow_log(db, robot, last=10 if lines is None else lines, slots=slots, goes_on=follow, as_json=as_json)
 
 
 @dataclass(slots=True)

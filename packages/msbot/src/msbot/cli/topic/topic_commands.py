@@ -11,11 +11,10 @@ from typing import Any
 
 import click
 
-from msbot.cli.change.robot_access import running_master
-from msbot.cli.robot_options import robot_options, user_name
+from msbot.cli.change.robot_access import MasterConnection
+from msbot.cli.robot_options import robot_options
 from msbot.cli.topic.message_output import MessageOutput, TimeForm
 from msbot.cli.topic.rates import MessageWindow
-from msbot_agent.agent import RunningProcess
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
@@ -34,30 +33,8 @@ def command() -> None:
     """Look at the topics of a running robot, and publish on them, as `ros2 topic` does."""
 
 
-class RobotTopics:
-    """The running master, and what it is asked.
-
-    Raises:
-        ConfigError: no master runs here, or several could be meant.
-    """
-
-    def __init__(self, db: str | None, robot: str | None) -> None:
-        master = running_master(db, robot)
-        if master is None:
-            raise ConfigError("no master runs here: `msbot master robot.toml` or `msbot demo` starts one")
-        self._master: RunningProcess = master
-
-    def ask(self, do: str, **given: object) -> dict[str, Any]:
-        """The answer to an operation.
-
-        Raises:
-            ConfigError: what the master says is wrong, or it does not answer.
-        """
-        args = {name: value for name, value in given.items() if value is not None}
-        answer = self._master.ask({"do": do, "args": args, "who": user_name()})
-        if "error" in answer:
-            raise ConfigError(str(answer["error"]))
-        return answer
+class RobotTopics(MasterConnection):
+    """The running master, asked about topics."""
 
     def topics(self) -> list[dict[str, Any]]:
         """Every topic of the robot."""
