@@ -136,9 +136,9 @@ def test_a_program_is_run_up_to_its_run_and_has_the_ports_of_the_library(capsys:
 def test_what_cannot_be_is_said_where_it_was_asked_for(tmp_path: Path) -> None:
     with robot_for(fan(Seen())) as robot:
         for call, words in (
-            (lambda: robot.send("speed", Level()), "the part listens to no port 'speed'; it listens to power"),
+            (lambda: robot.send("speed", Level(percent=0)), "the part listens to no port 'speed'; it listens to power"),
             (lambda: robot.published("power"), "the part publishes at no port 'power'; it publishes at speed, wind"),
-            (lambda: robot.send("power", Wind()), "port 'power' carries Level, not Wind"),
+            (lambda: robot.send("power", Wind(speed=0)), "port 'power' carries Level, not Wind"),
             (lambda: robot.advance(-1), "time does not run backwards"),
         ):
             with pytest.raises(ConfigError, match=re.escape(words)):
@@ -160,7 +160,7 @@ def test_a_mistake_that_ends_a_part_ends_the_test() -> None:
 
     @part.every(1.0)
     def tick() -> None:
-        part.publish("nowhere", Level())
+        part.publish("nowhere", Level(percent=0))
 
     with pytest.raises(MsbotError, match="nowhere"), robot_for(part) as robot:
         robot.advance(1)

@@ -346,8 +346,8 @@ def _not_run(found: list[Part]) -> Iterator[None]:
     """Have `part.run()` note the part instead."""
     run = Part.run
 
-    def note(part: Part, args: list[str] | None = None) -> None:  # noqa: ARG001 - as `Part.run`
-        found.append(part)
+    def note(self: Part, args: list[str] | None = None) -> None:  # noqa: ARG001 - as `Part.run`
+        found.append(self)
 
     Part.run = note  # type: ignore[method-assign]  # put back below
     try:
