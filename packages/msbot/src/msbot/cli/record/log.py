@@ -55,34 +55,32 @@ MOST_NAMES = 30
 _C = TypeVar("_C", bound=Callable[..., object])
 
 
-@click.group("log", invoke_without_command=True)
-@click.option("-f", "--follow", is_flag=True, help="Print what happens in the robot that runs here, until Ctrl-C.")
-@click.option("-n", "--lines", type=WholeRange(0, 200), metavar="N", help="Begin with the last N lines of its log; 10.")
-@click.option("--slot", "slots", multiple=True, help="Of --follow: only this slot; may be given several times.")
-@click.option("--json", "as_json", is_flag=True, help="Of --follow: a JSON object for each line.")
-@robot_options
-@click.pass_context
-def command(
-    context: click.Context,
-    db: str | None,
-    robot: str | None,
-    *,
-    follow: bool,
-    lines: int | None,
-    slots: tuple[str, ...],
-    as_json: bool,
-) -> None:
+class _LogGroup(click.Group):
+    """Takes `msbot log --follow` for `msbot log follow`."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, ["follow", *args[1:]] if args[:1] in (["--follow"], ["-f"]) else args)
+
+
+@click.group("log", cls=_LogGroup)
+def command() -> None:
     """Look into recordings (.mcap): show them, cut them, compare them, write them as tables or frames.
 
-    With --follow or --lines: what happens in the robot that runs here, line by line.
+    And follow what happens in the robot that runs here: `msbot log --follow`.
     """
-    if context.invoked_subcommand is not None:
-        return
-    if not follow and lines is None:
-        raise click.exceptions.NoArgsIsHelpError(context)
+
+
+@command.command("follow")
+@click.option("-n", "--lines", type=WholeRange(0, 200), default=10, show_default=True, help="Begin with so many lines.")
+@click.option("--slot", "slots", multiple=True, help="Only this slot; may be given several times.")
+@click.option("--once", is_flag=True, help="End after these lines.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object for each line.")
+@robot_options
+def follow(db: str | None, robot: str | None, *, lines: int, slots: tuple[str, ...], once: bool, as_json: bool) -> None:
+    """Print what happens in the robot that runs here, line by line, until Ctrl-C."""
     from msbot.cli.record.follow import follow_log
 
-    follow_log(db, robot, last=10 if lines is None else lines, slots=slots, goes_on=follow, as_json=as_json)
+    follow_log(db, robot, last=lines, slots=slots, goes_on=not once, as_json=as_json)
 
 
 @dataclass(slots=True)
