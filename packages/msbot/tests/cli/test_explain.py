@@ -17,6 +17,7 @@ from click.testing import CliRunner, Result
 
 from msbot.cli.explain import command as explain
 from msbot_agent.link.can.protocol import frame_bits, parse_frame
+from msbot_agent.link.relay import relay_messages as relay
 from msbot_school.cli.fault import quiz_command as quiz
 from msbot_school.quiz import frame_question, questions, stuffed
 from msbot_xrce import read_fields
@@ -133,6 +134,27 @@ def test_what_is_no_xrce_in_a_capture_is_named_as_what_it_is(tmp_path: Path) -> 
     told = [one["words"] for one in json.loads(run(str(file), "--json", "--fields").output)]
     assert [words[0].split(",")[0] for words in told] == ["RTPS 2.3", "mDNS", "RTPS 2.3"]
     assert [len(words) for words in told] == [1, 1, 1]
+
+
+def test_what_a_relay_carries_is_unpacked(tmp_path: Path) -> None:
+    beat = bytes.fromhex("81010000070108000006000100000000")
+    up, down = relay.encode(relay.Up(3, "node 3", beat)), relay.encode(relay.Down(3, 7, beat))
+    hello = relay.encode(relay.Hello(bytes(8), "desk", "can:can0", 512, 500_000, True, False))
+    inside = json.loads(run(beat.hex(), "--json").output)[0]["words"]
+    told = [json.loads(run(octets.hex(), "--json").output)[0]["words"] for octets in (up, down, hello, b"\0\xffR\x63")]
+    assert told == [
+        ["relay: a packet from part 3 (node 3), 16 octets", *inside],
+        ["relay: packet 7 for part 3, 16 octets", *inside],
+        ["relay: HELLO, I am desk and carry the parts of can:can0"],
+        ["relay: relay message of 4 octets cannot be read: 99 is not a valid RelayKind"],
+    ]
+    file = tmp_path / "relay.pcap"
+    with file.open("wb") as stream:
+        udp = dpkt.udp.UDP(sport=40000, dport=8888, data=up, ulen=8 + len(up))
+        packet = dpkt.ip.IP(src=b"\x0a\0\0\2", dst=b"\x0a\0\0\1", p=17, data=udp, len=28 + len(up))
+        dpkt.pcap.Writer(stream).writepkt(bytes(dpkt.ethernet.Ethernet(type=2048, data=packet)), ts=1.0)
+    (one,) = json.loads(run(str(file), "--json", "--fields").output)
+    assert (one["words"][0], bool(one["fields"])) == ("relay: a packet from part 3 (node 3), 16 octets", True)
 
 
 def test_a_capture_of_a_can_bus(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from msbot.cli.robot_options import library_option
 from msbot.pnp import SessionListener
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import WholeRange, json_option
+from msbot_agent.explain.relay_words import RelayWords, relay_words
 from msbot_agent.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
 from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce import FoundField, dissector, read_fields
@@ -145,6 +146,11 @@ def _captured(
         up = found.target_port == agent_port
         peer: Hashable = (found.source, found.source_port) if up else (found.target, found.target_port)
         other = other_protocol(found)
+        if not other and (relayed := relay_words(found.octets)) is not None:
+            carried = (found.source, found.source_port) if relayed.up else (found.target, found.target_port)
+            way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
+            told = _relayed(relayed, overhearer, (*carried, relayed.part), len(found.octets), fields=fields)
+            return {"at_s": found.at, "way": way, **told}
         said = None if other else overhearer.hear(found.octets, peer, up=up)
         way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
         facts = _message_facts(found.octets) if fields and said is not None else {}
@@ -169,8 +175,21 @@ def _captured(
 
 
 def _message(octets: bytes) -> dict[str, object]:
+    if (relayed := relay_words(octets)) is not None:
+        return _relayed(relayed, SessionListener(), relayed.part, len(octets), fields=True)
     heard = SessionListener().hear(octets, "here", up=True)
     return {"octets": len(octets), "plain": list(heard.plain), "words": list(heard.protocol), **_message_facts(octets)}
+
+
+def _relayed(
+    relayed: RelayWords, overhearer: SessionListener, peer: Hashable, octets: int, *, fields: bool
+) -> dict[str, object]:
+    """A message of a relay, and the packet of a part in it."""
+    if not relayed.packet:
+        return {"octets": octets, "plain": [], "words": [relayed.words]}
+    heard = overhearer.hear(relayed.packet, peer, up=relayed.up)
+    facts = _message_facts(relayed.packet) if fields else {}
+    return {"octets": octets, "plain": list(heard.plain), "words": [relayed.words, *heard.protocol], **facts}
 
 
 def _message_facts(octets: bytes) -> dict[str, object]:
