@@ -33,6 +33,11 @@ safe = {}
 name = "r"
 direction = "publish"
 type = "T"
+[[port]]
+name = "s"
+direction = "serve"
+request = "T"
+reply = "T"
 [[parameter]]
 name = "q"
 type = "int"
@@ -68,7 +73,7 @@ follows = "c"
 port = "r"
 fields = { on = "d" }
 """
-FREE = {"safe", "settings", "fields", "units", "pins"}
+FREE = {"safe", "ranges", "settings", "fields", "units", "pins"}
 """Tables whose keys are names that the writer of a file chooses."""
 
 
