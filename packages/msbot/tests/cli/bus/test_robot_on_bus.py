@@ -21,8 +21,8 @@ __all__ = ["bus", "runtime_folder", "talking"]
 def test_sentences_begin_at_once_also_without_a_blueprint(tmp_path: Path) -> None:
     env = {"XDG_RUNTIME_DIR": str(tmp_path), "XDG_STATE_HOME": str(tmp_path)}
     with running("demo", "--robot", "rover", "--bus", "late1", "--no-page", cwd=tmp_path, env=env) as demo:
-        demo.wait_for("knob active", "ear active")
-        dumped = run("bus", "dump", "sim:late1", "--count", "60", cwd=tmp_path, env=env)
+        demo.wait_for("knob active", "ear active", "fan active")
+        dumped = run("bus", "dump", "sim:late1", "--count", "300", cwd=tmp_path, env=env)
     shown, said = dumped.stdout, dumped.stderr
     assert re.search(r"  knob says level \d+(\.\d+)? %", shown)
     assert re.search(r"  fan hears power \d+(\.\d+)? %", shown)
