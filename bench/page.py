@@ -26,7 +26,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from bench.machine import describe_machine
 from msbot.config import load_blueprint, load_library
 from msbot.master import Master
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.registry import open_registry
 from msbot.sim import make_simulator
 from msbot_agent.link import open_link
@@ -88,7 +88,7 @@ async def serve(parts: int, *, with_page: bool) -> None:
 
                     room = RobotPages(
                         master,
-                        RunningOperations(master, registry, record, library=library),
+                        InProcessOperations(master, registry, record, library=library),
                         library,
                         database=Database(registry, record, address),
                         seen=PageSources(FrameRing()),

@@ -14,7 +14,7 @@ from statistics import mean
 from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_school.demo import DemoLinkKind, DemoRobot
@@ -56,7 +56,7 @@ async def _measure(folder: Path, preset: str, wire: DemoLinkKind, bitrate: int, 
             random=Random(seed),
             epoch_ns=lambda: 0,
         )
-        operations = RunningOperations(robot.master, registry, record, library=library)
+        operations = InProcessOperations(robot.master, registry, record, library=library)
         clock = asyncio.get_running_loop().time
         async with asyncio.TaskGroup() as tasks:
             running = tasks.create_task(robot.run())

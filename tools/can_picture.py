@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from msbot_agent.explain.frame_picture import BitSpan, cut_data, frame_svg
+from msbot_agent.explain.frame_picture import BitSpan, frame_svg, split_by_octets
 from msbot_agent.link.can.protocol import CanIds, Frame, WireBit, wire_bits
 from msbot_agent.link.can.protocol.frames import split
 from msbot_xrce import compress
@@ -36,7 +36,7 @@ def rows_of(bits: list[WireBit]) -> list[list[BitSpan]]:
     by_field: dict[str, list[WireBit]] = {}
     for bit in bits:
         by_field.setdefault(bit.field, []).append(bit)
-    segment, code, number, lease = cut_data(by_field["DATA"], (1, 1, 2, 4))
+    segment, code, number, lease = split_by_octets(by_field["DATA"], (1, 1, 2, 4))
     crc = "".join(str(bit.level) for bit in by_field["CRC"] if not bit.stuff)
 
     def span(name: str, meaning: str, kind: str, field: str) -> BitSpan:

@@ -24,7 +24,7 @@ import msbot_agent
 import msbot_web
 from msbot.config import load_library
 from msbot.operations.rights import Right, Role
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.pnp import PartState, packet_words
 from msbot_web.pages.program_words import PART_SAYS
 from tools.sources import source_files

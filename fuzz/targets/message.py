@@ -11,8 +11,7 @@ from typing import Annotated
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.part import HelloWorld, Message
-from msbot.part.join import pnp_messages
-from msbot.part.join import refusal as trouble
+from msbot.part.join import hardware_trouble, pnp_messages
 from msbot.part.join.pnp_messages import (
     ClaimMessage,
     ConfigurationMessage,
@@ -71,7 +70,7 @@ def message_classes(*modules: ModuleType) -> list[type[Message]]:
 CLASSES: tuple[type[Message], ...] = (
     Numbers,
     Nested,
-    *message_classes(hello, standard, pnp_messages, trouble, agent_messages),
+    *message_classes(hello, standard, pnp_messages, hardware_trouble, agent_messages),
 )
 SAMPLES: tuple[bytes, ...] = (
     Nested(

@@ -12,6 +12,7 @@ from fuzz.case import Case, Step, Violation
 from fuzz.mutate import mutate_octets
 from fuzz.virtual import play, read_logs, the_loop
 from msbot.part import Client, Entity, HelloWorld, JoinState, Message, Part, ServiceNames
+from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.part.join.pnp_messages import (
     INVENTORY_REPLY_TYPE,
     INVENTORY_REQUEST_TYPE,
@@ -41,7 +42,6 @@ from msbot.part.join.pnp_messages import (
     VerdictMessage,
     decode_request,
 )
-from msbot.part.join.refusal import TroublePiece
 from msbot.part.messages.wire_types import uint32
 from msbot_agent.agent import Agent
 from msbot_agent.link import InprocHub

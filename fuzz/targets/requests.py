@@ -9,10 +9,9 @@ from fuzz.bounds import REASONS, hold
 from fuzz.case import Case, Step, Violation, plain
 from fuzz.mutate import mutate_octets
 from msbot.config import Slot
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.part_keys import prove
 from msbot.pnp import FAST_TIMING, PartState
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.requests import RequestHandler
 from tests.pnp.robot import Rig, sample_store, uid
@@ -163,7 +162,7 @@ def _step(random: Random) -> Step:
         case 6 | 7:
             return Step("beat", random.choice((b"", b"", b"\1\0\0\0", b"\0\0")), (key,))
         case 8 | 9:
-            request = compat.encode_request(_number(random), random.choice(("", "left", "ä" * 20)))
+            request = thesis_messages.encode_request(_number(random), random.choice(("", "left", "ä" * 20)))
             return Step("compat", mutate_octets(random, request) if random.random() < 0.5 else request, (key,))
         case 10 | 11:
             return Step("prove", b"", (key, random.randrange(4), random.randrange(2), random.choice((0, 0, 0, 12))))

@@ -26,7 +26,7 @@ from msbot_web.access.users import MemoryUsers
 from msbot_web.nicegui_internals import page_sockets
 from msbot_web.nicegui_internals.open_pages import OpenPages
 from msbot_web.nicegui_internals.page_sockets import MOST_WAITING, MOST_WAITING_OCTETS, Outgoing, PageSockets
-from msbot_web.page_errors import log_errors_once
+from msbot_web.page_errors import limit_repeated_errors
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 
 PATH = "/_nicegui_ws"
@@ -100,7 +100,7 @@ class SocketTarget:
         before = [(logger.handlers[:], logger.filters[:], logger.propagate) for logger in loggers]
         for logger in loggers:
             logger.handlers[:], logger.filters[:], logger.propagate = [reader], [], False
-        log_errors_once()
+        limit_repeated_errors()
         page_sockets.COMPLAINTS.counts.clear()
         was_loop, core.sio.eio.start_service_task = core.loop, False
         try:

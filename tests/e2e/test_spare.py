@@ -11,13 +11,13 @@ from random import Random
 import pytest
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
-from msbot_school.demo import DemoEvent, DemoLinkKind, DemoRobot, DemoSnapshot
+from msbot_school.demo import DemoLinkKind, DemoRobot, DemoSnapshot, DemoStateChange
 from tests.e2e.processes import run, running
 
-Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
+Scene = Callable[[DemoRobot, InProcessOperations], Awaitable[None]]
 
 
 def play(
@@ -43,7 +43,7 @@ def play(
                 random=Random(1),
                 epoch_ns=lambda: 0,
             )
-            operations = RunningOperations(robot.master, registry, record, library=library)
+            operations = InProcessOperations(robot.master, registry, record, library=library)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())
                 await robot.master.ready.wait()
@@ -71,7 +71,7 @@ def test_the_spare_holds_the_slot_within_one_tick_and_the_ring_goes_on(
     """R62: nobody touches anything."""
     heard: dict[str, int] = {}
 
-    async def scene(robot: DemoRobot, _operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, _operations: InProcessOperations) -> None:
         assert [part.state for part in robot.snapshot().parts] == ["active"] * 3 + ["standby"]
         robot.unplug("BB")
         heard["unplugged"] = robot.snapshot().parts[2].messages_in
@@ -90,7 +90,7 @@ def test_the_spare_holds_the_slot_within_one_tick_and_the_ring_goes_on(
 
 
 def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         robot.unplug("BB")
         await asyncio.sleep(7.0)
         robot.plug("BB")
@@ -110,7 +110,7 @@ def test_undo_brings_the_first_part_back(tmp_path: Path) -> None:
 
 
 def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_the_other(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         await operations.do("swap", slot="BB", to="DD", who="ann")
         await asyncio.sleep(5.0)
 
@@ -124,7 +124,7 @@ def test_swap_on_a_can_bus_gives_settings_and_topics_to_the_spare_and_silences_t
 
 
 def test_a_spare_that_was_lost_itself_takes_nothing_over(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, _operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, _operations: InProcessOperations) -> None:
         robot.unplug("DD")
         await asyncio.sleep(8.0)
         robot.unplug("BB")
@@ -135,7 +135,7 @@ def test_a_spare_that_was_lost_itself_takes_nothing_over(tmp_path: Path) -> None
 
 
 def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, _operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, _operations: InProcessOperations) -> None:
         for _ in range(2):
             for name in ("BB", "DD"):
                 robot.unplug(name)
@@ -144,7 +144,7 @@ def test_two_spares_take_over_one_after_the_other(tmp_path: Path) -> None:
                 await asyncio.sleep(1.0)
 
     robot, snapshot = play(tmp_path, scene)
-    taken: list[DemoEvent] = [event for event in robot.events if event.reason.startswith("takes over slot BB")]
+    taken: list[DemoStateChange] = [event for event in robot.events if event.reason.startswith("takes over slot BB")]
     assert [event.part for event in taken] == ["DD", "BB", "DD", "BB"]
     assert [part.slot for part in snapshot.parts] == ["AA", "BB", "CC", ""]
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 import pytest
 
-from msbot.doctor.collectors.machine_facts import program_of, running_programs
+from msbot.doctor.collectors.machine_facts import command_line_of, running_programs
 from msbot_agent.cli import msbot
 from msbot_agent.idl.model import Definitions
 from msbot_agent.idl.omg_reader import read_idl
@@ -185,7 +185,7 @@ def test_programs_with_names_that_are_no_text_are_seen_and_harm_nobody() -> None
         process.stdout.readline()
         names = dict(running_programs())
         assert names[process.pid].isprintable()
-        assert program_of(process.pid).isprintable()
+        assert command_line_of(process.pid).isprintable()
         assert read_system_file(f"/proc/{process.pid}/environ") == "\ufffd=\ufffd\0"
         assert process.stdin is not None
         process.stdin.close()

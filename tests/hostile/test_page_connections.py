@@ -19,7 +19,7 @@ from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
 from msbot_agent import pace as accept_connections
-from msbot_agent.pace import ProtocolAcceptor
+from msbot_agent.pace import ProtocolServer
 from msbot_web import connection_limits
 from msbot_web.connection_limits import MOST_HEAD, ConnectionLimits, LimitedConnection
 from msbot_xrce.counting import Tally
@@ -76,7 +76,7 @@ async def site(
         listening.bind(("127.0.0.1", 0))
         listening.listen()
         failed = Tally()
-        acceptor = ProtocolAcceptor(
+        acceptor = ProtocolServer(
             listening,
             lambda: LimitedConnection(open_ones, config, state, {}),
             failed,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.config import FoundProblems, load_library, parse_blueprint
+from msbot.config import InvalidFileError, load_library, parse_blueprint
 from tests.e2e.processes import run
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="this system limits no other process")
@@ -108,7 +108,7 @@ def test_a_hostile_log_is_read_line_by_line_and_its_orders_are_not_passed_on(tex
 
 
 def test_at_most_fifty_mistakes_are_told() -> None:
-    with pytest.raises(FoundProblems) as caught:
+    with pytest.raises(InvalidFileError) as caught:
         parse_blueprint(TEXTS["wrong slots"], load_library())
     assert len(caught.value.problems) == 50
     assert str(caught.value).startswith("50 problems were found, and perhaps more behind them:")

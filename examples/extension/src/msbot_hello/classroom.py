@@ -6,7 +6,7 @@ from random import Random
 from msbot.doctor import Check, Examined, Finding
 from msbot.hardware import Driver, Values
 from msbot_agent.link import Peer
-from msbot_school.faults import Amount, FaultKind, FaultTarget, PacketFault
+from msbot_school.faults import Amount, FaultKind, InjectionPoint, PacketFault
 
 
 class LoadMeter(Driver):
@@ -41,5 +41,5 @@ def judge(load: float) -> list[Finding]:
 
 
 AMOUNT = Amount(1.0, 0.1, 10.0, "s", "that it waits")
-HICCUP = PacketFault(FaultKind("hiccup", "a packet in ten waits", FaultTarget.EDGE, amount=AMOUNT), Hiccup)
+HICCUP = PacketFault(FaultKind("hiccup", "a packet in ten waits", InjectionPoint.EDGE, amount=AMOUNT), Hiccup)
 LOAD = Check("load", load, judge)

@@ -140,7 +140,7 @@ def plain(text: str) -> str:
     return _UNSAFE.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
-class PlainFormatter(logging.Formatter):
+class EscapingFormatter(logging.Formatter):
     """One record, one line; a traceback keeps its lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
@@ -161,7 +161,7 @@ class TerminalHandler(logging.StreamHandler[TextIO]):
     ) -> None:
         """`burst`: lines of one kind that are written in a row."""
         super().__init__(stream or sys.stderr)
-        self.setFormatter(PlainFormatter(line, datefmt="%H:%M:%S"))
+        self.setFormatter(EscapingFormatter(line, datefmt="%H:%M:%S"))
         self._limiter = LogLimiter(burst)
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -210,7 +210,7 @@ class JsonFormatter(logging.Formatter):
         return json.dumps(line, default=str)
 
 
-class JournalFormatter(PlainFormatter):
+class JournalFormatter(EscapingFormatter):
     """Lines with their priority in front, as systemd's journal takes them from standard error (sd-daemon(3))."""
 
     def __init__(self) -> None:

@@ -311,7 +311,7 @@ class Acceptor:
         return False
 
 
-class ProtocolAcceptor:
+class ProtocolServer:
     """Gives every connection made to a listening socket a protocol; TLS is negotiated for each on its own.
 
     asyncio's own server forgets a connection that comes in while it is closed: nobody closes that one.

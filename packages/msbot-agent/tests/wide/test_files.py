@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.space import Qos, Topic
-from msbot_agent.toml.problems import FoundProblems
+from msbot_agent.toml.problems import InvalidFileError
 from msbot_agent.wide import BridgeDirection, read_gateway_file, read_router_file
 from tests import ROOT
 
@@ -75,7 +75,7 @@ CROSS = '[[cross]]\ntopic = "a"\ntype = "A"\ndirection = "out"\n'
     ],
 )
 def test_mistakes_in_a_gateway_file_are_told_with_their_line(tmp_path: Path, text: str, line: int, words: str) -> None:
-    with pytest.raises(FoundProblems) as caught:
+    with pytest.raises(InvalidFileError) as caught:
         read_gateway_file(written(tmp_path, text))
     (problem,) = caught.value.problems
     assert words in str(problem)
@@ -96,7 +96,7 @@ def test_mistakes_in_a_gateway_file_are_told_with_their_line(tmp_path: Path, tex
     ],
 )
 def test_mistakes_in_a_router_file_are_told_with_their_line(tmp_path: Path, text: str, line: int, words: str) -> None:
-    with pytest.raises(FoundProblems) as caught:
+    with pytest.raises(InvalidFileError) as caught:
         read_router_file(written(tmp_path, text))
     (problem,) = caught.value.problems
     assert words in str(problem)

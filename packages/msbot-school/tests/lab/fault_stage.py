@@ -10,17 +10,17 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
 from msbot.sim import message_class
 from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_web.demo_controls import seen_of
+from msbot_web.api.models import SlotCard
 from msbot_web.live_values import LiveValues
 from msbot_web.model_builder import ModelBuilder
-from msbot_web.models.robot_models import SlotCard
+from msbot_web.simulated.demo_controls import seen_of
 from msbot_web.timeline import Timeline
 from msbot_xrce.errors import MsbotError
 from tests.operations.stage import put_database
@@ -36,7 +36,7 @@ class FaultStage:
     """What a scene has."""
 
     robot: DemoRobot
-    operations: RunningOperations
+    operations: InProcessOperations
     lab: FaultLab
     registry: Registry
     page: ModelBuilder
@@ -120,7 +120,7 @@ def fault_scene(
             )
             if keyed:
                 give_keys(robot, registry)
-            operations = RunningOperations(robot.master, registry, record, library=library)
+            operations = InProcessOperations(robot.master, registry, record, library=library)
             lab = FaultLab(operations, parts=robot, bus=robot.bus_driver)
             clock = asyncio.get_running_loop().time
             seen = seen_of(robot, clock)

@@ -8,7 +8,7 @@ from pathlib import Path
 from random import Random
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, Unpacker
 from msbot.recording.recorder.measuring import keep_measuring
@@ -24,7 +24,7 @@ NS = 1_000_000_000
 BEGAN_NS = 1_700_000_000 * NS
 LIMITS = RingLimits(100.0, 100 << 20)
 
-Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
+Scene = Callable[[DemoRobot, InProcessOperations], Awaitable[None]]
 
 
 def record_demo(
@@ -69,7 +69,7 @@ def record_demo(
                 epoch_ns=lambda: BEGAN_NS,
                 space=recorder.space(MemorySpace(clock=loop.time)),
             )
-            operations = RunningOperations(robot.master, registry, record, library=library)
+            operations = InProcessOperations(robot.master, registry, record, library=library)
             recorder.watch(robot.master, operations)
             async with asyncio.TaskGroup() as tasks:
                 running = tasks.create_task(robot.run())

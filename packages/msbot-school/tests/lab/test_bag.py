@@ -16,7 +16,7 @@ from rosbags.rosbag2.errors import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msbot.config import InDds
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Level
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object
@@ -55,7 +55,7 @@ def read(bag: Path) -> list[tuple[str, int, object]]:
 
 @pytest.mark.promise(PROMISE)
 def test_a_bag_that_is_recorded_at_once_is_the_one_that_a_recording_becomes(tmp_path: Path) -> None:
-    async def scene(_robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(_robot: DemoRobot, operations: InProcessOperations) -> None:
         await asyncio.sleep(2)
         await operations.do("stop", who="Ada", reason="a finger")
 

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.config import load_library
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.recording.curves.curve import WantedCurves, field_name, figures_of, is_wanted, thinned
 from msbot.recording.curves.curve_reader import ReadCurves, read_curves, ring_files, units_of
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
@@ -25,7 +25,7 @@ BITRATE = 500_000
 THRESHOLD = "ear:threshold"
 
 
-async def a_setting_is_changed(robot: DemoRobot, operations: RunningOperations) -> None:
+async def a_setting_is_changed(robot: DemoRobot, operations: InProcessOperations) -> None:
     await asyncio.sleep(4)
     await operations.do("set", slot="ear", name="threshold", value=40, who="ada")
     await asyncio.sleep(4)

@@ -8,12 +8,12 @@ import pytest
 from click.testing import CliRunner
 
 from msbot.cli.record import log
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot_school.demo import DemoRobot
 from tests.lab.recorded import messages, record_demo
 
 
-async def a_moment(robot: DemoRobot, operations: RunningOperations) -> None:
+async def a_moment(robot: DemoRobot, operations: InProcessOperations) -> None:
     import asyncio
 
     await asyncio.sleep(3)

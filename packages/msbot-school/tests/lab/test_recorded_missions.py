@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.recording.recorder.batch import Unpacker
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recordings.mcap_reader import RecordingReader
@@ -52,7 +52,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PlayedMiss
     folder = tmp_path_factory.mktemp("recorded")
     live: list[PlayedMission] = []
 
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         await asyncio.sleep(3)
         lab = MissionLab(operations, FaultLab(operations, parts=robot), epoch_ns=lambda: BEGAN_NS)
         await operations.do("start_mission", who="Ada", mission="mine.toml", toml=MINE, seed=4)

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msbot.cli.record.log import command as log_command
 from msbot.config import load_library, read_description
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.part.join.pnp_messages import Beat
 from msbot.part.join.seal import SHORT_SAYINGS, Seal
 from msbot.part.messages.standard import Level
@@ -38,7 +38,7 @@ from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
 
 
-async def a_part_comes_and_goes(robot: DemoRobot, operations: RunningOperations) -> None:
+async def a_part_comes_and_goes(robot: DemoRobot, operations: InProcessOperations) -> None:
     await asyncio.sleep(3)
     robot.unplug("BB")
     await asyncio.sleep(8)
@@ -148,7 +148,7 @@ def test_what_is_named_and_not_there_is_told(recording: Path, tmp_path: Path) ->
 
 
 def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -> None:
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         await asyncio.sleep(2)
         await operations.do("stop", who="Ada", reason="a finger")
 
@@ -179,7 +179,7 @@ def test_a_piece_for_ros_2_is_read_by_its_own_programs_readers(tmp_path: Path) -
 
 
 def test_a_topic_that_ros_2_shares_is_recorded_as_ros_2_has_it(tmp_path: Path) -> None:
-    async def scene(_robot: DemoRobot, _operations: RunningOperations) -> None:
+    async def scene(_robot: DemoRobot, _operations: InProcessOperations) -> None:
         await asyncio.sleep(2)
 
     whole, piece = tmp_path / "a.mcap", tmp_path / "ros.mcap"
@@ -250,7 +250,7 @@ def test_times_are_those_of_the_robot(recording: Path) -> None:
 def test_can_frames_are_the_ones_that_were_on_the_bus(tmp_path: Path) -> None:
     seen = []
 
-    async def scene(robot: DemoRobot, _: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, _: InProcessOperations) -> None:
         robot.on_frame(lambda _at, _sender, frame: seen.append((frame.can_id, frame.data)))
         await asyncio.sleep(2)
 
@@ -335,7 +335,7 @@ def test_the_same_run_gives_the_same_recording(tmp_path: Path, recording: Path) 
 
 
 def test_differences_name_what_happened_in_one_run_only(tmp_path: Path, recording: Path) -> None:
-    async def nothing(_: DemoRobot, __: RunningOperations) -> None:
+    async def nothing(_: DemoRobot, __: InProcessOperations) -> None:
         await asyncio.sleep(12)
 
     record_demo(tmp_path, tmp_path / "b.mcap", nothing)

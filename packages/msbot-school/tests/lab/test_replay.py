@@ -13,7 +13,7 @@ import click
 import pytest
 from mcap.writer import Writer
 
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import PartInfo
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object, encode_state
 from msbot.recording.recordings.cutting import write_cut
@@ -28,7 +28,7 @@ from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store
 OTHERS = ("BB", "CC")
 
 
-async def some_seconds(robot: DemoRobot, operations: RunningOperations) -> None:
+async def some_seconds(robot: DemoRobot, operations: InProcessOperations) -> None:
     await asyncio.sleep(5)
 
 
@@ -58,9 +58,9 @@ class Stage:
             self.fault = str(error)
 
     def scene(
-        self, meanwhile: Callable[[DemoRobot, RunningOperations], Awaitable[None]] | None = None
-    ) -> Callable[[DemoRobot, RunningOperations], Awaitable[None]]:
-        async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+        self, meanwhile: Callable[[DemoRobot, InProcessOperations], Awaitable[None]] | None = None
+    ) -> Callable[[DemoRobot, InProcessOperations], Awaitable[None]]:
+        async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
             async with asyncio.TaskGroup() as tasks:
                 playing = tasks.create_task(self.play(robot))
                 if meanwhile is not None:
@@ -92,7 +92,7 @@ def test_record_replay_record_gives_the_same_samples_at_the_same_times(tmp_path:
     stage = Stage(read_excerpt(recording, ["AA"]))
     natures = []
 
-    async def look(robot: DemoRobot, _: RunningOperations) -> None:
+    async def look(robot: DemoRobot, _: InProcessOperations) -> None:
         await asyncio.sleep(2)
         natures.append(info_of(robot, "AA").nature.word)
 
@@ -138,7 +138,7 @@ def test_several_slots_keep_their_distances(tmp_path: Path, recording: Path) -> 
 def test_while_stop_holds_nothing_is_said_and_afterwards_all_of_it(tmp_path: Path, recording: Path) -> None:
     stage = Stage(read_excerpt(recording, ["AA"]))
 
-    async def stop_and_go(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def stop_and_go(robot: DemoRobot, operations: InProcessOperations) -> None:
         await asyncio.sleep(2.3)
         await operations.do("stop", who="Ada", reason="a finger")
         await asyncio.sleep(4)
@@ -157,7 +157,7 @@ def test_while_stop_holds_nothing_is_said_and_afterwards_all_of_it(tmp_path: Pat
 def test_a_part_that_comes_back_after_an_outage_goes_on_where_it_was(tmp_path: Path, recording: Path) -> None:
     stage = Stage(read_excerpt(recording, ["AA"]))
 
-    async def release(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def release(robot: DemoRobot, operations: InProcessOperations) -> None:
         await asyncio.sleep(2.3)
         key = info_of(robot, "AA").client_key
         assert robot.master.agent.disconnect(key, "the cable was out")
@@ -189,7 +189,7 @@ def test_a_robot_with_other_slots_says_so(tmp_path: Path, slot: str, number: str
 def test_a_slot_that_is_taken_is_waited_for(tmp_path: Path, recording: Path) -> None:
     stage = Stage(read_excerpt(recording, ["AA"], to_s=2), after_s=1.0)
 
-    async def unplug_later(robot: DemoRobot, _: RunningOperations) -> None:
+    async def unplug_later(robot: DemoRobot, _: InProcessOperations) -> None:
         await asyncio.sleep(2)
         assert stage.player.published == 0
         robot.unplug("AA")

@@ -10,7 +10,7 @@ from random import Random
 
 import pytest
 
-from msbot.operations.dispatch import RunningOperations, perform
+from msbot.operations.dispatch import InProcessOperations, perform
 from msbot.recording.recordings.cutting import write_cut
 from msbot.recording.recordings.mcap_reader import RecordedMessage
 from msbot.recording.replay.recorded_operations import (
@@ -26,10 +26,10 @@ from msbot_school.demo import DemoRobot
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo
 
-Scene = Callable[[DemoRobot, RunningOperations], Awaitable[None]]
+Scene = Callable[[DemoRobot, InProcessOperations], Awaitable[None]]
 
 
-async def a_lesson(robot: DemoRobot, operations: RunningOperations) -> None:
+async def a_lesson(robot: DemoRobot, operations: InProcessOperations) -> None:
     """People set, rewire, drive by hand, stop and go on."""
     await asyncio.sleep(3)
     await operations.do("set", who="Ada", slot="ear", name="threshold", value="33")
@@ -59,7 +59,7 @@ def replay(
     """A scene in which acts are done again, and the player once it is there."""
     players: list[OperationPlayer] = []
 
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         async def ask(request: Mapping[str, object]) -> Mapping[str, object]:
             return await perform(operations, request)
 
@@ -132,7 +132,7 @@ def test_parts_and_acts_of_one_recording_keep_time_with_each_other(tmp_path: Pat
     piece, acts = read_excerpt(lesson, ["ear"]), read_operations(lesson)
     said: list[str] = []
 
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         async def ask(request: Mapping[str, object]) -> Mapping[str, object]:
             return await perform(operations, request)
 
@@ -169,7 +169,7 @@ def test_a_stop_of_somebody_else_holds_the_replay_and_is_never_ended_by_it(tmp_p
     said: list[str] = []
     held: list[bool] = []
 
-    async def beside(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def beside(robot: DemoRobot, operations: InProcessOperations) -> None:
         while not robot.master.stop.stopped:  # noqa: ASYNC110 - virtual time; STOP is the recording's
             await asyncio.sleep(0.1)
         await asyncio.sleep(0.5)
@@ -219,7 +219,7 @@ def test_a_piece_without_acts_is_refused(lesson: Path) -> None:
 def test_a_stop_that_was_not_said_by_the_operation_is_an_act_too(tmp_path: Path) -> None:
     """`msbot stop` has a socket of its own to the master."""
 
-    async def scene(robot: DemoRobot, operations: RunningOperations) -> None:
+    async def scene(robot: DemoRobot, operations: InProcessOperations) -> None:
         await asyncio.sleep(1)
         robot.master.say_stop("Ada", "a finger")
         await asyncio.sleep(1)

@@ -13,7 +13,7 @@ from types import ModuleType
 from unittest import mock
 
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Part
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import Registry, open_registry
@@ -46,7 +46,7 @@ class LessonStage:
     """What a scene has."""
 
     robot: DemoRobot
-    operations: RunningOperations
+    operations: InProcessOperations
     desk: LessonController
     registry: Registry
     hub: InprocHub
@@ -129,7 +129,7 @@ def lesson_scene(
             living = RunningArena(Arena(open_world(world))) if world else None
             door = None if living is None else LocalWorldConnection(living, "robot")
             robot = DemoRobot(blueprint, store, random=Random(1), library=library, door=door)
-            operations = RunningOperations(robot.master, registry, record, library=library)
+            operations = InProcessOperations(robot.master, registry, record, library=library)
             lab = FaultLab(operations, parts=robot, bus=robot.bus_driver)
             desk = LessonController(operations, LessonCatalog(folders), parts=robot, bus=robot.bus_driver, world=world)
             hub = InprocHub()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot_agent.toml.problems import FoundProblems
+from msbot_agent.toml.problems import InvalidFileError
 from msbot_school.lessons.catalog import LessonCatalog
 from msbot_school.lessons.conditions import EXAMPLES, read_lesson_condition
 from msbot_school.lessons.lesson import Lesson, LessonCheck
@@ -80,7 +80,7 @@ MISTAKES = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_told_with_its_line(name: str, tmp_path: Path) -> None:
     text, line, words = MISTAKES[name]
-    with pytest.raises(FoundProblems) as found:
+    with pytest.raises(InvalidFileError) as found:
         read_lesson(lesson(tmp_path, text))
     assert any(
         problem.place.line == line and words in f"{problem.place}: {problem.sentence}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.rights import Principal, Role
 from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_school.lessons.catalog import LessonCatalog
@@ -92,7 +92,7 @@ async def swing(stage: LessonStage, who: str) -> None:
 @pytest.mark.promise(PROMISE)
 def test_a_class_of_three_at_one_robot(tmp_path: Path) -> None:
     async def scene(stage: LessonStage) -> None:
-        operations: RunningOperations = stage.operations
+        operations: InProcessOperations = stage.operations
         operations.pupils.use_people(lambda: ("Ada", "Ben", "Cleo"))
         await operations.do("group", who="Ms Novak", group="Red", pupils=["Ada", "Ben"], slots=[])
         await operations.do("start_lesson", who="Ms Novak", lesson="first_part")

@@ -33,7 +33,7 @@ _COMPASS = (
 
 
 @dataclass(frozen=True, slots=True)
-class SensingPart:
+class PartReadings:
     """What one part senses now, by the words of `SENSES`."""
 
     robot: str
@@ -96,7 +96,7 @@ class ArenaView:
             "boxes": {name: [*_at(pose.x, pose.y), _degrees(pose.angle)] for name, pose in boxes.items()},
         }
 
-    def sensed(self) -> list[SensingPart]:
+    def sensed(self) -> list[PartReadings]:
         """What each part senses, for a table."""
         living, found = self._world, []
         for name in living.arena.robots:
@@ -104,7 +104,7 @@ class ArenaView:
                 seat = living.arena.robot(name).seats[slot]
                 values = living.arena.sense(name, slot, seat.quantities)
                 if values:
-                    found.append(SensingPart(name, slot, values))
+                    found.append(PartReadings(name, slot, values))
         return found
 
     def words(self) -> list[str]:

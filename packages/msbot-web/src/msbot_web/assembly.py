@@ -12,7 +12,7 @@ from msbot.doctor.finding import PAGE_PORT, Examined
 from msbot.master import Master
 from msbot.metrics import DatabaseFigures, MetricsCollector, MetricsSampler, MomentFigures, PageFigures
 from msbot.operations.blocking import known_object
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.message_classes import MessageClasses
 from msbot.registry import Registry, RobotRecord, RobotStore
 from msbot.sim import message_class
@@ -25,6 +25,7 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.clocks import since_boot_s
 from msbot_web.access.session_file import session_file
 from msbot_web.access.users import MemoryUsers, UserStore
+from msbot_web.api.models import Robot
 from msbot_web.doctor_service import DoctorService
 from msbot_web.frame_ring import FrameRing
 from msbot_web.gallery import RunningDemo
@@ -32,7 +33,6 @@ from msbot_web.lessons_view import LessonsView
 from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMasters
 from msbot_web.model_builder import BusMeter, ModelBuilder
-from msbot_web.models.robot_models import Robot
 from msbot_web.programs.programs import RegistryProgramStore
 from msbot_web.server import WebServer, WebSettings
 from msbot_web.service import Service
@@ -98,7 +98,7 @@ class RobotPages:
     def __init__(
         self,
         master: Master,
-        operations: RunningOperations,
+        operations: InProcessOperations,
         library: Library,
         *,
         database: Database | None,
@@ -240,7 +240,7 @@ def _database_figures(registry: Registry) -> DatabaseFigures:
     return DatabaseFigures(health.waiting, health.lost, health.is_well)
 
 
-def _describer(master: Master, operations: RunningOperations) -> Callable[[], Robot]:
+def _describer(master: Master, operations: InProcessOperations) -> Callable[[], Robot]:
     def describe() -> Robot:
         profile, timing = master.profile, master.inventory.timing
         return Robot(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from msbot.config import groups_by_slots
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.rights import Principal, Right, Role
 from msbot.registry import ProgramSource
 from msbot.registry.reserved_names import check_name
@@ -17,8 +17,8 @@ from msbot_web.access.class_list import NewAccount, new_password, read_list
 from msbot_web.access.joining import PICTURES
 from msbot_web.access.sessions import Session
 from msbot_web.access.ticket_codes import TicketCodes
+from msbot_web.api.models import ChangeResult
 from msbot_web.lessons_view import LessonsView
-from msbot_web.models.robot_models import ChangeResult
 from msbot_web.programs.programs import ProgramStore, check_program
 from msbot_web.programs.robot_words import PYTHON, with_view
 from msbot_xrce.errors import ConfigError, NotThere
@@ -110,7 +110,7 @@ class ClassController:
     def __init__(
         self,
         accounts: Accounts,
-        operations: RunningOperations,
+        operations: InProcessOperations,
         passes: TicketCodes,
         shelf: ProgramStore,
         learning: LessonsView,

@@ -36,7 +36,7 @@ ClassOf = Callable[[str], type[Message] | None]
 """The message class of a type name, or None when nobody here knows it."""
 
 
-class _Kept:
+class _SampleHistory:
     """The newest samples, and how many there were in all."""
 
     def __init__(self, most: int) -> None:
@@ -71,8 +71,8 @@ class TopicWatch:
         self._clock = clock
         self.period_s = 0.0
         """Smoothed time between samples; 0 = not known yet."""
-        self.kept = _Kept(MOST_KEPT)
-        self.sparks = _Kept(SPARK_POINTS)
+        self.kept = _SampleHistory(MOST_KEPT)
+        self.sparks = _SampleHistory(SPARK_POINTS)
         """The same for the small curve on a card: one in `SPARK_S / SPARK_POINTS`."""
         self._sparked_at = -math.inf
         self._counts: deque[tuple[float, int]] = deque(maxlen=64)
@@ -215,7 +215,7 @@ class LiveValues:
             curve.points.popleft()
         return [value for _, value in curve.points]
 
-    def _follow(self, curve: _Curve, watch: TopicWatch, field: str, kept: _Kept) -> None:
+    def _follow(self, curve: _Curve, watch: TopicWatch, field: str, kept: _SampleHistory) -> None:
         """Take apart what came since the last look, at most this many at once."""
         curve.asked_at = self._clock()
         newer = kept.after(curve.taken)

@@ -10,13 +10,11 @@ from msbot.master import Master
 from msbot.operations.blocking import known_object
 from msbot.pnp import PartInfo
 from msbot_agent.text.sentence import said
-from msbot_web.frame_ring import FrameRing
-from msbot_web.live_values import LiveValues
-from msbot_web.models.bus_models import BusFigures, FrameLine
-from msbot_web.models.robot_models import (
-    ControlLine,
+from msbot_web.api.bus_models import BusFigures, FrameLine
+from msbot_web.api.models import (
     PartLine,
     Simulated,
+    SimulatedPartControl,
     SlotCard,
     SpanLine,
     StopState,
@@ -25,6 +23,8 @@ from msbot_web.models.robot_models import (
     TypeLine,
     WirePort,
 )
+from msbot_web.frame_ring import FrameRing
+from msbot_web.live_values import LiveValues
 from msbot_web.recorded_snapshot import KnownEndpoint, frame_line_of, spark_of, topic_lines, wire_ports
 from msbot_web.simulated.controls import SimulatedControls
 from msbot_web.slot_cards import SaidByHand, SlotCards, part_line
@@ -237,7 +237,7 @@ class ModelBuilder:
             raise NotThere(
                 said("no part of slot {slot!r} is simulated here; those that are: {known}", slot=slot, known=known)
             )
-        controls: list[ControlLine] = list(self.bench.controls(slot))
+        controls: list[SimulatedPartControl] = list(self.bench.controls(slot))
         return Simulated(
             slot=slot,
             plugged=self.bench.is_plugged(slot),

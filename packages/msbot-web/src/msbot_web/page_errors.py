@@ -47,7 +47,7 @@ class RepeatedErrorFilter(logging.Filter):
         return True
 
 
-def log_errors_once() -> None:
+def limit_repeated_errors() -> None:
     """Have NiceGUI's log do so."""
     log = logging.getLogger("nicegui")
     if not any(isinstance(one, RepeatedErrorFilter) for one in log.filters):

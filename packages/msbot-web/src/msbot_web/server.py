@@ -28,11 +28,10 @@ from starlette.staticfiles import StaticFiles
 
 from msbot_agent.link.net import WebSocketServerLink
 from msbot_agent.log import write_by_root_alone
-from msbot_agent.pace import ConnectionPace, ProtocolAcceptor
+from msbot_agent.pace import ConnectionPace, ProtocolServer
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import LARGEST_PEM, read_input_file
 from msbot_web.access.access_middleware import ANY_ADDRESS, STOP_PATH, AccessMiddleware, cookie_names
-from msbot_web.access.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.access.reverse_proxies import ProxyHeadersMiddleware, TrustedProxies
 from msbot_web.access.sign_in_pages import make_forms
 from msbot_web.api.exception_handlers import add_exception_handlers
@@ -40,15 +39,16 @@ from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.stop_route import make_stop_api
 from msbot_web.api_rate_limit import ApiRateLimit
 from msbot_web.connection_limits import HEAD_S, RESERVED, ConnectionLimits, LimitedConnection
+from msbot_web.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.installed import make_installed
 from msbot_web.known_addresses import KnownAddresses
 from msbot_web.nicegui_internals.application import LOGGER, LazyWebSocket, serve_pages, set_ping, websocket_protocol
 from msbot_web.nicegui_internals.open_pages import OpenPages
 from msbot_web.nicegui_internals.page_admission import PageAdmission
 from msbot_web.nicegui_internals.page_sockets import PageSockets
-from msbot_web.page_errors import log_errors_once
+from msbot_web.page_errors import limit_repeated_errors
 from msbot_web.pages import register_pages
-from msbot_web.pages.handbook_pages import picture_answer
+from msbot_web.pages.help import picture_answer
 from msbot_web.part_websocket import PartWebSocket
 from msbot_web.programs.browser_files import add_browser_files
 from msbot_web.service import Service
@@ -107,7 +107,7 @@ class _Server(uvicorn.Server):
         self.ready = asyncio.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:  # noqa: ARG002 - uvicorn's signature
-        await super().startup([])  # no socket for asyncio's own server: `ProtocolAcceptor` looks after it
+        await super().startup([])  # no socket for asyncio's own server: `ProtocolServer` looks after it
         set_ping(PING_S, PATIENCE_S)
         write_by_root_alone()  # uvicorn, socket.io and engine.io bring handlers of their own
         self.ready.set()
@@ -188,7 +188,7 @@ class WebServer:
     async def run(self) -> None:
         """Serve until cancelled."""
         serving = asyncio.ensure_future(self._server.serve(sockets=[]))
-        acceptor = ProtocolAcceptor(
+        acceptor = ProtocolServer(
             self._socket,
             lambda: self._server.connection(self.connections),
             Tally(),
@@ -211,7 +211,7 @@ class WebServer:
                     await asyncio.shield(ending)
             self._socket.close()
 
-    async def _accept(self, acceptor: ProtocolAcceptor) -> None:
+    async def _accept(self, acceptor: ProtocolServer) -> None:
         await self.ready.wait()
         await acceptor.run()
 
@@ -244,7 +244,7 @@ class WebServer:
             failed=_failed,
         )
         pages = OpenPages(service.accounts)
-        log_errors_once()
+        limit_repeated_errors()
         guard = AccessMiddleware(
             ApiRateLimit(PageSockets(PageAdmission(app)), LATE_PATHS, STOP_PATH, time.monotonic),
             service.accounts,

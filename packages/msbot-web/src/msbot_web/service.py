@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from msbot.metrics import MomentFigures
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.operation import Outcome
 from msbot.operations.rights import Principal, Right, role_named
 from msbot.registry import EditRecord
@@ -22,14 +22,7 @@ from msbot_web.access.class_list import NewAccount
 from msbot_web.access.sessions import Session
 from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.access.users import User
-from msbot_web.arena_view import ArenaView
-from msbot_web.class_controller import ClassController
-from msbot_web.doctor_service import DoctorService
-from msbot_web.gallery import Gallery, RunningDemo
-from msbot_web.lessons_view import LessonsView
-from msbot_web.local_masters import LocalMasters
-from msbot_web.model_builder import ModelBuilder
-from msbot_web.models.robot_models import (
+from msbot_web.api.models import (
     BlueprintDiff,
     ChangeResult,
     EditLine,
@@ -41,6 +34,13 @@ from msbot_web.models.robot_models import (
     UserLine,
     Value,
 )
+from msbot_web.arena_view import ArenaView
+from msbot_web.class_controller import ClassController
+from msbot_web.doctor_service import DoctorService
+from msbot_web.gallery import Gallery, RunningDemo
+from msbot_web.lessons_view import LessonsView
+from msbot_web.local_masters import LocalMasters
+from msbot_web.model_builder import ModelBuilder
 from msbot_web.programs.programs import NoProgramStore, ProgramActions, ProgramStore
 from msbot_web.recorded_past import RecordedPast
 from msbot_web.remote_robots import RemoteRobots
@@ -84,7 +84,7 @@ class Service:
         self,
         *,
         views: ModelBuilder,
-        operations: RunningOperations,
+        operations: InProcessOperations,
         accounts: Accounts,
         records: StoredData,
         robot: Callable[[], Robot],

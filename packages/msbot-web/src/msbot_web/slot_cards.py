@@ -13,19 +13,19 @@ from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scal
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot_agent.agent import SessionFaultCounts
 from msbot_agent.text.sentence import said
-from msbot_web.live_values import LiveValues, TopicWatch
-from msbot_web.models.robot_models import (
+from msbot_web.api.models import (
     PartDeclaration,
     PartLine,
+    PartStopConfirmation,
     PortDeclaration,
     PortLine,
     Scalar,
     SessionFaults,
     SettingDeclaration,
     SlotCard,
-    StopConfirmed,
     StopState,
 )
+from msbot_web.live_values import LiveValues, TopicWatch
 from msbot_xrce.lazy import dataclass
 
 STALE_PERIODS = 3
@@ -53,7 +53,7 @@ def stop_state(status: StopStatus, epoch_ns: Callable[[], int] = time.time_ns) -
         place=status.place,
         reason=status.reason,
         since_s=None if status.since_ns is None else max(epoch_ns() - status.since_ns, 0) / 1e9,
-        confirmed=[StopConfirmed(part=one.part, ms=one.ms) for one in status.confirmed],
+        confirmed=[PartStopConfirmation(part=one.part, ms=one.ms) for one in status.confirmed],
         silent=list(status.silent),
         trouble=status.trouble,
     )

@@ -13,22 +13,21 @@ from pathlib import Path
 from typing import BinaryIO, NoReturn
 
 from msbot.config import Blueprint, Library, blueprint_mark, blueprint_toml, compare_text, parse_blueprint
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.operation import Outcome
 from msbot.operations.rights import Role, role_named
 from msbot.process.daemon_threads import DaemonThreads
 from msbot.process.persistent_worker import PersistentWorker
 from msbot.process.worker_pool import WorkLimits
 from msbot.registry import EditKind, EditRecord, JournalEntry, Registry, RobotRecord, UserRecord
-from msbot.registry.edits import users as people
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance import waiting_restore as held
+from msbot.registry.edits import users as user_edits
+from msbot.registry.maintenance import upkeep, waiting_restore
 from msbot.registry.records import database_identity
 from msbot.registry.robots import RobotInClass
 from msbot_agent.text.sentence import said
 from msbot_web.access.users import User
-from msbot_web.models.class_models import RobotTile
-from msbot_web.models.robot_models import JournalLine, Robot
+from msbot_web.api.class_models import RobotTile
+from msbot_web.api.models import JournalLine, Robot
 from msbot_xrce.errors import RegistryError
 from msbot_xrce.lazy import dataclass
 
@@ -120,18 +119,18 @@ class RegistryUsers:
 
     async def keep_users(self, users: Sequence[User], who: str) -> None:
         """See `UserStore.keep_users`."""
-        kept = [people.Person(user.name, user.role.word, user.password_hash, user.tokens) for user in users]
-        await self._registry.edits.make_soon(None, who, partial(people.keep, people=kept))
+        kept = [user_edits.Person(user.name, user.role.word, user.password_hash, user.tokens) for user in users]
+        await self._registry.edits.make_soon(None, who, partial(user_edits.keep, people=kept))
 
     async def remove_user(self, name: str, who: str) -> None:
         """See `UserStore.remove_user`."""
-        await self._registry.edits.make_soon(None, who, partial(people.remove, name=name))
+        await self._registry.edits.make_soon(None, who, partial(user_edits.remove, name=name))
 
 
 def registry_data(
     registry: Registry,
     robot: RobotRecord,
-    operations: RunningOperations,
+    operations: InProcessOperations,
     library: Callable[[], Library],
     *,
     address: str,
@@ -176,7 +175,7 @@ def registry_data(
             with await loop.run_in_executor(aside, path.open, "wb") as file:
                 async for octets in backup:
                     await loop.run_in_executor(aside, file.write, octets)
-            hold = partial(held.hold, address, path, needs_administrator=has_administrator)
+            hold = partial(waiting_restore.hold, address, path, needs_administrator=has_administrator)
             await loop.run_in_executor(aside, hold)
         registry.edits.note(robot, EditKind.RESTORE, said("a backup takes effect when the master restarts"), who)
         return said("The backup is checked and kept: it takes effect when the master restarts.")

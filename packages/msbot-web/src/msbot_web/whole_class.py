@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from msbot.config import Library
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.rights import Principal, Right
 from msbot_agent.startup.extensions import own_version
 from msbot_agent.text.sentence import said
@@ -22,10 +22,10 @@ from msbot_school.classroom.class_robots import ClassRobot, database_mark
 from msbot_school.classroom.remote_masters import Answer
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
+from msbot_web.api.class_models import RobotStatus, RobotTile
+from msbot_web.api.models import Robot
 from msbot_web.class_rollouts import ClassRollOuts
 from msbot_web.local_masters import LocalMaster, LocalMasters, StopForAll
-from msbot_web.models.class_models import RobotStatus, RobotTile
-from msbot_web.models.robot_models import Robot
 from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.stored_data import StoredData
 from msbot_xrce.errors import ConfigError
@@ -53,7 +53,7 @@ class WholeClass:
 
     def __init__(
         self,
-        operations: RunningOperations,
+        operations: InProcessOperations,
         records: StoredData,
         robot: Callable[[], Robot],
         accounts: Accounts,

@@ -19,7 +19,7 @@ from msbot.operations.rights import Role
 from msbot.part import HelloWorld, Part
 from msbot.pnp import Configuration, MemoryStore, PartState, SlotBinding
 from msbot_agent.link.net import WebSocketClientLink, WebSocketServerLink
-from msbot_agent.pace import ProtocolAcceptor
+from msbot_agent.pace import ProtocolServer
 from msbot_web.access.access_middleware import AccessMiddleware, CookieNames
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
@@ -116,7 +116,7 @@ async def part_site(slots: int = 2, *, stored: MemoryStore | None = None) -> Asy
     with socket.create_server(("127.0.0.1", 0)) as listening:
         listening.setblocking(False)
         state, connections = ServerState(), ConnectionLimits()
-        acceptor = ProtocolAcceptor(listening, lambda: LimitedConnection(connections, config, state, {}), Tally())
+        acceptor = ProtocolServer(listening, lambda: LimitedConnection(connections, config, state, {}), Tally())
         running = asyncio.create_task(master.run())
         async with asyncio.timeout(PATIENCE_S):
             await master.ready.wait()

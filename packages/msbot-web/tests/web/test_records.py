@@ -18,8 +18,7 @@ import pytest
 from msbot.config import blueprint_toml
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance import waiting_restore as held
+from msbot.registry.maintenance import upkeep, waiting_restore
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import User
 from msbot_web.stored_data import RegistryUsers, robot_tiles
@@ -128,7 +127,7 @@ def test_a_backup_comes_back_with_the_next_start(tmp_path: Path) -> None:
         assert "not used" in str(await refusal(lambda: rig.service.restore(ada, chunks(b"something else"))))
 
     show(tmp_path, scene)
-    assert held.bring_back_held(str(tmp_path / "robot.db")) is not None
+    assert waiting_restore.bring_back_held(str(tmp_path / "robot.db")) is not None
 
 
 def test_a_blueprint_that_costs_too_much_is_refused_and_the_robot_goes_on(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from msbot.config import SAMPLE_ROBOT_TOML, load_library, parse_blueprint
 from msbot.master import Master
 from msbot.master.stop_persistence import StopFile
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import MemoryStore, StopRecord
 from msbot_web.api.stop_route import _given
 
@@ -37,7 +37,7 @@ def test_the_answer_waits_for_the_disk_and_the_robot_does_not(
         monkeypatch.setattr(StopFile, "write", slow)
         monkeypatch.setattr("msbot.operations.stop_and_go.ANSWER_S", 60.0)
         master = Master(parse_blueprint(SAMPLE_ROBOT_TOML, load_library()), Full(), stop_file=tmp_path / "stop.json")
-        operations = RunningOperations(master)
+        operations = InProcessOperations(master)
         saying = asyncio.ensure_future(operations.do("stop", who="ann", reason="fire"))
         await asyncio.sleep(0)
         assert master.stop.stopped, "it is said before anything is stored"

@@ -16,7 +16,7 @@ from msbot.cli.key import command as key
 from msbot.registry import open_registry
 from msbot_agent.cli.agent.agent import port_names
 from msbot_agent.cli.agent.serving import LARGEST_FILE, read_references
-from msbot_agent.cli.group import LONGEST_NAME, LazyGroup, name_in_words, run
+from msbot_agent.cli.group import LONGEST_NAME, LazyGroup, printable_name, run
 from msbot_agent.cli.options import FiniteRange, WholeRange
 from msbot_school.lessons.lesson_reader import read_lesson
 from msbot_school.missions.mission_file import load_mission
@@ -94,7 +94,7 @@ def test_what_no_user_has_caused_is_not_hidden(monkeypatch: pytest.MonkeyPatch) 
     [("a\x1b[2Jb", "a?[2Jb"), (b"caf\xe9", "caf?"), (Path("robot.db"), "robot.db"), (7, "7")],
 )
 def test_a_name_in_a_sentence_can_be_printed_anywhere(name: object, words: str) -> None:
-    assert name_in_words(name) == words
+    assert printable_name(name) == words
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e400"])

@@ -37,7 +37,7 @@ from msbot.doctor.facts import PackageNeed
 from msbot.doctor.finding import CannotSee, NotNeeded
 from msbot.pnp import PartEvent, PartState
 from msbot.registry import open_registry
-from msbot.stop import socket_folders as stop_places
+from msbot.stop import socket_folders
 from msbot_agent.space import parse_space
 from msbot_xrce.errors import ConfigError
 
@@ -326,13 +326,13 @@ def test_a_part_that_was_refused_and_then_left_is_told_of_with_the_reason_of_the
     assert "6 times in the last hour: the slot is taken" in finding.saw
 
 
-@pytest.mark.skipif(not stop_places.IS_THERE, reason="this system has no such sockets")
+@pytest.mark.skipif(not socket_folders.IS_THERE, reason="this system has no such sockets")
 def test_a_folder_of_stop_that_is_not_this_users_alone_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("users", "system", "shared"):
         (tmp_path / name).mkdir()
-        monkeypatch.setattr(stop_places, f"{name.upper()}_FOLDER", str(tmp_path / name))
+        monkeypatch.setattr(socket_folders, f"{name.upper()}_FOLDER", str(tmp_path / name))
     monkeypatch.delenv("MSBOT_STOP_GROUP", raising=False)
-    name = f"{stop_places.PREFIX}{stop_places.own_user()}"
+    name = f"{socket_folders.PREFIX}{socket_folders.own_user()}"
     assert stop(Examined(None)).odd == ()
     (tmp_path / "system" / name).chmod(0o755)
     (tmp_path / "shared" / name).symlink_to(tmp_path)

@@ -15,7 +15,7 @@ from msbot.config import Blueprint, Options, PartType, RobotProfile, Slot
 from msbot.master import Master
 from msbot.part import Part
 from msbot.part.join.part_keys import prove, prove_sealed
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.part.join.seal import Seal
 from msbot.part.join.uid import uid_on_board
 from msbot.part.messages.standard import STANDARD_MESSAGES

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.master import Master
-from msbot.operations.dispatch import Operations, RunningOperations
+from msbot.operations.dispatch import InProcessOperations, Operations
 from msbot.operations.operation import Outcome
 from msbot.operations.table import OPERATIONS
 from msbot.part import HelloWorld, Part
@@ -88,7 +88,7 @@ class Deeds:
 class Stage:
     """A running robot and its parts, by the names that tests give them."""
 
-    def __init__(self, master: Master, operations: RunningOperations, registry: Registry, hub: InprocHub) -> None:
+    def __init__(self, master: Master, operations: InProcessOperations, registry: Registry, hub: InprocHub) -> None:
         self.master = master
         self.operations = operations
         self.do = Deeds(operations)
@@ -195,7 +195,7 @@ def play(
             hub = InprocHub()
             hub.server.info = LinkInfo("wire", 65535)
             master.add_link(hub.server)
-            stage = Stage(master, RunningOperations(master, registry, robot, library=library), registry, hub)
+            stage = Stage(master, InProcessOperations(master, registry, robot, library=library), registry, hub)
             async with asyncio.TaskGroup() as tasks:
                 stage.tasks = tasks
                 running = tasks.create_task(master.run())

@@ -24,7 +24,7 @@ from msbot.config import (
     write_sample,
 )
 from msbot.master import Master
-from msbot.operations.dispatch import RunningOperations, perform
+from msbot.operations.dispatch import InProcessOperations, perform
 from msbot.operations.operation import Outcome
 from msbot.pnp import Claim, MemoryStore
 from msbot.process.virtual_time import run_virtual
@@ -343,7 +343,7 @@ def test_without_a_database_parts_can_be_moved_and_what_is_to_last_cannot_be_cha
             slots=tuple(Slot(slot.name, slot.part_number) for slot in blueprint.slots),
         )
         master = Master(blueprint, store, random=Random(1))
-        operations = RunningOperations(master)
+        operations = InProcessOperations(master)
         do = Deeds(operations)
         for key, uid in ((1, b"EFGH-one"), (2, b"EFGH-two")):
             master.inventory.client_joined(key, f"peer {key}", 0.0)

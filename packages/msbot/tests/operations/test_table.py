@@ -12,7 +12,7 @@ import pytest
 
 from msbot.cli.change.change_commands import verb
 from msbot.operations.blocking import Blocking, StoredBlocking
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.operation import EditLog, OperationScope
 from msbot.operations.placement import Placement
 from msbot.operations.slot_configuration import SlotSettings, Wires
@@ -29,7 +29,7 @@ from tests.operations.stage import Stage, play
 def test_every_operation_has_its_method_with_the_arguments_of_the_table(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         operations = stage.operations
-        assert isinstance(operations, RunningOperations)
+        assert isinstance(operations, InProcessOperations)
         assert operations._methods.keys() == OPERATIONS.keys()
         for name, row in OPERATIONS.items():
             wanted = {argument.passed_as for argument in row.arguments} | (set() if row.is_question else {"who"})

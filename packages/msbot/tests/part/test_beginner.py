@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from msbot import HelloWorld, JoinState, Part
-from msbot.part.join import pnp_messages
+from msbot.part.join.refusal import Refusal
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 from tests.part.test_part import Room, make_part, play
 from tests.part.wire import publishes
@@ -184,16 +184,14 @@ def test_a_refusal_is_told_with_its_reason_and_every_new_reason_too(caplog: pyte
     caplog.set_level("INFO")
 
     async def scenario(room: Room) -> None:
-        room.master.refuse = pnp_messages.Refusal.DUPLICATE
+        room.master.refuse = Refusal.DUPLICATE
         room.plug(make_part())
         await asyncio.sleep(1.0)
-        assert f"is refused: {pnp_messages.Refusal.DUPLICATE.words}" in caplog.text
-        room.master.refuse = pnp_messages.Refusal.NO_SLOT
+        assert f"is refused: {Refusal.DUPLICATE.words}" in caplog.text
+        room.master.refuse = Refusal.NO_SLOT
         await asyncio.sleep(3.0)
-        assert f"is standby: {pnp_messages.Refusal.NO_SLOT.words}" in caplog.text, (
-            "a spare that waits, as the master calls it"
-        )
-        assert caplog.text.count(pnp_messages.Refusal.NO_SLOT.words) == 1
+        assert f"is standby: {Refusal.NO_SLOT.words}" in caplog.text, "a spare that waits, as the master calls it"
+        assert caplog.text.count(Refusal.NO_SLOT.words) == 1
 
     play(scenario)
 

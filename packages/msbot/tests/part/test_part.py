@@ -9,6 +9,7 @@ import pytest
 
 from msbot.part.join import pnp_messages
 from msbot.part.join.joining import ExpectedRobot, JoinState
+from msbot.part.join.refusal import Refusal
 from msbot.part.messages.message import Message
 from msbot.part.messages.standard import HelloWorld
 from msbot.part.messages.wire_types import float32
@@ -191,12 +192,12 @@ def test_an_unknown_part_hears_nothing_and_asks_again_every_half_second() -> Non
 
 def test_a_refusal_is_told_in_words() -> None:
     async def scenario(room: Room) -> None:
-        room.master.refuse = pnp_messages.Refusal.BLOCKED
+        room.master.refuse = Refusal.BLOCKED
         part = make_part()
         room.plug(part)
         await asyncio.sleep(0.1)
         assert part.state is JoinState.REFUSED
-        assert part.reason == pnp_messages.Refusal.BLOCKED.words
+        assert part.reason == Refusal.BLOCKED.words
         room.master.refuse = None
         await asyncio.sleep(2.1)
         assert part.state.value == "active"

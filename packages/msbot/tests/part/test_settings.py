@@ -9,7 +9,7 @@ import pytest
 from msbot.part.handler_guard import Guard
 from msbot.part.join.pnp_messages import Setting
 from msbot.part.part_settings import DeclaredSettings, Settings, Value, read_value
-from msbot.part.program import Program
+from msbot.part.program import ProgramDeclarations
 from msbot.process.virtual_time import run_virtual
 from msbot_xrce.errors import ConfigError
 
@@ -54,12 +54,12 @@ def test_only_four_kinds_can_be_asked_for() -> None:
     with pytest.raises(ConfigError, match="bool, int, float or str"):
         settings.value("x", bytes)  # type: ignore[type-var]  # that is the point
     with pytest.raises(ConfigError, match="bool, int, float or str"):
-        Program().settings.follow("x", list, print)  # type: ignore[type-var]  # that is the point
+        ProgramDeclarations().settings.follow("x", list, print)  # type: ignore[type-var]  # that is the point
 
 
 def test_functions_hear_what_is_new_or_has_changed_and_nothing_else() -> None:
     async def main() -> None:
-        program = Program()
+        program = ProgramDeclarations()
         settings = Settings(Guard(lambda _: None), program.settings)
         heard: list[Value] = []
         program.settings.follow("count", int, heard.append)
@@ -82,7 +82,7 @@ def test_functions_hear_what_is_new_or_has_changed_and_nothing_else() -> None:
 
 def test_a_value_that_cannot_be_read_is_reported_once_and_not_told(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> None:
-        program = Program()
+        program = ProgramDeclarations()
         settings = Settings(Guard(lambda _: None), program.settings)
         heard: list[Value] = []
         program.settings.follow("count", int, heard.append)

@@ -9,8 +9,9 @@ from random import Random
 
 from msbot.part.client.client_settings import ConnectionState
 from msbot.part.join import pnp_messages
+from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.part.join.membership import INVENTORY
-from msbot.part.join.refusal import TroublePiece
+from msbot.part.join.refusal import Refusal
 from msbot_agent.agent import Agent, Gate, OpenGate, client_key_of
 from msbot_agent.link import (
     BaseLink,
@@ -177,7 +178,7 @@ class SmallMaster:
     def __init__(self, bindings: dict[str, list[pnp_messages.PortBinding]], *, server: Link | None = None) -> None:
         self.bindings = bindings
         self.profile = ("MSBOT_MASTER", "MSBOT_V1", "X100Y100Z100", "8-4-2021", "MASSEY")
-        self.refuse: pnp_messages.Refusal | None = None
+        self.refuse: Refusal | None = None
         """Refuse claims, and say so."""
         self.version = 1
         self.settings: list[pnp_messages.Setting] = []

@@ -8,7 +8,7 @@ from functools import partial
 from random import Random
 
 from msbot.part import Client, ServiceNames
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp import (
     PROFILE_TOPIC,
     PROFILE_TYPE,
@@ -21,7 +21,6 @@ from msbot.pnp import (
     Profile,
     RobotGate,
 )
-from msbot.pnp import thesis_programs as compat
 from msbot_agent.agent import Agent
 from msbot_agent.link import InprocHub, LinkInfo
 from msbot_agent.space import MemorySpace
@@ -31,7 +30,7 @@ from tests.pnp.robot import uid
 INVENTORY = ServiceNames(
     pnp_messages.INVENTORY_SERVICE, pnp_messages.INVENTORY_REQUEST_TYPE, pnp_messages.INVENTORY_REPLY_TYPE
 )
-ORIGINAL = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
+ORIGINAL = ServiceNames(thesis_messages.SERVICE, thesis_messages.REQUEST_TYPE, thesis_messages.REPLY_TYPE)
 
 
 def epoch_ns() -> int:

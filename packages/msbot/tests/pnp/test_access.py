@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp import PROFILE_TOPIC, Configuration, PartState, SlotBinding
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.robot_gate import (
     INVENTORY_REPLY_TOPIC,
     INVENTORY_REQUEST_TOPIC,
@@ -25,8 +24,8 @@ KEY = 0xAAAAAAAA
 PART = ClientInfo(KEY, "sim:500000", 7, "CAN node 7")
 SERVICE = ClientInfo(0xCDCDCDCD, "inproc", 1, "in-process client 1")
 RING_TOPICS = [f"HelloWorldTopic_{pair}" for pair in ("1_to_2", "2_to_3", "3_to_1")]
-REQUESTS = [INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC]
-REPLIES = [INVENTORY_REPLY_TOPIC, compat.REPLY_TOPIC]
+REQUESTS = [INVENTORY_REQUEST_TOPIC, thesis_messages.REQUEST_TOPIC]
+REPLIES = [INVENTORY_REPLY_TOPIC, thesis_messages.REPLY_TOPIC]
 
 
 class Door:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.part import HelloWorld
+from msbot.part.join import thesis_messages
 from msbot.part.join.pnp_messages import (
     INVENTORY_REPLY_TOPIC,
     INVENTORY_REPLY_TYPE,
@@ -26,7 +27,6 @@ from msbot.part.join.pnp_messages import (
 )
 from msbot.part.messages.standard import Level
 from msbot.pnp import KnownObject, SessionListener
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.explain_samples import MAX_JOINED, PacketWords, value_words
 from msbot_xrce.messages import (
     STREAM_BEST_EFFORT,
@@ -149,10 +149,10 @@ def test_the_inventory_service_is_understood(object_id: int, submessage: Submess
 
 
 def test_the_thesis_own_service_is_understood() -> None:
-    setup = service(compat.SERVICE)
-    (request,) = after(setup, packet(WriteData(20, 0x0017, compat.encode_request("ABCD", "AA"))), up=True)
+    setup = service(thesis_messages.SERVICE)
+    (request,) = after(setup, packet(WriteData(20, 0x0017, thesis_messages.encode_request("ABCD", "AA"))), up=True)
     assert request.startswith("request of service_name: Claim(part_number='ABCD', local_name='AA'")
-    (reply,) = after(setup, packet(Data(20, 0x0017, bytes(4) + compat.encode_reply("ABCD"))), up=False)
+    (reply,) = after(setup, packet(Data(20, 0x0017, bytes(4) + thesis_messages.encode_reply("ABCD"))), up=False)
     assert reply == "reply of service_name: ABCD"
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.config import PartType, Slot
-from msbot.part.join.refusal import trouble_pieces
+from msbot.part.join.hardware_trouble import trouble_pieces
 from msbot.pnp import FAST_TIMING, LifeTiming, MemoryStore, PartState, Refusal, Verdict
 from tests.effort import tries
 from tests.pnp.robot import Rig, configuration, sample_store, uid

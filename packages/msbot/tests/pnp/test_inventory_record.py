@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot.part.join.pnp_messages import Refusal
-from msbot.part.join.refusal import TROUBLE_ENDS, TROUBLE_PIECES
+from msbot.part.join.hardware_trouble import TROUBLE_ENDS, TROUBLE_PIECES
+from msbot.part.join.refusal import Refusal
 from msbot.pnp import THESIS_TIMING, PartState
 from msbot.pnp.inventory_record import HISTORY, InventoryRecord, lasting
 from msbot.pnp.model import SelfDescription

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.part_keys import prove
 from msbot.pnp import Claim, PartState, Refusal
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import GOOD_FOR_S, MOST_PROOFS, UNANSWERED_S, Keys
 from msbot.pnp.requests import RequestHandler
 from msbot_xrce.errors import RegistryError
@@ -236,7 +235,7 @@ def test_the_claim_of_open_mode_is_a_downgrade_and_refused_after_a_while() -> No
 
 def test_the_programs_of_the_thesis_are_refused_in_a_robot_with_keys() -> None:
     counter = Counter()
-    assert counter.requests.compat(compat.encode_request("ABCD", "eye"), SESSION, counter.rig.now) is None
+    assert counter.requests.compat(thesis_messages.encode_request("ABCD", "eye"), SESSION, counter.rig.now) is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
     assert counter.last == f"{Refusal.KEY_NEEDED.words} (the programs of the thesis know no keys)"
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from random import Random
 
 from msbot.part import Client, Entity, HelloWorld
+from msbot.part.join import thesis_messages
 from msbot.pnp import MemoryStore, PartState, SlotBinding
-from msbot.pnp import thesis_programs as compat
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import LossyLink
 from msbot_xrce.messages import Format, ObjectKind, ObjectVariant
@@ -74,7 +74,7 @@ class Program:
             count += 1
             self.client.write(self.writer, HelloWorld(index=count, message=f"{self.number} {count}").encode())
             if not self.silent:
-                self.client.write(self.requester, compat.encode_request(self.number, f"{self.number}-local"))
+                self.client.write(self.requester, thesis_messages.encode_request(self.number, f"{self.number}-local"))
             await asyncio.sleep(1.0)
 
 

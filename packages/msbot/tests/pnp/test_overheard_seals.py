@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from msbot.part import HelloWorld
 from msbot.part.join import pnp_messages
+from msbot.part.join.refusal import Refusal
 from msbot.part.join.seal import SEAL_OCTETS, Seal
 from msbot.pnp import SessionListener
 from msbot.pnp.session_seals import AMBIGUOUS, ObservedSeals
@@ -73,9 +74,7 @@ def test_what_could_be_two_messages_is_not_taken_for_either() -> None:
 def test_claims_challenges_proofs_and_refusals_have_no_seal() -> None:
     seals = ObservedSeals()
     seals.begin()
-    refusal = pnp_messages.VerdictMessage(
-        lease=0, reason=pnp_messages.Refusal.NO_KEY, beat_period_ms=0, configuration_version=0
-    )
+    refusal = pnp_messages.VerdictMessage(lease=0, reason=Refusal.NO_KEY, beat_period_ms=0, configuration_version=0)
     for reply in (pnp_messages.SealedChallenge(nonce=bytes(16)), refusal):
         assert seals.reply(reply.encode()) == (reply, None)
     proof = pnp_messages.SealedProof(proof=bytes(24))

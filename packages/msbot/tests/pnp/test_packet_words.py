@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from msbot.part.join import pnp_messages
-from msbot.part.join.refusal import TroublePiece
+from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
 from msbot_xrce.messages import Acknack, Submessage
 

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.part.join import pnp_messages
-from msbot.part.join import refusal as thesis_master
-from msbot.part.join.refusal import trouble_pieces
+from msbot.part.join import pnp_messages, thesis_messages
+from msbot.part.join.hardware_trouble import trouble_pieces
 from msbot.pnp import Configuration, Keys, Refusal, SlotBinding
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.requests import RequestHandler
 from msbot_xrce.counting import MOST_NAMES, OTHERS
 from tests.effort import tries
@@ -62,13 +60,13 @@ def test_a_listed_part_gets_lease_version_and_beat_period_and_nothing_more() -> 
 def test_a_stranger_hears_nothing() -> None:
     counter = Counter()
     assert counter.ask(claim("NOPE")) is None
-    assert counter.requests.compat(compat.encode_request("NOPE", "x"), KEY, counter.rig.now) is None
+    assert counter.requests.compat(thesis_messages.encode_request("NOPE", "x"), KEY, counter.rig.now) is None
     assert counter.requests.dropped == {}
 
 
 def test_who_only_asks_whether_this_is_the_thesis_own_master_is_no_newcomer() -> None:
     counter = Counter()
-    question = thesis_master.probe_request("ABCD", "AA")
+    question = thesis_messages.probe_request("ABCD", "AA")
     assert question is not None
     assert counter.requests.compat(question, KEY, counter.rig.now) is None
     assert counter.rig.part(KEY).part_number == "", "it has claimed nothing"
@@ -140,9 +138,9 @@ def test_a_configuration_that_cannot_be_encoded_is_counted_not_raised() -> None:
 
 def test_an_original_program_gets_its_number_back_and_every_request_is_a_beat() -> None:
     counter = Counter()
-    request = compat.encode_request("ABCD", "ABCD-local")
+    request = thesis_messages.encode_request("ABCD", "ABCD-local")
     for beats in range(3):
-        assert counter.requests.compat(request, KEY, counter.rig.now) == compat.encode_reply("ABCD")
+        assert counter.requests.compat(request, KEY, counter.rig.now) == thesis_messages.encode_reply("ABCD")
         assert counter.rig.part(KEY).beats == beats
 
 

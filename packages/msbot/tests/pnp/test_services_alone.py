@@ -8,9 +8,9 @@ from functools import partial
 import pytest
 
 from msbot.part import Client, Entity
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
+from msbot.part.join.refusal import Refusal
 from msbot.pnp import Claim, Configuration, InventoryService, PartEvent, PartState
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT
 from msbot.pnp.life_status import TRANSITIONS
 from msbot.process.virtual_time import run_virtual
@@ -67,7 +67,11 @@ class Desk:
         found: list[Said] = []
         for object_id, identity, payload, stream in self.mouth.sent:
             key, number = int.from_bytes(identity[8:12], "big"), int.from_bytes(identity[16:], "big")
-            reply = pnp_messages.decode_reply(payload) if object_id == self.compact else compat.decode_reply(payload)
+            reply = (
+                pnp_messages.decode_reply(payload)
+                if object_id == self.compact
+                else thesis_messages.decode_reply(payload)
+            )
             assert (object_id == self.compat) is isinstance(reply, str)
             assert len(identity) == 24
             assert number in (0, 77)
@@ -79,7 +83,7 @@ class Desk:
         """A client of the agent asks."""
         self.rig.now = asyncio.get_running_loop().time()
         body = message if isinstance(message, bytes) else message.encode()
-        object_id = self.compat if len(body) == compat.BUFFER_BYTES else self.compact
+        object_id = self.compat if len(body) == thesis_messages.BUFFER_BYTES else self.compact
         self.mouth._on_request(object_id, 0, guid(key, requester) + (77).to_bytes(8, "big"), body)
         assert set(self.service._leases) <= set(self.service._askers)
         assert set(self.service._go_again) <= set(self.service._askers)
@@ -121,7 +125,7 @@ def test_a_part_that_waited_is_answered_once_when_its_own_claim_brings_it_in() -
         desk.rig.join(1)
         desk.rig.store.blocks[uid(1)] = "broken"
         refused = pnp_messages.VerdictMessage(
-            lease=0, configuration_version=0, beat_period_ms=1000, reason=pnp_messages.Refusal.BLOCKED
+            lease=0, configuration_version=0, beat_period_ms=1000, reason=Refusal.BLOCKED
         )
         assert desk.claim(1, "ABCD") == [answer(1, refused)]
         del desk.rig.store.blocks[uid(1)]
@@ -140,7 +144,7 @@ def test_a_stranger_is_asked_what_it_is_where_strangers_are_answered() -> None:
             desk = Desk(explain=explain)
             desk.rig.join(1)
             refused = pnp_messages.VerdictMessage(
-                lease=0, configuration_version=0, beat_period_ms=1000, reason=pnp_messages.Refusal.UNKNOWN_PART
+                lease=0, configuration_version=0, beat_period_ms=1000, reason=Refusal.UNKNOWN_PART
             )
             asked = [unasked(1, pnp_messages.NoticeKind.DESCRIBE), answer(1, refused)]
             assert desk.claim(1, "NOPE") == (asked if explain else [])
@@ -287,7 +291,7 @@ def test_a_request_from_elsewhere_is_answered_like_one_from_here() -> None:
         desk = Desk()
         desk.rig.join(1)
         identity = guid(9, 5) + (77).to_bytes(8, "big")  # of the agent there: another key
-        body = compat.encode_request("ABCD", "eye")
+        body = thesis_messages.encode_request("ABCD", "eye")
         desk.service.request_from_elsewhere(1, in_compat=True, identity=identity, body=body)
         assert desk.said() == [answer(9, "ABCD")]
         assert desk.rig.part(1).local_name == "eye"

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
+from msbot.part.join.refusal import Refusal
 from msbot.pnp import Configuration, PartState, SlotBinding
-from msbot.pnp import thesis_programs as compat
 from msbot.process.virtual_time import run_virtual
 from tests.pnp.robot import configuration, sample_store, uid
 from tests.pnp.scene import ORIGINAL, Robot, Visitor, with_robot
@@ -54,7 +54,7 @@ def test_a_spare_is_told_its_new_lease_at_once_and_its_beats_are_answered() -> N
             await first.claim("ABCD", 1)
             refused = await spare.claim("ABCD", 2)
             assert refused is not None
-            assert (refused.lease, refused.reason) == (0, pnp_messages.Refusal.NO_SLOT)
+            assert (refused.lease, refused.reason) == (0, Refusal.NO_SLOT)
             spare.replies.clear()
             await first.client.close()
             await asyncio.sleep(SOON_S)
@@ -316,7 +316,7 @@ def test_an_original_program_is_told_nothing_that_it_did_not_ask_for() -> None:
         visitor = Visitor(robot, 0xA1, ORIGINAL)
 
         async def play() -> None:
-            assert await visitor.ask(compat.encode_request("ABCD", "ABCD-local")) is not None
+            assert await visitor.ask(thesis_messages.encode_request("ABCD", "ABCD-local")) is not None
             visitor.replies.clear()
             store.configurations["AA"] = configuration("AA", version=2)
             robot.inventory.configuration_changed("AA")

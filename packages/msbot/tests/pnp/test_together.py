@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 
 from msbot.part import Client
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp import PartState
-from msbot.pnp import thesis_programs as compat
 from msbot.process.virtual_time import run_virtual
 from tests.pnp.robot import sample_store
 from tests.pnp.scene import ORIGINAL, Robot, Visitor, epoch_ns, with_robot
@@ -83,11 +82,11 @@ def test_an_original_program_registers_beats_and_publishes() -> None:
         visitor = Visitor(robot, 0xAAAAAAAA, ORIGINAL)
 
         async def play() -> None:
-            request = compat.encode_request("ABCD", "ABCD-local")
+            request = thesis_messages.encode_request("ABCD", "ABCD-local")
             for _ in range(8):
-                assert await visitor.ask(request, patience_s=1.0) == compat.encode_reply("ABCD")
+                assert await visitor.ask(request, patience_s=1.0) == thesis_messages.encode_reply("ABCD")
             assert robot.state(0xAAAAAAAA) is PartState.ACTIVE
-            assert await visitor.ask(compat.encode_request("NOPE", "x")) is None
+            assert await visitor.ask(thesis_messages.encode_request("NOPE", "x")) is None
 
         await with_robot(robot, visitor, play=play)
 

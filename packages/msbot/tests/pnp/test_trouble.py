@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msbot.part.join.hardware_trouble import TROUBLE_OCTETS, TROUBLE_PIECES, TroublePiece, trouble_pieces
 from msbot.part.join.pnp_messages import decode_request
-from msbot.part.join.refusal import TROUBLE_OCTETS, TROUBLE_PIECES, TroublePiece, trouble_pieces
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import LifeTiming
 

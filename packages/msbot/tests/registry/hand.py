@@ -7,10 +7,8 @@ from functools import partial
 
 from msbot.config import Scalar, SlotPort
 from msbot.registry import EditKind, EditRecord, Registry, RobotRecord
-from msbot.registry.edits import part_places as places
-from msbot.registry.edits import slot_values, users, wires
-from msbot.registry.edits import undo as blocks
-from msbot.registry.edits.undo import undo
+from msbot.registry.edits import part_places, slot_values, users, wires
+from msbot.registry.edits.undo import block, unblock, undo
 
 
 class Hand:
@@ -31,17 +29,17 @@ class Hand:
         by_hand: bool = True,
         before: dict[bytes, str | None] | None = None,
     ) -> EditRecord:
-        making = partial(places.put, uid=uid, slot=slot, words=words, by_hand=by_hand, before=before)
+        making = partial(part_places.put, uid=uid, slot=slot, words=words, by_hand=by_hand, before=before)
         return self._edits.make(robot, who, making)
 
     def place_swap(self, robot: RobotRecord, uid: bytes, slot: str, who: str, *, other: bytes = b"") -> EditRecord:
-        return self._edits.make(robot, who, partial(places.swap, uid=uid, slot=slot, other=other))
+        return self._edits.make(robot, who, partial(part_places.swap, uid=uid, slot=slot, other=other))
 
     def block(self, robot: RobotRecord, kind: str, key: str, reason: str, who: str) -> EditRecord:
-        return self._edits.make(robot, who, partial(blocks.block, kind=kind, key=key, reason=reason))
+        return self._edits.make(robot, who, partial(block, kind=kind, key=key, reason=reason))
 
     def unblock(self, robot: RobotRecord, kind: str, key: str, who: str) -> EditRecord:
-        return self._edits.make(robot, who, partial(blocks.unblock, kind=kind, key=key))
+        return self._edits.make(robot, who, partial(unblock, kind=kind, key=key))
 
     def bind(
         self,

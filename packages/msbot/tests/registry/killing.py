@@ -24,7 +24,7 @@ from sqlalchemy import select as select_rows
 
 from msbot.config import Blueprint, Library, load_blueprint, load_library, write_sample
 from msbot.master import Master
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry, registry
 from msbot.registry.database.engine import Address, make_engine
@@ -97,7 +97,7 @@ def live(
             hub = InprocHub()
             hub.server.info = LinkInfo("wire", 65535)
             master.add_link(hub.server)
-            stage = Stage(master, RunningOperations(master, database, robot, library=library), database, hub)
+            stage = Stage(master, InProcessOperations(master, database, robot, library=library), database, hub)
             async with asyncio.TaskGroup() as tasks:
                 stage.tasks = tasks
                 running = tasks.create_task(master.run())

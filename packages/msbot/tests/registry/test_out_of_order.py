@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import Engine, event
 from sqlalchemy.pool import ConnectionPoolEntry, PoolProxiedConnection
 
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import PartState
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
@@ -85,6 +85,6 @@ def test_the_robot_goes_on_and_says_so(tmp_path: Path, words: str, caplog: pytes
     play(tmp_path, scene, AA_IS_A_DIAL, parts=("one=DIAL",))
 
 
-async def _period(operations: RunningOperations) -> tuple[str, str]:
+async def _period(operations: InProcessOperations) -> tuple[str, str]:
     (value,) = await operations.settings.read("AA")
     return str(float(value.value)), value.origin

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from msbot.stop import socket_folders as stop_places
+from msbot.stop import socket_folders
 from msbot.stop import stop_listener as stop_abstract
 from msbot.stop import stop_request as stop_asking
 from msbot.stop.socket_names import new_name
@@ -27,13 +27,13 @@ PATIENCE_S = 60.0
 def own_places(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """From now on nobody signed in, /run is empty and nobody may write there, /tmp is a folder of the test."""
     for name in ("USERS_FOLDER", "SYSTEM_FOLDER"):
-        monkeypatch.setattr(stop_places, name, str(folder / "nowhere"))
+        monkeypatch.setattr(socket_folders, name, str(folder / "nowhere"))
     shared = folder / "shared"
     shared.mkdir(exist_ok=True)
-    monkeypatch.setattr(stop_places, "SHARED_FOLDER", str(shared))
+    monkeypatch.setattr(socket_folders, "SHARED_FOLDER", str(shared))
     monkeypatch.setattr(stop_abstract, "PREFIX", f"msbot-stop-test{os.getpid()}-")
-    monkeypatch.setattr(stop_places, "users_meant", lambda: [stop_places.own_user()])
-    monkeypatch.setattr("msbot.stop.stop_request.users_meant", lambda: [stop_places.own_user()])
+    monkeypatch.setattr(socket_folders, "users_meant", lambda: [socket_folders.own_user()])
+    monkeypatch.setattr("msbot.stop.stop_request.users_meant", lambda: [socket_folders.own_user()])
     return shared
 
 

@@ -10,7 +10,7 @@ import socket
 import pytest
 
 from msbot_agent import pace as accept_connections
-from msbot_agent.pace import EXHAUSTED, Acceptor, ProtocolAcceptor
+from msbot_agent.pace import EXHAUSTED, Acceptor, ProtocolServer
 from msbot_xrce.counting import Tally
 
 
@@ -67,7 +67,7 @@ async def test_who_comes_while_it_ends_has_a_protocol_or_is_closed(turns: int) -
     """However far the event loop has come with the connection."""
     kept: list[asyncio.Transport] = []
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        accepting = asyncio.create_task(ProtocolAcceptor(listening, lambda: Kept(kept), Tally()).run())
+        accepting = asyncio.create_task(ProtocolServer(listening, lambda: Kept(kept), Tally()).run())
         await asyncio.sleep(0)
         late = socket.create_connection(listening.getsockname())
         for _ in range(turns):

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from msbot.stop import socket_folders as stop_places
+from msbot.stop import socket_folders
 from msbot.stop import stop_listener as stop_abstract
 from msbot.stop import stop_request as stop_asking
 from msbot.stop.socket_folders import IS_LINUX, IS_THERE, own_folder
@@ -39,7 +39,7 @@ def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def no_room_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No folder can be had there: it is no place for any."""
     gone = folder / "gone"
-    monkeypatch.setattr(stop_places, "SHARED_FOLDER", str(gone))
+    monkeypatch.setattr(socket_folders, "SHARED_FOLDER", str(gone))
 
 
 def test_a_group_stops_its_own_and_nobody_else_and_all_means_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,7 +175,7 @@ def test_a_folder_that_others_may_use_is_none(mode: int, shared: Path) -> None:
 
 def test_a_link_in_place_of_the_folder_is_none(shared: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir(mode=0o700)
-    (shared / f"msbot-stop-{stop_places.own_user()}").symlink_to(tmp_path / "mine")
+    (shared / f"msbot-stop-{socket_folders.own_user()}").symlink_to(tmp_path / "mine")
     with master(taken):
         assert ask_masters(STOP, PATIENCE_S) == ([ANSWER], [])
     assert list((tmp_path / "mine").iterdir()) == []
@@ -193,7 +193,7 @@ def test_names_of_any_octets_that_others_have_taken_are_survived(shared: Path, m
     """What a system tells of its sockets is whatever anybody has written: octets that are no text, line breaks."""
     no_room_in(shared, monkeypatch)
     group = f"g{os.getpid()}"
-    start = stop_abstract.abstract_address(stop_places.own_user(), "").encode()
+    start = stop_abstract.abstract_address(socket_folders.own_user(), "").encode()
     with ExitStack() as held, master(taken, group=group):
         for name in (b"\xff\xfe", b"1-ab." + group.encode() + b".00000000.\n\xff", b"a b\n@\0", b"\0" * 40, b"~zz"):
             one = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
@@ -226,17 +226,17 @@ def test_a_place_that_does_not_answer_delays_no_other_and_is_said(
 ) -> None:
     """For example a file system of somebody else's making."""
     goes_on = Event()
-    hanging = f"{shared}/msbot-stop-{stop_places.own_user()}-x"
+    hanging = f"{shared}/msbot-stop-{socket_folders.own_user()}-x"
 
-    def slow(path: str, owner: int) -> stop_places.StopFolder | None:
+    def slow(path: str, owner: int) -> socket_folders.StopFolder | None:
         if path == hanging:
             goes_on.wait(PATIENCE_S)
         return opened(path, owner)
 
-    opened = stop_places.open_folder
+    opened = socket_folders.open_folder
     with master(taken):
         os.mkdir(hanging, 0o755)
-        monkeypatch.setattr(stop_places, "open_folder", slow)
+        monkeypatch.setattr(socket_folders, "open_folder", slow)
         clock = StopsWhen(monkeypatch)
         clock.answers_wanted = 1
         answers, silent = ask_masters(STOP, PATIENCE_S)
@@ -254,7 +254,7 @@ def test_a_full_disk_leaves_nothing_half_made(shared: Path, monkeypatch: pytest.
     if IS_LINUX:
         with stuck_master(group=group) as listener:
             assert listener.folder is None
-            assert [name for name, _ in stop_abstract.abstract_names(stop_places.own_user())] != []
+            assert [name for name, _ in stop_abstract.abstract_names(socket_folders.own_user())] != []
             assert not listener.is_in_place()
     else:
         with pytest.raises(OSError, match="No space"):

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from msbot.config import FoundProblems, Library, load_library, parse_blueprint
+from msbot.config import InvalidFileError, Library, load_library, parse_blueprint
 from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML
 from msbot.process.worker_pool import AT_ONCE, WorkerPool, WorkLimits, run_limited
 from msbot_xrce.errors import ConfigError
@@ -34,7 +34,7 @@ def test_a_blueprint_comes_back_whole() -> None:
 
 def test_problems_come_back_as_they_are() -> None:
     text = SAMPLE_ROBOT_TOML.replace('"EFGH"', '"EFGX"')
-    with pytest.raises(FoundProblems, match="line 34, slot") as caught:
+    with pytest.raises(InvalidFileError, match="line 34, slot") as caught:
         run_limited(parse_blueprint, LIMITS, text, Library(load_library()), "robot.toml")
     assert caught.value.problems[0].place.line == 34
 

@@ -99,7 +99,7 @@ def run() -> None:
     except OSError as error:
         if error.filename is not None:
             # A name that was given on the command line: nobody may look into its folder, or it is too long.
-            words = f"{name_in_words(error.filename)}: {error.strerror}"
+            words = f"{printable_name(error.filename)}: {error.strerror}"
         elif error.errno in NO_ROOM:
             words = f"what was to be printed or written has no room: {error.strerror}"
             leave_output()
@@ -109,7 +109,7 @@ def run() -> None:
         if error.reason != "surrogates not allowed":
             raise
         wrong = next((text for text in sys.argv if whole(text) != text), error.object)
-        words = f"{name_in_words(wrong)} is not UTF-8, as names and texts must be"
+        words = f"{printable_name(wrong)} is not UTF-8, as names and texts must be"
     except Exception as error:
         brought = extensions().names("commands", COMMANDS).get(sys.argv[1] if len(sys.argv) > 1 else "")
         if brought is None or brought.is_own:
@@ -149,7 +149,7 @@ def usage_words(error: click.UsageError) -> str:
     return words if context is None else f"{words} Try `{context.command_path} --help`."
 
 
-def name_in_words(name: object) -> str:
+def printable_name(name: object) -> str:
     """A name as it can be printed anywhere: no control characters, no octets that are no letters, not too long."""
     text = printable(os.fsdecode(name) if isinstance(name, bytes | os.PathLike) else str(name))
     return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}... ({len(text)} letters)"

@@ -7,7 +7,7 @@ import re
 
 import click
 
-from msbot_agent.cli.group import name_in_words
+from msbot_agent.cli.group import printable_name
 from msbot_agent.space import SpaceAddress, parse_space
 from msbot_xrce.errors import ConfigError
 
@@ -90,7 +90,7 @@ class FiniteRange(click.FloatRange):
 
 def refusal(value: object, kind: str, low: float | None, high: float | None) -> str:
     """What is said of a value that is not `kind` from `low` to `high`."""
-    return f"'{name_in_words(value)}' is not {kind} {described(low, high)}".rstrip()
+    return f"'{printable_name(value)}' is not {kind} {described(low, high)}".rstrip()
 
 
 def described(low: float | None, high: float | None) -> str:

@@ -101,7 +101,7 @@ def spans_of(frame: Frame) -> list[BitSpan]:
     spans: list[BitSpan] = []
     for name, bits in _fields(wire_bits(frame)):
         if name == "DATA":
-            octets = cut_data(bits, (1,) * len(frame.data))
+            octets = split_by_octets(bits, (1,) * len(frame.data))
             spans += [
                 BitSpan(f"DATA {octet:02X}", "", "data", piece) for octet, piece in zip(frame.data, octets, strict=True)
             ]
@@ -145,7 +145,7 @@ def _fields(bits: list[WireBit]) -> list[tuple[str, list[WireBit]]]:
     return found
 
 
-def cut_data(bits: list[WireBit], octets: tuple[int, ...]) -> list[list[WireBit]]:
+def split_by_octets(bits: list[WireBit], octets: tuple[int, ...]) -> list[list[WireBit]]:
     """Data bits in pieces of so many octets; a stuff bit stays with the bit before it."""
     pieces: list[list[WireBit]] = []
     start = 0

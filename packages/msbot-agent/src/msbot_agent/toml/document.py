@@ -12,7 +12,7 @@ from msbot_agent.startup.bytecode_cache import carried_toml
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import open_input_file
 from msbot_agent.toml.line_numbers import key_lines
-from msbot_agent.toml.problems import KeyPath, Problems, TextLocation
+from msbot_agent.toml.problems import FileLocation, KeyPath, Problems
 from msbot_xrce.lazy import dataclass
 
 # How large and how deep a TOML text may be, checked before it is parsed, in time that grows only with its length.
@@ -141,12 +141,12 @@ class Document:
         """The line of every key; looked for only when something is wrong, as it takes as long as parsing."""
         return key_lines(self.text)
 
-    def place(self, path: KeyPath) -> TextLocation:
+    def place(self, path: KeyPath) -> FileLocation:
         """Where `path` is; for a key that is missing, where its table begins."""
         known = path
         while known and known not in self.lines:
             known = known[:-1]
-        return TextLocation(self.file, self.lines.get(known, self.begins), path)
+        return FileLocation(self.file, self.lines.get(known, self.begins), path)
 
 
 def read_document(path: Path, problems: Problems, *, if_missing: str = "name another file") -> Document | None:
@@ -162,7 +162,7 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
     A text larger or deeper than anything written by a person is not parsed at all, see `limits`.
     """
     if refused := too_much(text):
-        problems.add(TextLocation(file, refused[0]), refused[1])
+        problems.add(FileLocation(file, refused[0]), refused[1])
         return None
     try:
         values = tomllib.loads(text)
@@ -171,7 +171,7 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
         problems.add(place, sentence, excerpt)
     except ValueError as error:
         problems.add(
-            TextLocation(file), said("a number in it cannot be read ({error}); write it shorter", error=str(error))
+            FileLocation(file), said("a number in it cannot be read ({error}); write it shorter", error=str(error))
         )
     else:
         return Document(file, values, text)
@@ -188,11 +188,11 @@ def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:
         with open_input_file(path) as stream:
             octets = stream.read(MOST_BYTES + 1) or b""
     except (OSError, ValueError) as error:
-        problems.add(TextLocation(str(path)), _unreadable(path, error, if_missing))
+        problems.add(FileLocation(str(path)), _unreadable(path, error, if_missing))
         return None
     if len(octets) > MOST_BYTES:
         problems.add(
-            TextLocation(str(path)),
+            FileLocation(str(path)),
             said("is larger than {most_bytes:,} bytes; no file of this kind is: name another", most_bytes=MOST_BYTES),
         )
         return None
@@ -221,7 +221,7 @@ def _decode(octets: bytes, file: str, problems: Problems) -> str | None:
         sentence = said(
             "byte 0x{octets:02X} is not UTF-8; save the file as UTF-8 in your editor", octets=octets[error.start]
         )
-        problems.add(TextLocation(file, line), sentence)
+        problems.add(FileLocation(file, line), sentence)
         return None
 
 
@@ -261,7 +261,7 @@ _SYNTAX_WORDS = (
 _POSITION = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)\s*$")
 
 
-def _syntax_problem(text: str, file: str, message: str) -> tuple[TextLocation, str, str]:
+def _syntax_problem(text: str, file: str, message: str) -> tuple[FileLocation, str, str]:
     """The place, a sentence, and the line itself."""
     position = _POSITION.search(message)
     words = next((ours for theirs, ours in _SYNTAX_WORDS if theirs in message), None)
@@ -269,8 +269,8 @@ def _syntax_problem(text: str, file: str, message: str) -> tuple[TextLocation, s
         words = said("this is not TOML ({right}); see https://toml.io", right=_POSITION.sub("", message).strip())
     lines = text.split("\n")
     if position is None or position[1] is None:
-        return TextLocation(file, len(lines)), said("at the end of the file: {words}", words=words), ""
+        return FileLocation(file, len(lines)), said("at the end of the file: {words}", words=words), ""
     line = int(position[1])
     excerpt = lines[line - 1].strip()
     shown = f"{line} | {excerpt[:100]}" if excerpt else ""
-    return TextLocation(file, line), said("column {column}: {words}", column=position[2], words=words), shown
+    return FileLocation(file, line), said("column {column}: {words}", column=position[2], words=words), shown

@@ -30,7 +30,7 @@ KeyPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class TextLocation:
+class FileLocation:
     """A place in a file."""
 
     file: str
@@ -52,7 +52,7 @@ class TextLocation:
 class Problem:
     """One mistake: where it is, and a sentence with the remedy."""
 
-    place: TextLocation
+    place: FileLocation
     sentence: str
 
     def __str__(self) -> str:
@@ -60,7 +60,7 @@ class Problem:
         return said("{place}: {sentence}", place=str(self.place), sentence=self.sentence)
 
 
-class FoundProblems(ConfigError):
+class InvalidFileError(ConfigError):
     """Everything that is wrong with files, up to `MOST_TOLD`.
 
     Attributes:
@@ -71,9 +71,9 @@ class FoundProblems(ConfigError):
         super().__init__(message)
         self.problems = tuple(problems)
 
-    def __reduce__(self) -> tuple[type[FoundProblems], tuple[str, tuple[Problem, ...]]]:
+    def __reduce__(self) -> tuple[type[InvalidFileError], tuple[str, tuple[Problem, ...]]]:
         """Makes the error picklable, so that it can come from another process."""
-        return FoundProblems, (str(self), self.problems)
+        return InvalidFileError, (str(self), self.problems)
 
 
 class Problems:
@@ -82,7 +82,7 @@ class Problems:
     def __init__(self) -> None:
         self.found: list[Problem] = []
 
-    def add(self, place: TextLocation, sentence: str, excerpt: str = "") -> None:
+    def add(self, place: FileLocation, sentence: str, excerpt: str = "") -> None:
         """Note one mistake.
 
         Args:
@@ -111,15 +111,15 @@ class Problems:
             return
         ordered = sorted(self.found, key=lambda problem: (problem.place.file, problem.place.line or 0))
         if len(ordered) == 1:
-            raise FoundProblems(str(ordered[0]), ordered)
+            raise InvalidFileError(str(ordered[0]), ordered)
         more = "" if len(ordered) < MOST_TOLD else said(", and perhaps more behind them")
         lines = joined("\n  ", [str(problem) for problem in ordered])
-        raise FoundProblems(
+        raise InvalidFileError(
             said("{count} problems were found{more}:\n  {lines}", count=len(ordered), more=more, lines=lines), ordered
         )
 
 
-def problems_json(found: FoundProblems) -> list[dict[str, str | int | None]]:
+def problems_json(found: InvalidFileError) -> list[dict[str, str | int | None]]:
     """The mistakes for programs."""
     return [
         {"file": one.place.file, "line": one.place.line, "key": path_words(one.place.path), "words": one.sentence}
@@ -182,7 +182,7 @@ def did_you_mean(near: Sequence[str]) -> str:
     return said("did you mean {words}?", words=joined(said(" or "), near))
 
 
-def kind_words(value: object) -> str:
+def toml_value_in_words(value: object) -> str:
     """What a TOML value is, in words, for example `the number 5`."""
     match value:
         case bool():

@@ -13,7 +13,15 @@ from collections.abc import Mapping, Sequence
 
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.document import Document
-from msbot_agent.toml.problems import KeyPath, Problems, TextLocation, kind_words, path_words, quoted, suggestion
+from msbot_agent.toml.problems import (
+    FileLocation,
+    KeyPath,
+    Problems,
+    path_words,
+    quoted,
+    suggestion,
+    toml_value_in_words,
+)
 
 MOST_OCTETS = 254
 """Longest text in octets of UTF-8: the thesis stores every string in 255 characters, including the closing NUL
@@ -48,7 +56,7 @@ class Table:
         self._asked.append(key)
         return key in self._values
 
-    def place(self, *steps: str | int) -> TextLocation:
+    def place(self, *steps: str | int) -> FileLocation:
         """Where a key of this table is, or should be; without steps: the table itself."""
         return self._document.place((*self.path, *steps))
 
@@ -146,7 +154,7 @@ class Table:
                     "must be a number, for example {key} = {default:g}; it is {kind}",
                     key=key,
                     default=default,
-                    kind=kind_words(value),
+                    kind=toml_value_in_words(value),
                 ),
                 key,
             )
@@ -179,7 +187,7 @@ class Table:
                     "must be a whole number, for example {key} = {default}; it is {kind}",
                     key=key,
                     default=default,
-                    kind=kind_words(value),
+                    kind=toml_value_in_words(value),
                 ),
                 key,
             )
@@ -200,14 +208,16 @@ class Table:
                     "must be a list, for example {key} = [{least}]; it is {kind}",
                     key=key,
                     least=least,
-                    kind=kind_words(value),
+                    kind=toml_value_in_words(value),
                 ),
                 key,
             )
             return []
         for position, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int):
-                self.problem(said("must be a whole number; it is {kind}", kind=kind_words(item)), key, position)
+                self.problem(
+                    said("must be a whole number; it is {kind}", kind=toml_value_in_words(item)), key, position
+                )
             elif not least <= item <= most:
                 self.problem(
                     said("is {item}; it must be {least} to {most}", item=item, least=least, most=most), key, position
@@ -219,7 +229,7 @@ class Table:
         value = self._get(key)
         if value is None or isinstance(value, bool):
             return default if value is None else value
-        self.problem(said("must be true or false, without quotes; it is {kind}", kind=kind_words(value)), key)
+        self.problem(said("must be true or false, without quotes; it is {kind}", kind=toml_value_in_words(value)), key)
         return default
 
     def names(self, key: str, example: str, *, required: bool = False) -> list[str]:
@@ -235,7 +245,7 @@ class Table:
                     'must be a list, for example {key} = ["{example}"]; it is {kind}',
                     key=key,
                     example=example,
-                    kind=kind_words(value),
+                    kind=toml_value_in_words(value),
                 ),
                 key,
             )
@@ -257,7 +267,9 @@ class Table:
         value = self._get(key)
         if value is None or isinstance(value, bool | int | float | str):
             return value
-        self.problem(said("must be a number, true, false or a text; it is {kind}", kind=kind_words(value)), key)
+        self.problem(
+            said("must be a number, true, false or a text; it is {kind}", kind=toml_value_in_words(value)), key
+        )
         return None
 
     def scalars(self, key: str) -> dict[str, Scalar]:
@@ -287,7 +299,10 @@ class Table:
         value = self._get(key)
         if value is not None and not isinstance(value, dict):
             self.problem(
-                said("must be a table that begins with [{key}]; it is {kind}", key=key, kind=kind_words(value)), key
+                said(
+                    "must be a table that begins with [{key}]; it is {kind}", key=key, kind=toml_value_in_words(value)
+                ),
+                key,
             )
         values = value if isinstance(value, dict) else None
         return Table(self._document, self._problems, values, (*self.path, key))
@@ -302,7 +317,7 @@ class Table:
                 said(
                     "must begin with two brackets, [[{key}]], once for each; it is {kind}",
                     key=key,
-                    kind=kind_words(value),
+                    kind=toml_value_in_words(value),
                 ),
                 key,
             )
@@ -313,7 +328,11 @@ class Table:
                 found.append(Table(self._document, self._problems, item, (*self.path, key, position)))
             else:
                 self.problem(
-                    said("must be a table that begins with [[{key}]]; it is {kind}", key=key, kind=kind_words(item)),
+                    said(
+                        "must be a table that begins with [[{key}]]; it is {kind}",
+                        key=key,
+                        kind=toml_value_in_words(item),
+                    ),
                     key,
                     position,
                 )
@@ -346,7 +365,7 @@ class Table:
                     'must be text in quotes, for example {key} = "{example}"; it is {kind}',
                     key=key,
                     example=example,
-                    kind=kind_words(value),
+                    kind=toml_value_in_words(value),
                 ),
                 key,
             )
@@ -357,7 +376,7 @@ class Table:
         if isinstance(item, str) and item.strip():
             self._check_length(key, item, position)
             return item
-        words = said("an empty text") if isinstance(item, str) else kind_words(item)
+        words = said("an empty text") if isinstance(item, str) else toml_value_in_words(item)
         self.problem(
             said('must be text in quotes, for example "{example}"; it is {words}', example=example, words=words),
             key,

@@ -12,7 +12,7 @@ import pytest
 
 from msbot.config import Library, load_blueprint, load_library
 from msbot.master import Master, robot_space
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.registry import open_registry
 from msbot.ros.robot_in_ros import RobotInRos, read_description
 from msbot.sim import make_simulator
@@ -44,7 +44,7 @@ async def test_a_ros_node_finds_the_part_and_reads_and_sets_its_parameters(tmp_p
         assert isinstance(space, SharedSpace)
         robot = registry.robots.apply_blueprint(blueprint, library)
         master = Master(blueprint, registry.runs.begin(robot), space=space)
-        operations = RunningOperations(master, registry, robot, library=library)
+        operations = InProcessOperations(master, registry, robot, library=library)
         hub = InprocHub()
         hub.server.info = LinkInfo("wire", 65535)
         master.add_link(hub.server)

@@ -11,7 +11,7 @@ from random import SystemRandom
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.robot_options import answer_options, robot_options
+from msbot.cli.robot_options import robot_and_json_options, robot_options
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_xrce.counting import amount
 
@@ -47,7 +47,7 @@ def fault_command() -> None:
 @click.option("--chance", type=FiniteRange(0, 1), metavar="P", help="Begin in each second with this probability.")
 @click.option("--seed", type=WholeRange(min=0), metavar="N", help="What chance decides is the same for the same N.")
 @click.option("--hidden", is_flag=True, help="Cards and `msbot why` do not tell it.")
-@answer_options
+@robot_and_json_options
 def add(db: str | None, robot: str | None, *, for_s: float | None, **wish: object) -> None:
     """Plant a fault at the part in a slot, or in the whole robot."""
     say(db, robot, "plant_fault", {**wish, "for": for_s})
@@ -70,7 +70,7 @@ def list_faults(db: str | None, robot: str | None, *, answers: bool, as_json: bo
 
 @fault_command.command("clear")
 @click.argument("fault", type=WholeRange(min=1), required=False, metavar="[ID]")
-@answer_options
+@robot_and_json_options
 def clear(fault: int | None, db: str | None, robot: str | None) -> None:
     """End fault ID, or all."""
     say(db, robot, "clear_fault", {"fault": fault})

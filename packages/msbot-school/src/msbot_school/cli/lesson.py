@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from msbot.cli.change.robot_access import database_to_read, perform, say, until_stored
-from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
+from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
 from msbot_school.cli.teaching_service import lessons_option
@@ -79,7 +79,7 @@ def check(path: Path, *, as_json: bool) -> None:
 
 @command.command("start")
 @click.argument("lesson")
-@answer_options
+@robot_and_json_options
 def start(lesson: str, db: str | None, robot: str | None) -> None:
     """Set up the robot that runs here for a lesson, and begin.
 
@@ -90,7 +90,7 @@ def start(lesson: str, db: str | None, robot: str | None) -> None:
 
 
 @command.command("stop")
-@answer_options
+@robot_and_json_options
 def stop(db: str | None, robot: str | None) -> None:
     """End the lesson and restore the robot."""
     say(db, robot, "stop_lesson", {})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
+from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
 from msbot_agent.cli.options import WholeRange, json_option
 from msbot_agent.startup.extensions import extensions
 from msbot_xrce.errors import ConfigError
@@ -66,7 +66,7 @@ def check(file: Path, *, as_json: bool) -> None:
 @command.command("start")
 @click.argument("mission", metavar="NAME|FILE")
 @click.option("--seed", type=WholeRange(0, 2**53), metavar="N", help="What chance decides is the same for it.")
-@answer_options
+@robot_and_json_options
 def start(mission: str, db: str | None, robot: str | None, *, seed: int | None) -> None:
     """Begin a mission, by name or from a FILE.toml."""
     toml = ""
@@ -78,7 +78,7 @@ def start(mission: str, db: str | None, robot: str | None, *, seed: int | None) 
 
 
 @command.command("stop")
-@answer_options
+@robot_and_json_options
 def stop(db: str | None, robot: str | None) -> None:
     """End the running mission."""
     say(db, robot, "stop_mission", {})
@@ -87,7 +87,7 @@ def stop(db: str | None, robot: str | None) -> None:
 @command.command("answer")
 @click.argument("kind")
 @click.argument("at", required=False, default="", metavar="[SLOT]")
-@answer_options
+@robot_and_json_options
 def answer(kind: str, at: str, db: str | None, robot: str | None) -> None:
     """Name the fault: its KIND, and the SLOT unless it concerns the whole robot."""
     say(db, robot, "answer_mission", {"kind": kind, "at": at})
@@ -96,7 +96,7 @@ def answer(kind: str, at: str, db: str | None, robot: str | None) -> None:
 @command.command("repair")
 @click.argument("repair")
 @click.argument("at", required=False, default="", metavar="[SLOT]")
-@answer_options
+@robot_and_json_options
 def repair(repair: str, at: str, db: str | None, robot: str | None) -> None:
     """Repair something; the right REPAIR at the right place ends the fault."""
     say(db, robot, "repair", {"repair": repair, "at": at})
@@ -126,7 +126,7 @@ def repairs(*, as_json: bool) -> None:
 
 
 @command.command("hint")
-@answer_options
+@robot_and_json_options
 def hint(db: str | None, robot: str | None) -> None:
     """Show the next hint; it costs points."""
     say(db, robot, "mission_hint", {})

@@ -81,7 +81,7 @@ class DemoLinks:
 
 
 @dataclass(frozen=True, slots=True)
-class DemoEvent:
+class DemoStateChange:
     """One change of a part's state."""
 
     at_s: float

@@ -25,10 +25,10 @@ from msbot_agent.process.end_signals import ungrouped
 from msbot_agent.space import Space
 from msbot_school.demo.demo_links import (
     BusSnapshot,
-    DemoEvent,
     DemoLinkKind,
     DemoLinks,
     DemoSnapshot,
+    DemoStateChange,
     PartSnapshot,
     TopicSnapshot,
 )
@@ -147,8 +147,8 @@ class DemoRobot:
         random: Random | None = None,
         epoch_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._event_listeners: list[Callable[[DemoEvent], None]] = []
-        self.events: list[DemoEvent] = []
+        self._event_listeners: list[Callable[[DemoStateChange], None]] = []
+        self.events: list[DemoStateChange] = []
         self._random = random or Random()
         self._epoch_ns = epoch_ns
         self._loop = asyncio.get_running_loop()
@@ -231,7 +231,7 @@ class DemoRobot:
         if self._wiring.driver is not None:
             self._wiring.driver.tap = tap
 
-    def on_event(self, listener: Callable[[DemoEvent], None]) -> None:
+    def on_event(self, listener: Callable[[DemoStateChange], None]) -> None:
         """Call the listener with every change of a part's state."""
         self._event_listeners.append(listener)
 
@@ -378,7 +378,7 @@ class DemoRobot:
         name = plug.name if plug is not None else event.slot or event.part
         if plug is not None and event.to_state is PartState.ACTIVE and plug.active_at is None:
             plug.active_at = event.at
-        shown = DemoEvent(
+        shown = DemoStateChange(
             at_s=event.at - self._started_at,
             part=name,
             from_state="" if event.from_state is None else event.from_state.value,

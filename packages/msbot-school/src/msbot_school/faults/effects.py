@@ -103,7 +103,7 @@ class CombinedEffect(Effect):
             effect.end()
 
 
-class ExtraPartLink:
+class GuestPartHub:
     """The link in memory by which parts come in that the fault lab plugs in itself.
 
     Args:
@@ -133,7 +133,7 @@ class UnexpectedPart(Effect):
         unit: the part.
     """
 
-    def __init__(self, guests: ExtraPartLink, unit: SimulatedPart) -> None:
+    def __init__(self, guests: GuestPartHub, unit: SimulatedPart) -> None:
         self._guests = guests
         self._unit = unit
         self._task: asyncio.Task[None] | None = None

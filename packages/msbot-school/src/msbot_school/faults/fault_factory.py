@@ -18,7 +18,7 @@ from msbot_school.faults.effects import (
     DatabaseUnavailable,
     DistortedReadings,
     Effect,
-    ExtraPartLink,
+    GuestPartHub,
     PartsHere,
     UnexpectedPart,
     UnpluggedPart,
@@ -29,7 +29,7 @@ from msbot_school.faults.fault_kinds import (
     LOAD,
     Condition,
     FaultKind,
-    FaultTarget,
+    InjectionPoint,
     NumberCondition,
     kind_named,
     read_condition,
@@ -71,7 +71,7 @@ class FaultFactory:
         self._bus = bus
         self._numbers = numbers
         self._edge = LinkInterceptors(running)
-        self._guests = ExtraPartLink(running)
+        self._guests = GuestPartHub(running)
 
     def spec(self, wish: FaultRequest) -> FaultSpec:
         """The fault that a person means.
@@ -169,11 +169,11 @@ class FaultFactory:
             ConfigError: it cannot be planted here; the text says why.
         """
         match spec.kind.acts:
-            case FaultTarget.SENSOR:
+            case InjectionPoint.SENSOR:
                 return self._distorted(spec)
-            case FaultTarget.GUEST:
+            case InjectionPoint.GUEST:
                 return self._guest(spec)
-            case FaultTarget.BUS:
+            case InjectionPoint.BUS:
                 return self._at_bus(spec)
             case _:
                 pass

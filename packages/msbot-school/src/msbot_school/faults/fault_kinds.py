@@ -17,7 +17,7 @@ from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
 
-class FaultTarget(Enum):
+class InjectionPoint(Enum):
     """Where a fault acts."""
 
     EDGE = "at the agent's edge: on real and on simulated parts"
@@ -45,7 +45,7 @@ class FaultKind:
     name: str
     words: str
     """What it is, after "a fault is planted: "."""
-    acts: FaultTarget
+    acts: InjectionPoint
     at_part: bool = True
     """Whether it is planted at a part; else at the robot as a whole."""
     amount: Amount | None = None
@@ -58,35 +58,35 @@ class FaultKind:
 _PERCENT = {"least": 0.1, "most": 100.0, "unit": "%"}
 
 _ROWS = (
-    FaultKind("unplug", said("the part is pulled out"), FaultTarget.EDGE, cuts_off=True),
-    FaultKind("late", said("what the part sends comes late, all at once"), FaultTarget.EDGE,
+    FaultKind("unplug", said("the part is pulled out"), InjectionPoint.EDGE, cuts_off=True),
+    FaultKind("late", said("what the part sends comes late, all at once"), InjectionPoint.EDGE,
               amount=Amount(3.5, 0.1, 60.0, "s", said("longest time that a beat is held back"))),
-    FaultKind("loss", said("packets are lost"), FaultTarget.EDGE,
+    FaultKind("loss", said("packets are lost"), InjectionPoint.EDGE,
               amount=Amount(30.0, words=said("of the packets are lost"), **_PERCENT)),  # type: ignore[arg-type]
-    FaultKind("delay", said("packets come late"), FaultTarget.EDGE, options=frozenset({"jitter"}),
+    FaultKind("delay", said("packets come late"), InjectionPoint.EDGE, options=frozenset({"jitter"}),
               amount=Amount(300.0, 1.0, 10_000.0, "ms", said("that each packet takes longer"))),
-    FaultKind("duplicates", said("packets come twice"), FaultTarget.EDGE,
+    FaultKind("duplicates", said("packets come twice"), InjectionPoint.EDGE,
               amount=Amount(50.0, words=said("of the packets come twice"), **_PERCENT)),  # type: ignore[arg-type]
-    FaultKind("reordering", said("packets overtake each other"), FaultTarget.EDGE,
+    FaultKind("reordering", said("packets overtake each other"), InjectionPoint.EDGE,
               amount=Amount(50.0, words=said("of the packets are overtaken"), **_PERCENT)),  # type: ignore[arg-type]
-    FaultKind("slow-consumer", said("the part takes what is for it too slowly"), FaultTarget.EDGE,
+    FaultKind("slow-consumer", said("the part takes what is for it too slowly"), InjectionPoint.EDGE,
               amount=Amount(1.0, 0.1, 1000.0, "/s", said("packets that it takes"))),
-    FaultKind("duplicate-identity", said("a second part has the same identity"), FaultTarget.GUEST),
-    FaultKind("wrong-number", said("a part with a wrong number is in its place"), FaultTarget.GUEST,
+    FaultKind("duplicate-identity", said("a second part has the same identity"), InjectionPoint.GUEST),
+    FaultKind("wrong-number", said("a part with a wrong number is in its place"), InjectionPoint.GUEST,
               options=frozenset({"number"}), cuts_off=True),
-    FaultKind("wrong-key", said("a part with a wrong key is in its place"), FaultTarget.GUEST, cuts_off=True),
-    FaultKind("stuck", said("its sensor is stuck"), FaultTarget.SENSOR, options=frozenset({"port"})),
-    FaultKind("drift", said("its sensor drifts"), FaultTarget.SENSOR, options=frozenset({"port"}),
+    FaultKind("wrong-key", said("a part with a wrong key is in its place"), InjectionPoint.GUEST, cuts_off=True),
+    FaultKind("stuck", said("its sensor is stuck"), InjectionPoint.SENSOR, options=frozenset({"port"})),
+    FaultKind("drift", said("its sensor drifts"), InjectionPoint.SENSOR, options=frozenset({"port"}),
               amount=Amount(60.0, -1e6, 1e6, "/min", said("that its values move"))),
-    FaultKind("bus-off", said("its controller sends broken frames until it leaves the bus"), FaultTarget.BUS,
+    FaultKind("bus-off", said("its controller sends broken frames until it leaves the bus"), InjectionPoint.BUS,
               cuts_off=True),
-    FaultKind("bit-errors", said("bits on the bus are inverted"), FaultTarget.BUS, at_part=False,
+    FaultKind("bit-errors", said("bits on the bus are inverted"), InjectionPoint.BUS, at_part=False,
               amount=Amount(500.0, 1.0, 100_000.0, "/million", said("of the bits are inverted"))),
-    FaultKind("babbling", said("a node fills the bus with frames before all others"), FaultTarget.BUS, at_part=False,
+    FaultKind("babbling", said("a node fills the bus with frames before all others"), InjectionPoint.BUS, at_part=False,
               amount=Amount(60.0, words=said("of the bus time is its own"), **_PERCENT)),  # type: ignore[arg-type]
-    FaultKind("master-frozen", said("the master neither hears nor answers any part"), FaultTarget.MASTER,
+    FaultKind("master-frozen", said("the master neither hears nor answers any part"), InjectionPoint.MASTER,
               at_part=False),
-    FaultKind("database-gone", said("the database cannot be reached"), FaultTarget.MASTER, at_part=False),
+    FaultKind("database-gone", said("the database cannot be reached"), InjectionPoint.MASTER, at_part=False),
 )  # fmt: skip
 
 
@@ -95,7 +95,7 @@ class PacketFault:
     """A kind of fault that an extension brings: it disturbs the packets of a part at the agent's edge."""
 
     kind: FaultKind
-    """Its name is that of the entry point, and it acts at `FaultTarget.EDGE`."""
+    """Its name is that of the entry point, and it acts at `InjectionPoint.EDGE`."""
     treat: Callable[[float, Random], object]
     """`(amount, chance)`: what happens to the packets, as `msbot_school.faults.PacketTreatment` says."""
 
@@ -123,7 +123,7 @@ class _Kinds(Mapping[str, FaultKind]):
         """Those of extensions."""
         found = extensions().all("faults", PacketFault, self._own)
         for name, one in tuple(found.items()):
-            if one.kind.name != name or one.kind.acts is not FaultTarget.EDGE:
+            if one.kind.name != name or one.kind.acts is not InjectionPoint.EDGE:
                 why = (
                     f"its kind is {one.kind.name!r} and acts {one.kind.acts.value}; it needs the name {name!r} and EDGE"
                 )
@@ -158,7 +158,7 @@ def contradiction(one: FaultKind, one_at: str, other: FaultKind, other_at: str) 
     frozen = [kind for kind in (one, other) if kind.name == "master-frozen"]
     if frozen:
         second = other if frozen[0] is one else one
-        if second.acts is FaultTarget.EDGE and second.name != "unplug":
+        if second.acts is InjectionPoint.EDGE and second.name != "unplug":
             return said("while the master is frozen nothing comes or goes that could be disturbed")
         return ""
     if one_at != other_at or not one_at:

@@ -11,7 +11,7 @@ import asyncio
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.fault_request import FaultRequest
 from msbot.pnp import PartInfo, StopStatus
 from msbot_agent.link.can.sim import SimBusDriver
@@ -36,7 +36,7 @@ class FaultLab:
 
     def __init__(
         self,
-        operations: RunningOperations,
+        operations: InProcessOperations,
         *,
         parts: PartsHere | None = None,
         bus: SimBusDriver | None = None,

@@ -17,7 +17,7 @@ from functools import partial
 from typing import Final
 
 from msbot.config import SAMPLES, Blueprint, open_blueprint, parse_blueprint
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.process.worker_pool import WorkerPool
 from msbot.registry import EditKind
 from msbot.registry.lesson_ticks import BEGUN
@@ -84,7 +84,7 @@ class LessonController:
 
     def __init__(
         self,
-        operations: RunningOperations,
+        operations: InProcessOperations,
         shelf: LessonCatalog,
         *,
         parts: PartsHere | None = None,

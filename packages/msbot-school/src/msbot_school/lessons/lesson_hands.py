@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.last_acts import STOP_BUTTON
 from msbot.operations.running_robot import RunningRobot
 from msbot_school.lessons.conditions import STOP, places
@@ -20,7 +20,7 @@ class LessonHands:
         in_world: whether its parts are in a world: there what is done at one slot may move the number of any other.
     """
 
-    def __init__(self, operations: RunningOperations, running: RunningRobot, *, in_world: bool) -> None:
+    def __init__(self, operations: InProcessOperations, running: RunningRobot, *, in_world: bool) -> None:
         self._acts = operations.acts
         self._pupils = operations.pupils
         self._running = running

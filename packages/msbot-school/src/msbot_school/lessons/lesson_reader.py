@@ -13,7 +13,7 @@ from msbot.operations.fault_request import FaultRequest
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import open_input_text
 from msbot_agent.toml.document import MOST_BYTES, parse_document
-from msbot_agent.toml.problems import Problems, TextLocation, suggestion
+from msbot_agent.toml.problems import FileLocation, Problems, suggestion
 from msbot_agent.toml.table import Table
 from msbot_school.lessons.conditions import Condition, read_lesson_condition
 from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion, Step
@@ -201,7 +201,7 @@ class _Reader:
         }
 
     def _problem(self, line: int, sentence: str) -> None:
-        self._problems.add(TextLocation(str(self._path), line), sentence)
+        self._problems.add(FileLocation(str(self._path), line), sentence)
 
 
 def _fault(table: Table) -> FaultRequest:

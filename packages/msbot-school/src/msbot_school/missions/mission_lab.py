@@ -15,7 +15,7 @@ from functools import partial
 from random import SystemRandom
 from typing import Final
 
-from msbot.operations.dispatch import PerformedOperation, RunningOperations
+from msbot.operations.dispatch import InProcessOperations, PerformedOperation
 from msbot.pnp import PartEvent, PartState, StopStatus
 from msbot_agent.text.sentence import said
 from msbot_school.faults.fault_kinds import Condition, read_condition
@@ -58,7 +58,7 @@ class MissionLab:
     """
 
     def __init__(
-        self, operations: RunningOperations, faults: FaultLab, *, epoch_ns: Callable[[], int] = time.time_ns
+        self, operations: InProcessOperations, faults: FaultLab, *, epoch_ns: Callable[[], int] = time.time_ns
     ) -> None:
         self._missions = operations.missions
         self._acts = operations.acts

@@ -7,8 +7,8 @@ from pydantic import Field
 
 from msbot_school.demo.gallery import DemoChoice
 from msbot_web.api.dependencies import SignedIn
-from msbot_web.models.robot_models import ChangeResult, Model
-from msbot_web.models.sentence_field import SentenceField
+from msbot_web.api.models import ChangeResult, Model
+from msbot_web.api.sentence_field import SentenceField
 from msbot_web.service import Service
 
 
@@ -40,7 +40,7 @@ class GalleryState(Model):
     """What ends when the robot is changed."""
 
 
-class GalleryWish(Model):
+class ChangeRobotRequest(Model):
     """The robot that somebody wants in place of this one."""
 
     robot: str = Field(default="", max_length=64)
@@ -80,7 +80,7 @@ def add_gallery(router: APIRouter, service: Service) -> None:
         )
 
     @router.post("/gallery")
-    async def change_robot(session: SignedIn, wish: GalleryWish) -> ChangeResult:
+    async def change_robot(session: SignedIn, wish: ChangeRobotRequest) -> ChangeResult:
         """Have another robot in place of this one: only a demo can, and only teachers may."""
         choice = DemoChoice(wish.robot, wish.world) if wish.robot or not wish.lesson else gallery.choice_of(wish.lesson)
         return await gallery.change(session, choice, wish.lesson, agreed=wish.agreed)

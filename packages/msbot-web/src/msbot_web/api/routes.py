@@ -14,6 +14,9 @@ from fastapi.responses import Response
 
 from msbot.operations.rights import Right
 from msbot_school.missions.recorded_missions import grade_json, played_from_json
+from msbot_web.api.bus_models import BusFigures, FrameLine
+from msbot_web.api.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
+from msbot_web.api.common_models import PROBLEMS, Health
 from msbot_web.api.dependencies import (
     Name,
     SignedIn,
@@ -26,28 +29,25 @@ from msbot_web.api.dependencies import (
     words_for,
 )
 from msbot_web.api.gallery_routes import add_gallery
-from msbot_web.api.operation_routes import PREFIX, add_operations
-from msbot_web.api.program_routes import add_programs
-from msbot_web.models.bus_models import BusFigures, FrameLine
-from msbot_web.models.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
-from msbot_web.models.common_models import PROBLEMS, Health
-from msbot_web.models.robot_models import (
+from msbot_web.api.models import (
     BlueprintDiff,
     BlueprintText,
     ChangeResult,
-    ControlValue,
     EditLine,
     JournalLine,
     Me,
     PartLine,
     Robot,
     Simulated,
+    SimulatedPartControlValue,
     SlotCard,
     TimelineLane,
     TopicLine,
     TypeLine,
     Value,
 )
+from msbot_web.api.operation_routes import PREFIX, add_operations
+from msbot_web.api.program_routes import add_programs
 from msbot_web.service import Service
 
 
@@ -199,7 +199,7 @@ def _add_slots(router: APIRouter, service: Service) -> None:
         return service.views.simulated(slot)
 
     @router.put("/sim/{slot}/{control}")
-    async def operate(session: SignedIn, slot: Name, control: Name, wish: ControlValue) -> ChangeResult:
+    async def operate(session: SignedIn, slot: Name, control: Name, wish: SimulatedPartControlValue) -> ChangeResult:
         """Do something to a simulated part (`value`); the control `plugged` takes true or false."""
         if control == "plugged":
             return service.plug(session, slot, plugged=bool(wish.value))

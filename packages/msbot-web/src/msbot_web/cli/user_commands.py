@@ -16,10 +16,10 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import (
-    answer_options,
     db_option,
     existing_database,
     library_option,
+    robot_and_json_options,
     robot_options,
     user_name,
 )
@@ -332,14 +332,14 @@ def list_pupils(db: str | None, robot: str | None, *, as_json: bool) -> None:
 
 @pupils_command.command("freeze")
 @click.argument("reason", default="")
-@answer_options
+@robot_and_json_options
 def freeze(reason: str, db: str | None, robot: str | None) -> None:
     """Hold all pupils' programs; what they drive goes to its safe value."""
     say(db, robot, "freeze", {"reason": reason})
 
 
 @pupils_command.command("go")
-@answer_options
+@robot_and_json_options
 def go(db: str | None, robot: str | None) -> None:
     """Let the pupils' programs continue; STOP needs `msbot go`."""
     say(db, robot, "thaw", {})
@@ -348,7 +348,7 @@ def go(db: str | None, robot: str | None) -> None:
 @pupils_command.command("take-over")
 @click.argument("pupil")
 @click.option("--run", is_flag=True, help="It is not held, but runs under the teacher's hands.")
-@answer_options
+@robot_and_json_options
 def take_over(pupil: str, db: str | None, robot: str | None, *, run: bool) -> None:
     """Take over the program of PUPIL and hold it until `hand-back`; --run runs it for the teacher."""
     say(db, robot, "take_over", {"pupil": pupil, "run": run})
@@ -356,7 +356,7 @@ def take_over(pupil: str, db: str | None, robot: str | None, *, run: bool) -> No
 
 @pupils_command.command("hand-back")
 @click.argument("pupil")
-@answer_options
+@robot_and_json_options
 def hand_back(pupil: str, db: str | None, robot: str | None) -> None:
     """Give PUPIL the program back."""
     say(db, robot, "hand_back", {"pupil": pupil})
@@ -366,7 +366,7 @@ def hand_back(pupil: str, db: str | None, robot: str | None) -> None:
 @click.argument("group")
 @click.option("--pupil", "pupils", multiple=True, metavar="NAME", help="A pupil of it; may be given several times.")
 @click.option("--slot", "slots", multiple=True, metavar="SLOT", help="A slot of its own; may be given several times.")
-@answer_options
+@robot_and_json_options
 def group(group: str, pupils: tuple[str, ...], slots: tuple[str, ...], db: str | None, robot: str | None) -> None:
     """Make or change a group of pupils with slots of its own; they leave their former groups."""
     say(db, robot, "group", {"group": group, "pupils": list(pupils), "slots": list(slots)})
@@ -374,7 +374,7 @@ def group(group: str, pupils: tuple[str, ...], slots: tuple[str, ...], db: str |
 
 @pupils_command.command("ungroup")
 @click.argument("group")
-@answer_options
+@robot_and_json_options
 def ungroup(group: str, db: str | None, robot: str | None) -> None:
     """Remove a group; its slots are everybody's."""
     say(db, robot, "remove_group", {"group": group})

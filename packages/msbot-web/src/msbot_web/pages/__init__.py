@@ -13,7 +13,7 @@ from msbot_web.pages import (
     extension_pages,
     faults,
     gallery,
-    handbook_pages,
+    help,
     journal,
     learn,
     library,
@@ -58,7 +58,7 @@ def register_pages(service: Service) -> None:
         projector,
         admin,
         api_docs,
-        handbook_pages,
+        help,
         extension_pages,
     ):
         page.register(service)

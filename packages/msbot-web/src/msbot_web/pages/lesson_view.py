@@ -13,7 +13,7 @@ from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
 from msbot_school.lessons.lesson_run import others_words
 from msbot_web.html import render
 from msbot_web.lessons_view import text_html
-from msbot_web.pages.page import Page
+from msbot_web.pages.layout import Page
 from msbot_web.pages.page_elements import ask_first, heading, panel, set_html
 
 

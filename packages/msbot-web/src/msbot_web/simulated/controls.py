@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from msbot_web.models.robot_models import ControlLine, Scalar
+from msbot_web.api.models import Scalar, SimulatedPartControl
 
 
 class SimulatedControls(Protocol):
@@ -26,7 +26,7 @@ class SimulatedControls(Protocol):
     def unplug(self, slot: str) -> None:
         """Pull a part out, without a goodbye."""
 
-    def controls(self, slot: str) -> tuple[ControlLine, ...]:
+    def controls(self, slot: str) -> tuple[SimulatedPartControl, ...]:
         """What a person can do to that part."""
 
     def operate(self, slot: str, control: str, value: Scalar) -> None:
@@ -64,7 +64,7 @@ class NoSimulatedControls:
     def unplug(self, slot: str) -> None:
         """There is nothing to pull out."""
 
-    def controls(self, slot: str) -> tuple[ControlLine, ...]:  # noqa: ARG002
+    def controls(self, slot: str) -> tuple[SimulatedPartControl, ...]:  # noqa: ARG002
         """None."""
         return ()
 

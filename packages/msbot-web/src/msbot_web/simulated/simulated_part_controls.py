@@ -8,7 +8,7 @@ from typing import Protocol
 from msbot.config import ControlKind
 from msbot.sim import SimulatedPart
 from msbot_agent.text.sentence import said
-from msbot_web.models.robot_models import ControlLine, Scalar
+from msbot_web.api.models import Scalar, SimulatedPartControl
 from msbot_xrce.errors import ConfigError
 
 
@@ -61,13 +61,13 @@ class SimulatedPartControls:
         """See `SimulatedControls.unplug`."""
         self._robot.unplug(slot)
 
-    def controls(self, slot: str) -> tuple[ControlLine, ...]:
+    def controls(self, slot: str) -> tuple[SimulatedPartControl, ...]:
         """See `SimulatedControls.controls`; the thesis' three have none."""
         simulated = self._robot.simulated(slot)
         if simulated is None:
             return ()
         return tuple(
-            ControlLine(
+            SimulatedPartControl(
                 name=control.name,
                 kind=control.kind.value,
                 least=control.least,

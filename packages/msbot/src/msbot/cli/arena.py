@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.robot_options import answer_options, mistakes_told, robot_options
+from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
 from msbot.sim.arena.world_plan import PartPlace, RobotPlan, WorldPlan
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_xrce.errors import ConfigError
@@ -79,7 +79,7 @@ def status(db: str | None, robot: str | None, *, as_json: bool) -> None:
 
 @command.command("pause")
 @click.option("--off", is_flag=True, help="Let it go on.")
-@answer_options
+@robot_and_json_options
 def pause(db: str | None, robot: str | None, *, off: bool) -> None:
     """Stop the time of that world, not of the robot's programs; --off continues."""
     say(db, robot, "pause_world", {"off": off})
@@ -87,14 +87,14 @@ def pause(db: str | None, robot: str | None, *, off: bool) -> None:
 
 @command.command("step")
 @click.option("--steps", type=WholeRange(1, 500), default=1, help="How many; a fiftieth of a second each.")
-@answer_options
+@robot_and_json_options
 def step(db: str | None, robot: str | None, steps: int) -> None:
     """Run that world for one step of 1/50 s, or --steps of them, then stop its time."""
     say(db, robot, "step_world", {"steps": steps})
 
 
 @command.command("reset")
-@answer_options
+@robot_and_json_options
 def reset(db: str | None, robot: str | None) -> None:
     """Put everything in that world back to its start."""
     say(db, robot, "reset_world", {})
@@ -102,7 +102,7 @@ def reset(db: str | None, robot: str | None) -> None:
 
 @command.command("speed")
 @click.argument("speed", type=FiniteRange())
-@answer_options
+@robot_and_json_options
 def speed(speed: float, db: str | None, robot: str | None) -> None:
     """Set the speed of that world: 0.25, 0.5, 1, 2 or 4 times real time."""
     say(db, robot, "world_speed", {"speed": speed})
@@ -114,7 +114,7 @@ def speed(speed: float, db: str | None, robot: str | None) -> None:
 @click.option(
     "--heading", type=FiniteRange(), metavar="DEGREES", help="From east, counter-clockwise; else as it looks now."
 )
-@answer_options
+@robot_and_json_options
 def put(name: str, at: tuple[float, float], heading: float | None, db: str | None, robot: str | None) -> None:
     """Move a robot of that world; X and Y in metres from the left and from below."""
     turned = {} if heading is None else {"heading": heading}

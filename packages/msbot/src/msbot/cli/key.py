@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from msbot.cli.robot_options import db_option, existing_database
-from msbot.config import ParameterKind, shown_by
+from msbot.config import ParameterKind, part_number_and_name
 from msbot.part.join.part_keys import KEY_OCTETS, key_text
 from msbot.part.join.pnp_messages import UID_OCTETS
 from msbot.part.join.uid import kept_file, parse_uid, stored_uid, uid_on_board, write_for_user_alone
@@ -148,7 +148,7 @@ def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None
                 raise ConfigError(
                     f'nothing is wired to slot "{found.name}" yet: `msbot set "{found.name}" part_1 "LED lamp: s=2"`'
                 )
-        shown = [shown_by(text) for text in wired]
+        shown = [part_number_and_name(text) for text in wired]
         if not all(number for number, _ in shown):
             raise ConfigError('a text is empty: write part number and name, for example "HC-SR04 eye"')
         for number, name in shown:

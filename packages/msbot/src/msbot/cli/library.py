@@ -13,7 +13,7 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.robot_options import answer_options, library_here, library_option, mistakes_told
+from msbot.cli.robot_options import library_here, library_option, mistakes_told, robot_and_json_options
 from msbot.config import (
     Category,
     Control,
@@ -128,7 +128,7 @@ def add(what: str, folder: Path) -> None:
 
 @command.command("forget")
 @click.argument("number")
-@answer_options
+@robot_and_json_options
 def forget(number: str, db: str | None, robot: str | None) -> None:
     """Remove the adopted part type NUMBER from a running robot's library.
 

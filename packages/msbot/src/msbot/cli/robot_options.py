@@ -108,7 +108,7 @@ def robot_options(function: _C) -> _C:
     return db_option(robot(function))
 
 
-def answer_options(function: _C) -> _C:
+def robot_and_json_options(function: _C) -> _C:
     """The options of a command that answers in words or as JSON: which robot, and `--json`."""
     as_json = click.option(
         "--json",
@@ -122,7 +122,7 @@ def answer_options(function: _C) -> _C:
 
 
 def wants_json() -> bool:
-    """Whether the running command was given the `--json` of `answer_options`."""
+    """Whether the running command was given the `--json` of `robot_and_json_options`."""
     return bool(click.get_current_context().meta.get(_JSON))
 
 
@@ -198,11 +198,11 @@ def mistakes_told(*, as_json: bool, **beside: object) -> Iterator[None]:
         as_json: whether `--json` was given.
         beside: what the object has besides `problems`.
     """
-    from msbot.config import FoundProblems, problems_json
+    from msbot.config import InvalidFileError, problems_json
 
     try:
         yield
-    except FoundProblems as found:
+    except InvalidFileError as found:
         if not as_json:
             raise
         click.echo(json.dumps({"problems": problems_json(found), **beside}))

@@ -27,7 +27,7 @@ from msbot.config.blueprint.differences import Difference, compare_text, differe
 from msbot.config.blueprint.samples import SAMPLE_ROBOT_TOML, SAMPLES, write_new, write_sample
 from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
-from msbot.config.library.board_wiring import WiredPart, shown_by, wired_part, wired_parts
+from msbot.config.library.board_wiring import WiredPart, part_number_and_name, wired_part, wired_parts
 from msbot.config.library.description_reader import Described, read_description
 from msbot.config.library.message_types import standard_message_types
 from msbot.config.library.part_library import (
@@ -52,8 +52,8 @@ from msbot.config.library.part_library import (
 )
 from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
 from msbot.config.library.simulator_reader import format_text
-from msbot.config.library.versions import Versions, parse_versions, split_number
-from msbot_agent.toml.problems import FoundProblems, problems_json
+from msbot.config.library.versions import VersionRange, parse_versions, split_number
+from msbot_agent.toml.problems import InvalidFileError, problems_json
 from msbot_agent.toml.table import Scalar
 
 __all__ = [
@@ -80,8 +80,8 @@ __all__ = [
     "DriverPin",
     "DriverSpec",
     "FieldKind",
-    "FoundProblems",
     "InDds",
+    "InvalidFileError",
     "Library",
     "MessageType",
     "Operand",
@@ -102,7 +102,7 @@ __all__ = [
     "SlotPort",
     "Supply",
     "Timing",
-    "Versions",
+    "VersionRange",
     "WiredPart",
     "binding_faults",
     "blueprint_mark",
@@ -119,11 +119,11 @@ __all__ = [
     "open_blueprint",
     "parse_blueprint",
     "parse_versions",
+    "part_number_and_name",
     "preset_of",
     "problems_json",
     "read_description",
     "scalar_text",
-    "shown_by",
     "slot_toml",
     "split_number",
     "standard_message_types",

@@ -4,7 +4,7 @@ STOP, which outlives the master, is stored here and can be said from here.
 """
 
 from msbot.master.master import Master, StoppableLink, profile_of, timing_of
-from msbot.master.robot_as_part import ExportedPort, RobotAsPart, dds_topics_of, exported_ports, robot_space
+from msbot.master.robot_as_part import ExportedPort, RobotAsPart, dds_topic_lookup, exported_ports, robot_space
 from msbot.master.stop_persistence import StopStore, stop_file
 from msbot.master.stop_socket import StopSocket, answer_of
 
@@ -16,7 +16,7 @@ __all__ = [
     "StopStore",
     "StoppableLink",
     "answer_of",
-    "dds_topics_of",
+    "dds_topic_lookup",
     "exported_ports",
     "profile_of",
     "robot_space",

@@ -19,9 +19,8 @@ from typing import Final, NamedTuple
 
 from msbot.master.master import INVENTORY_KEY, MASTER_KEY, StoppableLink
 from msbot.part import Client, ClientSettings, ConnectionState, Entity, ServiceNames
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp import Profile
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory_service import LONGEST_BEST_EFFORT, MOST_ASKERS
 from msbot.pnp.master_service import MasterService
 from msbot.pnp.remote_agents.agent_messages import FromAgent, OpenTopic, is_sendable
@@ -180,7 +179,7 @@ class _InventoryProxy:
             ),
         )
         self._compat = self._client.create_replier(
-            participant, ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
+            participant, ServiceNames(thesis_messages.SERVICE, thesis_messages.REQUEST_TYPE, thesis_messages.REPLY_TYPE)
         )
         for replier in (self._compact, self._compat):
             self._client.read(replier, stream_id=STREAM_BEST_EFFORT)

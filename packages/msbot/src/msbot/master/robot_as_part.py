@@ -242,10 +242,10 @@ def robot_space(address: SpaceAddress, blueprint: Blueprint, library: Library) -
             to do.
     """
     partition = robot_partition(address, blueprint.robot.name)
-    return open_space(address, partition=partition, dds_topics_of=dds_topics_of(blueprint, library, partition))
+    return open_space(address, partition=partition, dds_topics_of=dds_topic_lookup(blueprint, library, partition))
 
 
-def dds_topics_of(blueprint: Blueprint, library: Library, partition: str) -> DdsTopicsOf:
+def dds_topic_lookup(blueprint: Blueprint, library: Library, partition: str) -> DdsTopicsOf:
     """The names of each topic of a robot; in ROS 2 they are in its namespace, unless its blueprint says otherwise.
 
     Raises:

@@ -11,7 +11,7 @@ from msbot.operations.part_names import uid_of
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.stored_robot import StoredRobot
 from msbot.pnp import KnownObject
-from msbot.registry.edits import undo as blocks
+from msbot.registry.edits import undo
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
 
@@ -26,7 +26,7 @@ class Blocking:
     async def block(self, part: str, reason: str, who: str) -> Outcome:
         """Keep a part, or all parts of a number, out."""
         kind, key, words = self._block_key(part)
-        edit = await self._running.change(who, partial(blocks.block, kind=kind, key=key, reason=reason))
+        edit = await self._running.change(who, partial(undo.block, kind=kind, key=key, reason=reason))
         self._inventory.blocks_changed(self._running.now())
         return outcome_of(
             edit,
@@ -41,7 +41,7 @@ class Blocking:
         uid, number = (bytes.fromhex(key), "") if kind == "uid" else (b"", key)
         if self._inventory.blocked(uid, number) is None:
             raise ConfigError(said("{part} is not blocked", part=words))
-        edit = await self._running.change(who, partial(blocks.unblock, kind=kind, key=key))
+        edit = await self._running.change(who, partial(undo.unblock, kind=kind, key=key))
         return outcome_of(edit, said("{part} may come in again", part=words))
 
     def _block_key(self, word: str) -> tuple[str, str, str]:
@@ -74,7 +74,7 @@ class StoredBlocking:
     async def block(self, part: str, reason: str, who: str) -> Outcome:
         """Keep a part, or all parts of a number, out."""
         kind, key = self._block_key(part)
-        return outcome_of(await self._stored.change(who, partial(blocks.block, kind=kind, key=key, reason=reason)))
+        return outcome_of(await self._stored.change(who, partial(undo.block, kind=kind, key=key, reason=reason)))
 
     async def unblock(self, part: str, who: str) -> Outcome:
         """Let a part, or all parts of a number, in again."""
@@ -82,7 +82,7 @@ class StoredBlocking:
         uid, number = (bytes.fromhex(key), "") if kind == "uid" else (b"", key)
         if self._stored.store.blocked(uid, number) is None:
             raise ConfigError(said("{part} is not blocked", part=part))
-        return outcome_of(await self._stored.change(who, partial(blocks.unblock, kind=kind, key=key)))
+        return outcome_of(await self._stored.change(who, partial(undo.unblock, kind=kind, key=key)))
 
     def _block_key(self, word: str) -> tuple[str, str]:
         numbers = {one.part_number for one in self._stored.parts()}

@@ -181,7 +181,7 @@ class Operations:
             listener(deed)
 
 
-class RunningOperations(Operations):
+class InProcessOperations(Operations):
     """The operations of a robot whose master runs in this process; must be made inside its event loop.
 
     Args:

@@ -12,7 +12,7 @@ from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import Claim, Match, PartEvent, PartInfo, PartState, Refusal, TakeOver
 from msbot.registry import EditKind, EditRecord
-from msbot.registry.edits import part_places as places
+from msbot.registry.edits import part_places
 from msbot.registry.edits.editing import Making
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, RegistryError
@@ -123,7 +123,7 @@ class Placement:
             part_number=info.part_number,
             target=target,
         )
-        edit = await self._store(who, partial(places.put, uid=info.uid, slot=target, words=words))
+        edit = await self._store(who, partial(part_places.put, uid=info.uid, slot=target, words=words))
         self._move({info.client_key: target}, said("{who} adopted it into slot {target}", who=who, target=target))
         return outcome_of(edit, words)
 
@@ -155,7 +155,7 @@ class Placement:
             words = said(
                 "{part} takes slot {slot} in place of {holder}, which goes to slot {old}", old=old_slot, **names
             )
-        edit = await self._store(who, partial(places.swap, uid=info.uid, slot=target, other=holder.uid))
+        edit = await self._store(who, partial(part_places.swap, uid=info.uid, slot=target, other=holder.uid))
         self._move(moves, said("{who} swapped slot {target} to {part}", who=who, target=target, part=info.part))
         return outcome_of(edit, words)
 
@@ -168,7 +168,7 @@ class Placement:
         words = said("{holder} is released from slot {target}", holder=holder.part, target=target)
         edit = None
         if holder.uid:
-            edit = await self._store(who, partial(places.put, uid=holder.uid, slot=None, words=words))
+            edit = await self._store(who, partial(part_places.put, uid=holder.uid, slot=None, words=words))
         self._move({holder.client_key: None}, said("{who} released slot {target}", who=who, target=target))
         return outcome_of(edit, words)
 
@@ -295,7 +295,7 @@ class Placement:
     async def _keep(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
         if not self._running.master.is_serving:
             return  # the end of the master itself is not a change
-        making = partial(places.put, uid=uid, slot=slot, words=words, by_hand=by_hand, before={uid: None})
+        making = partial(part_places.put, uid=uid, slot=slot, words=words, by_hand=by_hand, before={uid: None})
         try:
             await self._store(who, making)
         except (ConfigError, RegistryError) as error:

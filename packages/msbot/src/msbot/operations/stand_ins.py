@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
-class _StandIn:
+class _SimulatedReplacement:
     uid: bytes
     library: Library
     number: str
@@ -49,7 +49,7 @@ class StandIns:
         self._running = running
         self._placement = placement
         self._hub: InprocHub | None = None
-        self._slots: dict[str, _StandIn] = {}
+        self._slots: dict[str, _SimulatedReplacement] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,7 +74,7 @@ class StandIns:
             raise ConfigError(said("{most} parts are simulated already, which is the most", most=MOST))
         holder = self._running.holder(target)
         uid = hashlib.sha256(b"MsBOT stand-in\0" + self._running.master.profile.name.encode() + target.encode())
-        stand_in = _StandIn(uid.digest()[:8], library, number, b"" if holder is None else holder.uid)
+        stand_in = _SimulatedReplacement(uid.digest()[:8], library, number, b"" if holder is None else holder.uid)
         self._slots[target] = stand_in
         try:
             self.plug(target)
@@ -149,7 +149,7 @@ class StandIns:
             for task in late:
                 task.cancel()
 
-    async def _claimed(self, stand_in: _StandIn) -> PartInfo:
+    async def _claimed(self, stand_in: _SimulatedReplacement) -> PartInfo:
         """The stand-in, once the robot has decided about it.
 
         Raises:

@@ -12,7 +12,7 @@ from msbot.operations.part_names import uid_of
 from msbot.operations.running_robot import slot_of
 from msbot.pnp import Matcher
 from msbot.registry import EditRecord, PartRecord, Registry, RobotRecord
-from msbot.registry.edits import part_places as places
+from msbot.registry.edits import part_places
 from msbot.registry.edits.editing import Making
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError
@@ -107,7 +107,7 @@ class StoredPlacement:
             raise ConfigError(said("no master runs, so it is not known which slots are empty: name one with --slot"))
         record, target = self._stored.part(part), slot_of(self._stored, slot)
         self._check_fits(record, target)
-        return outcome_of(await self._stored.change(who, partial(places.put, uid=record.uid, slot=target)))
+        return outcome_of(await self._stored.change(who, partial(part_places.put, uid=record.uid, slot=target)))
 
     async def swap(self, slot: str, part: str, who: str) -> Outcome:
         """Make a part belong in a slot, and the part that was there in the slot the first came from."""
@@ -118,7 +118,7 @@ class StoredPlacement:
             raise ConfigError(said("{name} belongs in slot {target} already", name=record.name, target=target))
         other = max(there, key=lambda one: one.changed_ns).uid if there else b""
         return outcome_of(
-            await self._stored.change(who, partial(places.swap, uid=record.uid, slot=target, other=other))
+            await self._stored.change(who, partial(part_places.swap, uid=record.uid, slot=target, other=other))
         )
 
     async def release(self, slot: str, who: str) -> Outcome:
@@ -129,7 +129,9 @@ class StoredPlacement:
             raise ConfigError(said("no part belongs in slot {target}: there is nothing to release", target=target))
         newest = max(there, key=lambda one: one.changed_ns)
         words = said("{part} is released from slot {target}", part=newest.name, target=target)
-        return outcome_of(await self._stored.change(who, partial(places.put, uid=newest.uid, slot=None, words=words)))
+        return outcome_of(
+            await self._stored.change(who, partial(part_places.put, uid=newest.uid, slot=None, words=words))
+        )
 
     def _parts_of(self, slot: str) -> list[PartRecord]:
         return [one for one in self._stored.parts() if one.slot == slot and one.uid]

@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from msbot.part.join.pnp_messages import LEAST_DESCRIPTION, MOST_DESCRIPTION
 from msbot.part.messages.message import Message, fields_of
 from msbot.part.part_settings import Value
-from msbot.part.program import Exchange, Program
+from msbot.part.program import Exchange, ProgramDeclarations
 from msbot_xrce.errors import ConfigError
 
 _KINDS = {bool: "bool", int: "int", float: "float", str: "text"}
 
 
-def describe(number: str, name: str, program: Program) -> str:
+def describe(number: str, name: str, program: ProgramDeclarations) -> str:
     """The description of a part.
 
     Args:
@@ -37,7 +37,7 @@ def describe(number: str, name: str, program: Program) -> str:
     return text + "\n" * (LEAST_DESCRIPTION - size)
 
 
-def _lines(number: str, name: str, program: Program) -> Iterator[str]:
+def _lines(number: str, name: str, program: ProgramDeclarations) -> Iterator[str]:
     yield f"number = {_value(number)}"
     yield f"name = {_value(name)}"
     services = bool(program.servers or program.calls)
@@ -75,7 +75,7 @@ def _service(name: str, direction: str, exchange: Exchange) -> Iterator[str]:
     yield f"reply = {_value(exchange.reply.type_name)}"
 
 
-def _parameter(name: str, program: Program) -> Iterator[str]:
+def _parameter(name: str, program: ProgramDeclarations) -> Iterator[str]:
     declared = program.settings.declared.get(name)
     if declared is None:
         raise ConfigError(

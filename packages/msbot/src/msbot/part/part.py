@@ -10,7 +10,7 @@
 
     part.run()
 
-A part has two halves: the `Program` holds its functions, the `ProgramRunner` calls them in a robot.
+A part has two halves: the `ProgramDeclarations` holds its functions, the `ProgramRunner` calls them in a robot.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from msbot.part.join.part_keys import check_key, parse_key
 from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, V
-from msbot.part.program import Action, Exchange, Listener, PortAction, Program, Server, When
+from msbot.part.program import Action, Exchange, Listener, PortAction, ProgramDeclarations, Server, When
 from msbot.part.program_runner import Identity, PartCounters, ProgramRunner
 from msbot_agent.link import Link
 from msbot_xrce.errors import ConfigError
@@ -94,7 +94,7 @@ class Part:
         self._called = describes if isinstance(describes, str) else self.local_name
         self._board = board
         self._random = random or SystemRandom()
-        self._program = Program()
+        self._program = ProgramDeclarations()
         self._runner = ProgramRunner(self._program)
         part_was_made(self)
 
@@ -396,7 +396,7 @@ class Part:
         return self._board
 
     @property
-    def program(self) -> Program:
+    def program(self) -> ProgramDeclarations:
         """What its program has declared."""
         return self._program
 

@@ -12,7 +12,7 @@ from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.pnp_messages import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
 from msbot.part.ports import Ports
-from msbot.part.program import Exchange, Program, Server
+from msbot.part.program import Exchange, ProgramDeclarations, Server
 from msbot_xrce.errors import CallError, ConfigError, LocalProtocolError, RemoteProtocolError
 
 
@@ -24,7 +24,7 @@ class PartCalls:
         guard: calls its functions.
     """
 
-    def __init__(self, program: Program, guard: Guard) -> None:
+    def __init__(self, program: ProgramDeclarations, guard: Guard) -> None:
         self._program = program
         self._guard = guard
         self._open = OpenCalls()
@@ -148,7 +148,7 @@ class PartServices:
         guard: calls them.
     """
 
-    def __init__(self, program: Program, guard: Guard) -> None:
+    def __init__(self, program: ProgramDeclarations, guard: Guard) -> None:
         self._program = program
         self._guard = guard
         self._serving = 0

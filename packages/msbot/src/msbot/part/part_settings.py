@@ -41,7 +41,7 @@ class DeclaredSetting:
 
 
 @dataclass(frozen=True, slots=True)
-class Follower:
+class SettingListener:
     """A function that is told the value of a setting."""
 
     read: Callable[[str], Value]
@@ -55,7 +55,7 @@ class DeclaredSettings:
     def __init__(self) -> None:
         self.declared: dict[str, DeclaredSetting] = {}
         """Setting -> its default and range; only those that the program declares."""
-        self.followers: dict[str, list[Follower]] = {}
+        self.followers: dict[str, list[SettingListener]] = {}
         """Setting -> who is told of its changes."""
 
     def declare(self, name: str, setting: DeclaredSetting) -> None:
@@ -104,7 +104,7 @@ class DeclaredSettings:
             check(value)
             return value
 
-        self.followers.setdefault(name, []).append(Follower(read, function))
+        self.followers.setdefault(name, []).append(SettingListener(read, function))
 
 
 class Settings:
@@ -166,7 +166,7 @@ class Settings:
                 for follower in followers:
                     self._tell(name, text, follower)
 
-    def _tell(self, name: str, text: str, follower: Follower) -> None:
+    def _tell(self, name: str, text: str, follower: SettingListener) -> None:
         try:
             value = follower.read(text)
         except ConfigError as error:

@@ -145,7 +145,7 @@ class Server:
     function: Callable[[Message], Message]
 
 
-class Program:
+class ProgramDeclarations:
     """The functions of one part; the `add_...` methods raise ConfigError for a function that cannot be called."""
 
     def __init__(self) -> None:

@@ -35,7 +35,7 @@ from msbot.part.messages.message import Message
 from msbot.part.part_services import PartCalls, PartServices
 from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
-from msbot.part.program import Action, After, Program, When, check_room
+from msbot.part.program import Action, After, ProgramDeclarations, When, check_room
 from msbot.part.safe_state import Safety
 from msbot.part.type_telling import TypeTelling
 from msbot_agent.link import Link, Peer, Signal
@@ -117,7 +117,7 @@ class PartCounters:
 class ProgramRunner:
     """Runs one program each time `run` is awaited; its counters and state are kept between the runs."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: ProgramDeclarations) -> None:
         self.program = program
         self.guard = Guard(self._mistaken)
         self.settings = Settings(self.guard, program.settings)

@@ -12,7 +12,7 @@ from msbot.part.join.pnp_messages import MOST_BINDINGS, MOST_DESCRIPTION, Notice
 from msbot.part.messages.message import Message
 from msbot.part.messages.type_hash import Fields, described_fields, fields_text, hash_words, type_hash
 from msbot.part.ports import Ports
-from msbot.part.program import Program
+from msbot.part.program import ProgramDeclarations
 
 NOT_KNOWN = 255
 """`Notice.detail`: which field differs is not known."""
@@ -21,7 +21,7 @@ NOT_KNOWN = 255
 class TypeTelling:
     """See the module's docstring; for one program."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: ProgramDeclarations) -> None:
         self.told: dict[str, tuple[int, PortBinding]] = {}
         """Ports of whose messages the robot has been told, with where they stood in the configuration."""
         self._program = program

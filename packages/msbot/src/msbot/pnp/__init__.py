@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from msbot.part.join.pnp_messages import Refusal
+    from msbot.part.join.refusal import Refusal
     from msbot.pnp.emergency_stop import StopConfirmation, StopRecord, StopStatus
     from msbot.pnp.explain_samples import (
         KNOWN_TYPES,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from msbot.pnp.state_changes import HandControl, HeldPort
 
 _NAMES = {
-    "msbot.part.join.pnp_messages": ("Refusal",),
+    "msbot.part.join.refusal": ("Refusal",),
     "msbot.pnp.robot_gate": (
         "RobotGate",
         "RESERVED_TOPICS",

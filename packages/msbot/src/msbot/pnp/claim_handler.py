@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import DuplicateClaim, InventoryRecord
 from msbot.pnp.life_watch import LifeWatch

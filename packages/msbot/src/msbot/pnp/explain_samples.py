@@ -13,11 +13,12 @@ from struct import pack, unpack
 from typing import Final
 
 from msbot.part import HelloWorld, Message
+from msbot.part.join import thesis_messages
 from msbot.part.join.pnp_messages import INVENTORY_SERVICE, BindingDirection, ConfigurationMessage, ProfileMessage
 from msbot.part.messages.message import fields_of
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
 from msbot.pnp.session_seals import ObservedSeals, Read
+from msbot.pnp.thesis_claims import decode_thesis_claim
 from msbot_agent.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce import decompress, explain, is_whole
@@ -202,8 +203,8 @@ class _Session:
         decoders: dict[tuple[str, str], Callable[[bytes], Read[object]]] = {
             (INVENTORY_SERVICE, "request"): self._seals.request,
             (INVENTORY_SERVICE, "reply"): self._seals.reply,
-            (compat.SERVICE, "request"): lambda octets: (compat.decode_request(octets), None),
-            (compat.SERVICE, "reply"): lambda octets: (compat.decode_reply(octets), None),
+            (thesis_messages.SERVICE, "request"): lambda octets: (decode_thesis_claim(octets), None),
+            (thesis_messages.SERVICE, "reply"): lambda octets: (thesis_messages.decode_reply(octets), None),
         }
         decode = decoders.get((service, kind))
         if decode is None:

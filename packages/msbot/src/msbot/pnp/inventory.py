@@ -36,7 +36,7 @@ from msbot.pnp.part_events import PartEvent, PartState
 from msbot.pnp.pupil_parts import PupilParts
 from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
-from msbot.pnp.slot_assignment import PLACEABLE, SlotAssignment, TakeOver
+from msbot.pnp.slot_assignment import PLACEABLE, SlotReassignment, TakeOver
 from msbot.pnp.slot_matching import Match, Matcher
 from msbot.pnp.state_changes import HandControl, StateChanges
 from msbot.pnp.type_agreement import TypeAgreement
@@ -75,7 +75,7 @@ class Inventory:
         self.descriptions = SelfDescriptions(self._index, self._changes, self.dropped)
         self.types = TypeAgreement(self._changes, self.dropped)
         """Whether parts and library mean the same by a message type."""
-        self._assignment = SlotAssignment(store, self._index, self._matcher, self._changes)
+        self._assignment = SlotReassignment(store, self._index, self._matcher, self._changes)
         self._take_over_handlers: list[Callable[[TakeOver], None]] = []
         self.watch = LifeWatch(self._index, self._changes, timing, now)
         """Who is late, who is lost."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 
-from msbot.part.join.pnp_messages import Nature, Refusal
-from msbot.part.join.refusal import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
+from msbot.part.join.hardware_trouble import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
+from msbot.part.join.pnp_messages import Nature
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.life_status import Life, check_transition
 from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription, TypeDifference
 from msbot.pnp.part_events import Evidence, PartEvent, PartState

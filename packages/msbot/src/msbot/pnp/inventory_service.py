@@ -13,8 +13,7 @@ from collections.abc import Callable
 from typing import ParamSpec, Protocol
 
 from msbot.part import ClientMaker, Entity, ServiceNames
-from msbot.part.join import pnp_messages
-from msbot.pnp import thesis_programs as compat
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp.emergency_stop import EmergencyStop
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
@@ -58,7 +57,7 @@ GO_TIMES = 3
 _COMPACT = ServiceNames(
     pnp_messages.INVENTORY_SERVICE, pnp_messages.INVENTORY_REQUEST_TYPE, pnp_messages.INVENTORY_REPLY_TYPE
 )
-_COMPAT = ServiceNames(compat.SERVICE, compat.REQUEST_TYPE, compat.REPLY_TYPE)
+_COMPAT = ServiceNames(thesis_messages.SERVICE, thesis_messages.REQUEST_TYPE, thesis_messages.REPLY_TYPE)
 
 
 class RemoteParts(Protocol):

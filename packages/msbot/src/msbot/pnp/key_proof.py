@@ -24,7 +24,7 @@ from random import Random
 from typing import TypeVar
 
 from msbot.part.join import part_keys, pnp_messages
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.model import Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.slot_matching import NO_UID, Match

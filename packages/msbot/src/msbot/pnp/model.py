@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from msbot.config import Described, PartType, Slot
-from msbot.part.join.pnp_messages import Nature, Refusal
+from msbot.part.join.pnp_messages import Nature
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.emergency_stop import StopRecord
 from msbot.pnp.part_events import PartEvent, PartState
 from msbot.service_types import reply_topic, request_topic, service_type

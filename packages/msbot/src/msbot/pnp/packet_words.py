@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from msbot.part.join import pnp_messages
-from msbot.part.join.refusal import TroublePiece
+from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.pnp.model import Claim
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.messages import (

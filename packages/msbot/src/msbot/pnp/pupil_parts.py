@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.pupils import Pupils
-from msbot.pnp.slot_assignment import SlotAssignment
+from msbot.pnp.slot_assignment import SlotReassignment
 from msbot.pnp.state_changes import StateChanges
 from msbot_agent.text.sentence import said
 
@@ -27,7 +27,7 @@ class PupilParts:
         pupils: Pupils,
         index: InventoryIndex,
         changes: StateChanges,
-        assignment: SlotAssignment,
+        assignment: SlotReassignment,
         publish: Callable[[float], None],
     ) -> None:
         self.pupils = pupils

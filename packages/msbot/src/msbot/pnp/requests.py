@@ -9,14 +9,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from msbot.part.join import pnp_messages
-from msbot.part.join.refusal import TroublePiece
+from msbot.part.join import pnp_messages, thesis_messages
+from msbot.part.join.hardware_trouble import TroublePiece
 from msbot.part.join.seal import SEAL_OCTETS
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.key_proof import Keys
 from msbot.pnp.model import Claim, Configuration, SlotBinding, Verdict
 from msbot.pnp.part_events import PartState
+from msbot.pnp.thesis_claims import decode_thesis_claim
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError
 
@@ -166,10 +166,10 @@ class RequestHandler:
 
     def compat(self, body: bytes, client_key: int, now: float) -> bytes | None:
         """The answer to a request in the thesis' layout, or None."""
-        if compat.is_probe_request(body):
+        if thesis_messages.is_probe_request(body):
             return None  # a part that nobody here answers wants to know whether this is the thesis' own master
         try:
-            claim = compat.decode_request(body)
+            claim = decode_thesis_claim(body)
         except RemoteProtocolError as error:
             self.dropped.count(f"request: {error}")
             return None
@@ -179,7 +179,7 @@ class RequestHandler:
             self._inventory.refuse(claim, client_key, asked.refused, now)
             return None
         verdict = self._inventory.claim(claim, client_key, now)
-        return compat.encode_reply(claim.part_number) if verdict.lease else None
+        return thesis_messages.encode_reply(claim.part_number) if verdict.lease else None
 
     def _answer_to(self, claim: Claim, client_key: int, asker: bytes, now: float) -> pnp_messages.Reply | None:
         if self._keys is None or self._inventory.shown_key(client_key) is None:

@@ -21,8 +21,8 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Protocol
 
+from msbot.part.join import thesis_messages
 from msbot.part.join.seal import Seal
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.inventory import Inventory
 from msbot.pnp.profile import PROFILE_TOPIC
 from msbot_agent.link import pupil_of_connection
@@ -49,14 +49,14 @@ RESERVED_TOPICS = frozenset(
         PROFILE_TOPIC,
         INVENTORY_REQUEST_TOPIC,
         INVENTORY_REPLY_TOPIC,
-        compat.REQUEST_TOPIC,
-        compat.REPLY_TOPIC,
+        thesis_messages.REQUEST_TOPIC,
+        thesis_messages.REPLY_TOPIC,
         AGENTS_REQUEST_TOPIC,
         AGENTS_REPLY_TOPIC,
     }
 )
 """No binding and no free topic opens these topics any further than steps 1 and 2 need."""
-_ASKING = frozenset({INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC, AGENTS_REQUEST_TOPIC})
+_ASKING = frozenset({INVENTORY_REQUEST_TOPIC, thesis_messages.REQUEST_TOPIC, AGENTS_REQUEST_TOPIC})
 """Topics by which anybody asks the robot's services."""
 
 _MAX_PLUGS = 1024

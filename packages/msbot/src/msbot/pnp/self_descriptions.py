@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from msbot.part.join.pnp_messages import MOST_DESCRIPTION, Refusal
+from msbot.part.join.pnp_messages import MOST_DESCRIPTION
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import SelfDescription

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.inventory_index import InventoryIndex
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import Claim, PartStore
@@ -42,7 +42,7 @@ class TakeOver:
     """The name for people of the part that had the slot."""
 
 
-class SlotAssignment:
+class SlotReassignment:
     """Assigns slots without a claim: when one becomes free, and when a person says so.
 
     Args:

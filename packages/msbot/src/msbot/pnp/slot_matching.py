@@ -16,7 +16,7 @@ The rules, in this order; every rule that is tried leaves a line of evidence, so
 from __future__ import annotations
 
 from msbot.config import PartType, Slot
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.model import MAX_TEXT, Claim, PartStore
 from msbot.pnp.part_events import Evidence, PartState
 from msbot.pnp.pupils import Pupils

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from msbot.part.join.pnp_messages import Refusal
+from msbot.part.join.refusal import Refusal
 from msbot.pnp.inventory_index import InventoryIndex, PartSession
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import Configuration, PartStore, SlotBinding

@@ -10,12 +10,11 @@ from sqlalchemy import Connection, func, select
 from msbot.config import Blueprint, Difference, Library
 from msbot.pnp import PartState
 from msbot.registry.blueprint import blueprint_reader, blueprint_store
-from msbot.registry.database import statements as store
+from msbot.registry.database import statements
 from msbot.registry.database.statements import journal_entry, list_robots
 from msbot.registry.database.storage import Storage
 from msbot.registry.database.tables import edits, journal, parts, robots, slots
-from msbot.registry.edits import slot_values as values
-from msbot.registry.edits import undo
+from msbot.registry.edits import slot_values, undo
 from msbot.registry.read_only_database import without_master
 from msbot.registry.records import EditRecord, JournalEntry, PartRecord, RobotRecord, ValueRecord
 from msbot.registry.running.runs import Runs
@@ -109,7 +108,7 @@ class Robots:
 
     def all(self) -> list[RobotRecord]:
         """All robots of the database, the most recently used first."""
-        return self._storage.read(store.list_robots)
+        return self._storage.read(statements.list_robots)
 
     def in_class(self) -> Sequence[RobotInClass]:
         """All robots in short, by a few queries."""
@@ -119,7 +118,7 @@ class Robots:
     def find(self, blueprint: Blueprint) -> RobotRecord | None:
         """The robot of a blueprint: the one with its name and serial number."""
         profile = blueprint.robot
-        find = partial(store.find_robot, name=profile.name, serial_number=profile.serial_number)
+        find = partial(statements.find_robot, name=profile.name, serial_number=profile.serial_number)
         return self._storage.read(find)
 
     def blueprint(self, robot: RobotRecord, *, by_hand: bool = True) -> Blueprint:
@@ -137,7 +136,7 @@ class Robots:
 
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of the robot's blueprint, in its order."""
-        return [slot.name for slot in self._storage.read(partial(store.list_slots, robot_id=robot.id))]
+        return [slot.name for slot in self._storage.read(partial(statements.list_slots, robot_id=robot.id))]
 
     def values(self, robot: RobotRecord, slot: str) -> tuple[ValueRecord, ...]:
         """The parameters of a slot, their values, and where these come from.
@@ -146,7 +145,7 @@ class Robots:
             ConfigError: there is no such slot.
             RegistryError: the database cannot be read.
         """
-        return self._storage.read(partial(values.read_values, robot_id=robot.id, slot=slot))
+        return self._storage.read(partial(slot_values.read_values, robot_id=robot.id, slot=slot))
 
     def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
         """All parts that were ever seen, as they were after their last change of state; those in slots first.
@@ -155,7 +154,7 @@ class Robots:
         """
         records = []
         for one in self.all() if robot is None else [robot]:
-            found = self._storage.read(partial(store.list_parts, robot_id=one.id))
+            found = self._storage.read(partial(statements.list_parts, robot_id=one.id))
             records.extend(found if self._runs.is_run(one) else [without_master(record) for record in found])
         return records
 
@@ -173,5 +172,5 @@ class Robots:
         robot_id = None if robot is None else robot.id
         self._storage.catch_up()
         return self._storage.read(
-            partial(store.read_journal, robot_id=robot_id, part=part, limit=limit, by_name=by_name)
+            partial(statements.read_journal, robot_id=robot_id, part=part, limit=limit, by_name=by_name)
         )

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from msbot.config import SAMPLES, load_library, parse_blueprint
-from msbot_school.demo import DemoEvent, DemoSnapshot, PartSnapshot
+from msbot_school.demo import DemoSnapshot, DemoStateChange, PartSnapshot
 from msbot_school.demo.demo_links import BusSnapshot
 from msbot_web.cli.demo.output import event_lines
 from msbot_web.cli.demo.terminal_table import keys_of, live_view
@@ -40,7 +40,9 @@ def snapshot(sample: str) -> DemoSnapshot:
 
 
 def shown(sample: str, width: int, height: int, events: int = 20) -> list[str]:
-    happened = [DemoEvent(float(n), "knob", "late", "lost", f"no beat for {n} s, " + "x" * 90) for n in range(events)]
+    happened = [
+        DemoStateChange(float(n), "knob", "late", "lost", f"no beat for {n} s, " + "x" * 90) for n in range(events)
+    ]
     target = io.StringIO()
     console = Console(file=target, width=width, height=height)
     console.print(live_view(snapshot(sample), happened, [LINK], width, height))
@@ -97,12 +99,12 @@ def test_a_narrow_terminal_cuts_neither_the_bus_nor_a_reason(width: int) -> None
 
 
 def test_a_reason_has_the_lines_that_there_are() -> None:
-    event = DemoEvent(9.731, "fan", "late", "lost", "no beat for 4.9 s: life status 0")
+    event = DemoStateChange(9.731, "fan", "late", "lost", "no beat for 4.9 s: life status 0")
     assert event_lines(event, 80, None) == ["  9.731 s  fan       late -> lost: no beat for 4.9 s: life status 0"]
     assert event_lines(event, 30, None) == ["9.7 s fan lost: no beat for", "  4.9 s: life status 0"]
     assert event_lines(event, 30, 1) == ["9.7 s fan lost: no beat for…"]
     for before in ("", "refused"):
-        words = event_lines(DemoEvent(9.731, "fan", before, "refused", "it is unknown"), 80, None)
+        words = event_lines(DemoStateChange(9.731, "fan", before, "refused", "it is unknown"), 80, None)
         assert words == ["  9.731 s  fan       refused: it is unknown"]
 
 

@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 from msbot.cli.database_commands import folded, why_command
 from msbot.config import load_blueprint, load_library, write_sample
-from msbot.part.join import pnp_messages
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.part_keys import prove
 from msbot.pnp import Claim, Inventory, Refusal
-from msbot.pnp import thesis_programs as compat
 from msbot.pnp.key_proof import UNANSWERED_S, Keys
 from msbot.pnp.requests import RequestHandler
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
@@ -168,7 +167,7 @@ def never_proves(counter: Counter) -> None:
 
 def programs_without_keys(counter: Counter) -> None:
     counter.inventory.client_joined(77, "peer 77", counter.now)
-    counter.requests.compat(compat.encode_request("EFGH", "DD"), 77, counter.now)
+    counter.requests.compat(thesis_messages.encode_request("EFGH", "DD"), 77, counter.now)
 
 
 REASONS: dict[Callable[[Counter], None], tuple[Refusal, str]] = {

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from msbot.cli import service as systemd
 from msbot.cli.service import RobotService, Systemd, command, quoted
 from msbot.config import write_sample
-from msbot.stop import socket_folders as stop_places
+from msbot.stop import socket_folders
 
 SHOWN = "LoadState=loaded\nActiveState=active\nSubState=running\nNRestarts=2\nMainPID=77\nActiveEnterTimestamp=today\n"
 
@@ -175,7 +175,7 @@ def test_a_service_of_the_computer_has_a_user_of_its_own_and_no_more_than_it_nee
     assert "ReadWritePaths" not in done.output
     # Its /tmp is hidden from root's `msbot stop`, which looks into these folders of /run.
     folders = re.findall(r"^RuntimeDirectory=(.*)$", done.output, re.MULTILINE)
-    assert [one.split()[1] for one in folders] == [f"{stop_places.PREFIX}msbot-msbot_master"] * 2
+    assert [one.split()[1] for one in folders] == [f"{socket_folders.PREFIX}msbot-msbot_master"] * 2
     assert done.output.count("RuntimeDirectoryMode=0700\n") == 2, "else it does not count"
     elsewhere = ask("install", "--system", "--print", "--db", "data/robot.db").output
     assert elsewhere.count(f"ReadWritePaths={folder}/data\n") == 2

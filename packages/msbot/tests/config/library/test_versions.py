@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot.config import Library, PartType
-from msbot.config.library.versions import ANY_VERSION, Versions, parse_version, parse_versions, split_number
+from msbot.config.library.versions import ANY_VERSION, VersionRange, parse_version, parse_versions, split_number
 from msbot_xrce.errors import ConfigError
 
 IN_RANGE = [
@@ -38,7 +38,7 @@ def test_what_is_no_range(text: str) -> None:
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([">=", "<=", "==", "!=", "<", ">"]), st.tuples(st.integers(0, 999999)))))
 def test_a_range_reads_back_as_it_is_written(rules: list[tuple[str, tuple[int, ...]]]) -> None:
-    versions = Versions(tuple(rules))
+    versions = VersionRange(tuple(rules))
     assert parse_versions(str(versions)) == versions
 
 
@@ -47,14 +47,14 @@ def test_numbers_and_versions_are_told_apart() -> None:
     assert split_number("SG90") == ("SG90", "")
     assert parse_version("1.20.3") == (1, 20, 3)
     assert parse_version("1.") is None
-    assert 5 not in Versions(((">=", (1,)),))
+    assert 5 not in VersionRange(((">=", (1,)),))
 
 
 def test_the_library_finds_the_entry_for_a_version() -> None:
     library = Library(
         [
             PartType("A", "any", versions=ANY_VERSION),
-            PartType("B", "new ones", versions=Versions(((">=", (2,)),))),
+            PartType("B", "new ones", versions=VersionRange(((">=", (2,)),))),
             PartType("B@9", "exactly this one"),
         ]
     )

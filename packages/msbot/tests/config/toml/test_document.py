@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from msbot_agent.toml.document import MOST_BYTES, Document, parse_document, read_document
-from msbot_agent.toml.problems import Problems, TextLocation
+from msbot_agent.toml.problems import FileLocation, Problems
 
 
 def _read(path: Path) -> str:
@@ -28,7 +28,7 @@ def test_a_good_file_becomes_values_and_lines(tmp_path: Path) -> None:
     document = read_document(path, Problems())
     assert document == Document(str(path), {"robot": {"name": "Ä"}}, "[robot]\nname = 'Ä'\n")
     assert document.lines == {("robot",): 1, ("robot", "name"): 2}
-    assert document.place(("robot", "name")) == TextLocation(str(path), 2, ("robot", "name"))
+    assert document.place(("robot", "name")) == FileLocation(str(path), 2, ("robot", "name"))
 
 
 def test_a_missing_key_is_placed_at_its_table() -> None:

@@ -2,13 +2,13 @@
 
 import pytest
 
-from msbot_agent.toml.problems import Problems, TextLocation, nearest, path_words, suggestion
+from msbot_agent.toml.problems import FileLocation, Problems, nearest, path_words, suggestion
 from msbot_xrce.errors import ConfigError
 
 
 def test_a_place_names_file_line_and_path() -> None:
-    assert str(TextLocation("robot.toml", 12, ("slot", 1, "part"))) == "robot.toml, line 12, slot[1].part"
-    assert str(TextLocation("robot.toml")) == "robot.toml"
+    assert str(FileLocation("robot.toml", 12, ("slot", 1, "part"))) == "robot.toml, line 12, slot[1].part"
+    assert str(FileLocation("robot.toml")) == "robot.toml"
 
 
 def test_a_path_reads_like_python() -> None:
@@ -21,7 +21,7 @@ def test_nothing_found_raises_nothing() -> None:
 
 def test_one_problem_is_one_sentence() -> None:
     problems = Problems()
-    problems.add(TextLocation("robot.toml", 3, ("robot",)), "is missing")
+    problems.add(FileLocation("robot.toml", 3, ("robot",)), "is missing")
     with pytest.raises(ConfigError) as caught:
         problems.raise_if_any()
     assert str(caught.value) == "robot.toml, line 3, robot: is missing"
@@ -29,9 +29,9 @@ def test_one_problem_is_one_sentence() -> None:
 
 def test_several_problems_are_told_in_the_order_of_the_lines() -> None:
     problems = Problems()
-    problems.add(TextLocation("robot.toml", 30), "second")
-    problems.add(TextLocation("robot.toml", 4), "first")
-    problems.add(TextLocation("lib.toml", 40), "of another file")
+    problems.add(FileLocation("robot.toml", 30), "second")
+    problems.add(FileLocation("robot.toml", 4), "first")
+    problems.add(FileLocation("lib.toml", 40), "of another file")
     with pytest.raises(ConfigError) as caught:
         problems.raise_if_any()
     assert str(caught.value).splitlines() == [

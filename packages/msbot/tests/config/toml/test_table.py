@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from msbot_agent.toml.document import parse_document
-from msbot_agent.toml.problems import Problems, kind_words
+from msbot_agent.toml.problems import Problems, toml_value_in_words
 from msbot_agent.toml.table import Table
 
 
@@ -173,5 +173,5 @@ def test_a_table_knows_whether_it_is_there() -> None:
 
 
 def test_kinds_in_words() -> None:
-    assert kind_words({}) == "a table"
-    assert kind_words("x" * 99) == f'the text "{"x" * 40}"'
+    assert toml_value_in_words({}) == "a table"
+    assert toml_value_in_words("x" * 99) == f'the text "{"x" * 40}"'

@@ -22,13 +22,13 @@ from msbot.part.join.pnp_messages import (
     PortBinding,
     ProfileMessage,
     Proof,
-    Refusal,
     Setting,
     VerdictMessage,
     decode_reply,
     decode_request,
     safe_setting,
 )
+from msbot.part.join.refusal import Refusal
 from msbot.part.messages.message import Message
 from msbot.part.messages.wire_types import uint32
 from msbot_xrce.errors import LocalProtocolError, RemoteProtocolError

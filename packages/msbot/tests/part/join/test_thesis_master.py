@@ -8,11 +8,10 @@ from functools import partial
 import pytest
 
 from msbot.part.client.client import Client
-from msbot.part.join import pnp_messages
-from msbot.part.join import refusal as thesis_master
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.joining import UNANSWERED_S, AskThesisMaster, Changed, ExpectedRobot, Joining, JoinState, SendClaim
 from msbot.part.join.membership import THESIS_INVENTORY, Membership
-from msbot.pnp import thesis_programs
+from msbot.pnp.thesis_claims import decode_thesis_claim
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.agent import Agent
 from msbot_agent.link.in_process import inproc_pair
@@ -40,12 +39,12 @@ def test_nobody_is_asked_before_claims_have_gone_unanswered_for_a_while_and_then
 
 
 def test_an_inventory_of_msbot_knows_the_question_from_a_claim() -> None:
-    question = thesis_master.probe_request("EFGH", "EFGH-local")
+    question = thesis_messages.probe_request("EFGH", "EFGH-local")
     assert question is not None
-    assert thesis_programs.decode_request(question).part_number == "EFGH", "a request of the thesis"
-    assert thesis_master.is_probe_request(question)
-    assert not thesis_master.is_probe_request(thesis_programs.encode_request("EFGH", "EFGH-local"))
-    assert thesis_master.probe_request("x" * 60, "y" * 40) is None, "it does not fit: nothing is asked"
+    assert decode_thesis_claim(question).part_number == "EFGH", "a request of the thesis"
+    assert thesis_messages.is_probe_request(question)
+    assert not thesis_messages.is_probe_request(thesis_messages.encode_request("EFGH", "EFGH-local"))
+    assert thesis_messages.probe_request("x" * 60, "y" * 40) is None, "it does not fit: nothing is asked"
 
 
 @pytest.mark.promise("A part says what it has found, whoever's master it is")
@@ -76,8 +75,8 @@ def test_a_part_at_the_thesis_own_master_says_that_it_does_not_join() -> None:
 
         def answer(_object_id: int, _request_id: int, identity: bytes, payload: bytes) -> None:
             requests.append(payload)
-            number, _ = thesis_master.read_string(payload, 0)
-            master.reply(inventory, identity, thesis_master.encode_reply(number))  # whoever it is
+            number, _ = thesis_messages.read_string(payload, 0)
+            master.reply(inventory, identity, thesis_messages.encode_reply(number))  # whoever it is
 
         master.on_request = answer
         master.read(inventory)
@@ -87,10 +86,10 @@ def test_a_part_at_the_thesis_own_master_says_that_it_does_not_join() -> None:
             await asyncio.sleep(5)
             master.write(profile, PROFILE.encode())
         last = changes[-1]
-        assert (last.after, last.reason) == (JoinState.CLAIMING, thesis_master.DOES_NOT_JOIN)
+        assert (last.after, last.reason) == (JoinState.CLAIMING, thesis_messages.DOES_NOT_JOIN)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
     run_virtual(main())
-    assert [thesis_master.is_probe_request(one) for one in requests] == [True], "once, and no claim"
+    assert [thesis_messages.is_probe_request(one) for one in requests] == [True], "once, and no claim"

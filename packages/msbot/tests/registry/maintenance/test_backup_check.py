@@ -10,8 +10,7 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import open_registry
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance import waiting_restore as held
+from msbot.registry.maintenance import upkeep, waiting_restore
 from msbot.registry.maintenance.upkeep import fault_of
 from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
@@ -73,9 +72,9 @@ def test_what_is_wrong_with_it_is_said(backup: Path, change: Callable[[Path], ob
 
 
 def test_a_good_one_is_taken_by_another_process_and_is_the_owners_only(backup: Path, path: Path) -> None:
-    place = held.hold(str(path), backup)
+    place = waiting_restore.hold(str(path), backup)
     assert place.read_bytes() == backup.read_bytes()
-    assert held.bring_back_held(str(path)) is not None
+    assert waiting_restore.bring_back_held(str(path)) is not None
     kept = [file for file in path.parent.iterdir() if file.name.startswith(("robot.db", "backup.db"))]
     assert {file.name: file.stat().st_mode & 0o077 for file in kept} == dict.fromkeys((file.name for file in kept), 0)
 
@@ -83,7 +82,7 @@ def test_a_good_one_is_taken_by_another_process_and_is_the_owners_only(backup: P
 def test_one_that_is_not_taken_leaves_nothing_behind(backup: Path, path: Path) -> None:
     _script(ENDLESS)(backup)
     with pytest.raises(RegistryError, match="this backup is not used: it has a view 'users'"):
-        held.hold(str(path), backup)
+        waiting_restore.hold(str(path), backup)
     assert not path.with_name("robot.db.restore").exists()
     with pytest.raises(RegistryError, match="this backup is not used: it has a view 'users'"):
         upkeep.restore(backup, str(path))

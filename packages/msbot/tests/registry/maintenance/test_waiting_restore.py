@@ -9,9 +9,8 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import Registry, open_registry
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import upkeep, waiting_restore
 from msbot.registry.maintenance import upkeep as backup_check
-from msbot.registry.maintenance import waiting_restore as held
 from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
 
@@ -37,18 +36,18 @@ def test_what_is_handed_in_last_holds_from_the_next_start_on(
     backup: Path, registry: Registry, path: Path, tmp_path: Path
 ) -> None:
     upkeep.back_up(str(path), tmp_path / "newer.db")
-    held.hold(str(path), tmp_path / "newer.db")
-    assert held.hold(str(path), backup) == path.with_name("robot.db.restore")
+    waiting_restore.hold(str(path), tmp_path / "newer.db")
+    assert waiting_restore.hold(str(path), backup) == path.with_name("robot.db.restore")
     assert registry.users.find("bob") is None
     registry.close()
-    kept = held.bring_back_held(str(path))
+    kept = waiting_restore.bring_back_held(str(path))
     assert kept is not None
     assert kept.exists()
     with open_registry(path) as again:
         assert again.users.find("bob") is not None
     with open_registry(kept) as before:
         assert before.users.find("bob") is None
-    assert held.bring_back_held(str(path)) is None
+    assert waiting_restore.bring_back_held(str(path)) is None
 
 
 @pytest.mark.parametrize("content", [b"", b"no database", b"SQLite format 3\x00" + bytes(100)])
@@ -57,9 +56,9 @@ def test_what_is_no_backup_is_refused_and_nothing_waits(
 ) -> None:
     (tmp_path / "handed.in").write_bytes(content)
     with pytest.raises(RegistryError, match="this backup is not used: ") as caught:
-        held.hold(str(path), tmp_path / "handed.in")
+        waiting_restore.hold(str(path), tmp_path / "handed.in")
     assert "/" not in str(caught.value)  # the person has handed in a file, and knows nothing of where it was put
-    assert held.bring_back_held(str(path)) is None
+    assert waiting_restore.bring_back_held(str(path)) is None
     assert registry.robots.all() == []
 
 
@@ -67,7 +66,7 @@ def test_a_torn_backup_is_refused(backup: Path, path: Path) -> None:
     content = backup.read_bytes()
     backup.write_bytes(content[: len(content) // 2])
     with pytest.raises(RegistryError):
-        held.hold(str(path), backup)
+        waiting_restore.hold(str(path), backup)
     assert not path.with_name("robot.db.restore").exists()
 
 
@@ -75,7 +74,7 @@ def test_what_cannot_be_written_whole_leaves_what_waited_before(
     backup: Path, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     upkeep.back_up(str(path), tmp_path / "newer.db")
-    waiting = held.hold(str(path), backup)
+    waiting = waiting_restore.hold(str(path), backup)
     before, copyfile = waiting.read_bytes(), shutil.copyfile
 
     def full(source: Path, target: Path) -> None:
@@ -86,7 +85,7 @@ def test_what_cannot_be_written_whole_leaves_what_waited_before(
 
     monkeypatch.setattr(shutil, "copyfile", full)
     with pytest.raises(RegistryError, match="No space left"):
-        held.hold(str(path), tmp_path / "newer.db")
+        waiting_restore.hold(str(path), tmp_path / "newer.db")
     assert waiting.read_bytes() == before
     assert [one.name for one in path.parent.glob("robot.db.restore*")] == [waiting.name]
 
@@ -100,25 +99,25 @@ def test_a_master_that_ends_meanwhile_leaves_no_half_backup(
         check(copy, needs_administrator=needs_administrator)
         backup.unlink()  # as the folder of what was handed in, when its request is cancelled
 
-    monkeypatch.setattr(held, "check_backup", check_and_end)
-    assert held.hold(str(path), backup).read_bytes() == content
+    monkeypatch.setattr(waiting_restore, "check_backup", check_and_end)
+    assert waiting_restore.hold(str(path), backup).read_bytes() == content
 
 
 def test_a_waiting_file_that_is_no_backup_is_named_with_the_way_out(path: Path, registry: Registry) -> None:
     waiting = path.with_name("robot.db.restore")
     waiting.write_bytes(b"")
     with pytest.raises(RegistryError, match=r"robot\.db\.restore waits .* not a database; move it away to start"):
-        held.bring_back_held(str(path))
+        waiting_restore.bring_back_held(str(path))
     assert waiting.exists()
 
 
 def test_a_folder_that_cannot_be_written_is_told(backup: Path, path: Path) -> None:
     path.with_name("robot.db.restore").mkdir()
     with pytest.raises(RegistryError, match=r"cannot keep the backup at .*robot\.db\.restore"):
-        held.hold(str(path), backup)
+        waiting_restore.hold(str(path), backup)
 
 
 def test_a_database_on_a_server_takes_no_backup_while_a_master_runs() -> None:
     with pytest.raises(RegistryError, match="only while no master runs: `msbot db restore"):
-        held.hold("postgresql://somewhere/robots", Path("copy.db"))
-    assert held.bring_back_held("postgresql://somewhere/robots") is None
+        waiting_restore.hold("postgresql://somewhere/robots", Path("copy.db"))
+    assert waiting_restore.bring_back_held("postgresql://somewhere/robots") is None

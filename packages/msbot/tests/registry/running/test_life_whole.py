@@ -24,8 +24,7 @@ from msbot.registry.database.engine import make_engine, parse_address
 from msbot.registry.read_only_database import NO_MASTER, ReadOnlyDatabase
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
 from msbot.registry.robots import look_at_class
-from msbot.registry.running import robot_memory as stop_record
-from msbot.registry.running import robot_store
+from msbot.registry.running import robot_memory, robot_store
 from msbot.registry.running.robot_memory import read_memory
 from msbot.registry.running.robot_store import RobotStore, StoredNodeIds
 from tests.effort import tries
@@ -337,7 +336,7 @@ class Lives:
         kept = sorted(((one, uid.hex(), at) for one, (uid, at) in plain.nodes.items()), key=lambda row: row[2])
         assert statements.read_node_ids(self.connection, robot.id, "can:0") == kept
         assert list(self.nodes[index].oldest_first()) == [row[0] for row in kept]
-        assert stop_record.read(self.connection, robot.id) == plain.stop
+        assert robot_memory.read(self.connection, robot.id) == plain.stop
 
     def compare_class(self) -> None:
         look = look_at_class(self.connection)

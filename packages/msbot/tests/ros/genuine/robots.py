@@ -10,7 +10,7 @@ from random import Random
 
 from msbot.config import load_library, parse_blueprint
 from msbot.master import Master, robot_space
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.recording.recorder.recorder import Recorder
 from msbot.registry import open_registry
 from msbot.ros.robot_in_ros import RobotInRos
@@ -73,7 +73,7 @@ async def robot(
         used: Space = shared if recorder is None else recorder.space(shared)
         number = registry.robots.apply_blueprint(blueprint, LIBRARY)
         master = Master(blueprint, registry.runs.begin(number), space=used)
-        operations = RunningOperations(master, registry, number, library=LIBRARY)
+        operations = InProcessOperations(master, registry, number, library=LIBRARY)
         if recorder is not None:
             recorder.watch(master, operations)
         hub = InprocHub()

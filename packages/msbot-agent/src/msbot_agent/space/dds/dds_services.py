@@ -164,7 +164,7 @@ class RequestsOut(ServiceEnd):
         super().close()
 
 
-class SamplesIn(ServiceEnd):
+class ServiceSampleReader(ServiceEnd):
     """Takes requests or replies of other programs."""
 
     def __init__(
@@ -185,7 +185,7 @@ class SamplesIn(ServiceEnd):
         raise NotImplementedError
 
 
-class RepliesIn(SamplesIn):
+class ReplyReader(ServiceSampleReader):
     """Takes the replies to requests of ours."""
 
     def _took(self, writer: Guid, data: RtpsData, body: bytes) -> bool:
@@ -203,7 +203,7 @@ class RepliesIn(SamplesIn):
         return True
 
 
-class RequestsIn(SamplesIn):
+class RequestReader(ServiceSampleReader):
     """Takes the requests of other programs."""
 
     def _took(self, writer: Guid, data: RtpsData, body: bytes) -> bool:
@@ -326,7 +326,7 @@ class ServiceReader:
     def __init__(
         self,
         memory: MemoryReader,
-        ends: tuple[RequestsIn | RepliesIn, ...],
+        ends: tuple[RequestReader | ReplyReader, ...],
         close: Callable[[tuple[ServiceEnd, ...]], None],
     ) -> None:
         self.topic: Topic = memory.topic

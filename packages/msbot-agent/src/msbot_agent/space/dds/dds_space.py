@@ -21,9 +21,7 @@ from typing import Any, Self
 
 from msbot_agent.space import service_names
 from msbot_agent.space.contract import THIS_PROGRAM, Deliver, Guid, OwnEndpoint, Owner, Qos, Reader, Topic, Writer
-from msbot_agent.space.dds import dds_network as network_room
-from msbot_agent.space.dds import dds_services
-from msbot_agent.space.dds import libddsc as library_room
+from msbot_agent.space.dds import dds_network, dds_services, libddsc
 from msbot_agent.space.dds.dds_domain import Domain
 from msbot_agent.space.dds.dds_reader import REQUESTED_STATUSES, DdsReader, LibraryReader
 from msbot_agent.space.dds.dds_writer import OFFERED_STATUSES, DdsWriter, LibraryWriter
@@ -76,8 +74,8 @@ class DdsSpace:
         self._partitions = (partition,) if partition else ()
         self._dds_topics_of = dds_topics_of
         self._memory = MemorySpace(clock=clock)
-        self._library = library_room.load()
-        self._network = network_room.choose(interface)
+        self._library = libddsc.load()
+        self._network = dds_network.choose(interface)
         in_partition = f", partition {partition}" if partition else ""
         self.words: str | None = f"DDS domain {domain}{in_partition} ({self._network.words})"
         self._loop = asyncio.get_running_loop()
@@ -303,7 +301,7 @@ class DdsSpace:
     def _service_reader(self, topic: Topic, qos: Qos, memory: MemoryReader, owner: Owner) -> Reader:
         if not service_names.crosses(topic.name):
             return memory
-        make = dds_services.RequestsIn if service_names.is_request(topic.name) else dds_services.RepliesIn
+        make = dds_services.RequestReader if service_names.is_request(topic.name) else dds_services.ReplyReader
         ends = [
             make(*self._service_in(topic.domain, owner), reader=memory, **self._told_of_service(dds_topic, qos))
             for dds_topic in self._dds_topics_of(topic)

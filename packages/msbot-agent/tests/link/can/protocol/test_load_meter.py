@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msbot_agent.link.can.protocol.cost import LoadMeter
+from msbot_agent.link.can.protocol.load_meter import LoadMeter
 
 
 def test_load_is_that_of_the_last_second() -> None:

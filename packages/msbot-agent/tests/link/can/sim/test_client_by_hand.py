@@ -32,7 +32,7 @@ from msbot_agent.link.can.sim.sim_bus_client import (
     LOST_WORDS,
     LocalBusChannel,
     SimAdapter,
-    SimBusClient,
+    SimBusChannel,
     SimBusRequest,
     WhenAbsent,
 )
@@ -78,7 +78,7 @@ class Client:
 
     def __init__(self, hello: Hello = HELLO, *, welcome: bool = True) -> None:
         self.owner = Owner()
-        self.channel = SimBusClient(self.owner, hello, "classroom")
+        self.channel = SimBusChannel(self.owner, hello, "classroom")
         self.wire = Wire()
         self.channel.connection_made(self.wire)
         assert self.wire.said() == [hello]
@@ -287,7 +287,7 @@ async def test_a_part_looks_for_its_bus_four_times_a_second(
 ) -> None:
     script = Script(monkeypatch, None, None, None, None, encode(WELCOME))
     channel = await adapter_of(WhenAbsent.WAIT).open(Owner())
-    assert isinstance(channel, SimBusClient)
+    assert isinstance(channel, SimBusChannel)
     assert script.looks == [0.0, 0.0, 0.25, 0.5, 0.75]
     assert script.wires[0].said() == [Hello(HELLO.key, "N", listen_only=True)]
     assert [one.message for one in caplog.records] == [
@@ -305,7 +305,7 @@ async def test_a_server_that_says_nothing_has_2_s(
     words = "cannot join the simulated bus 'classroom' of process 99: it does not answer"
     if absent is WhenAbsent.WAIT:
         channel = await adapter_of(absent).open(Owner())
-        assert isinstance(channel, SimBusClient)
+        assert isinstance(channel, SimBusChannel)
         assert script.looks == [0.0, 0.0, 2.0, 4.0], "again at once: so long it has waited already"
         assert [wire.ended for wire in script.wires] == ["closed", "closed", ""]
         assert [one.message for one in caplog.records] == [f"{words}; trying again"]
@@ -324,7 +324,7 @@ async def test_a_server_that_ends_before_it_accepts_is_waited_for_by_parts(
     script = Script(monkeypatch, None, ConnectionResetError(), ConnectionResetError(), encode(WELCOME))
     if absent is WhenAbsent.WAIT:
         channel = await adapter_of(absent).open(Owner())
-        assert isinstance(channel, SimBusClient)
+        assert isinstance(channel, SimBusChannel)
         assert script.looks == [0.0, 0.0, 0.25, 0.5]
         assert [one.message for one in caplog.records] == ["the simulated bus 'classroom' has ended; trying again"]
         channel.leave()
@@ -341,7 +341,7 @@ async def test_who_refuses_connections_has_gone_and_its_file_with_it(
     with caplog.at_level(logging.WARNING):
         channel = await adapter_of(WhenAbsent.WAIT).open(Owner())
     assert (script.withdrawn, script.looks, caplog.records) == ([BUS], [0.0, 0.0, 0.25], [])
-    assert isinstance(channel, SimBusClient)
+    assert isinstance(channel, SimBusChannel)
     channel.leave()
 
 

@@ -23,7 +23,7 @@ from msbot.cli.run.master_services import RobotRecording, log_event, metrics_bes
 from msbot.cli.run.world_options import WorldOptions, world_options
 from msbot.config import SAMPLES, Blueprint, Library, open_blueprint
 from msbot.master import StopSocket, robot_space
-from msbot.operations.dispatch import RunningOperations, perform
+from msbot.operations.dispatch import InProcessOperations, perform
 from msbot.recording.recorder.batch import RecordingRequest
 from msbot.registry import Registry, RobotRecord, RobotStore, StoredNodeIds, open_registry
 from msbot_agent.agent import MASTER, StatusServer
@@ -297,7 +297,7 @@ async def _main(
         _check_script(options.script, robot)
         if options.before is not None and options.before.stopped:
             robot.master.say_stop(options.before.stop_by, options.before.stop_reason)
-        operations = RunningOperations(robot.master, registry, store.robot, library=library)
+        operations = InProcessOperations(robot.master, registry, store.robot, library=library)
 
         async def undo() -> str:
             return (await operations.do("undo", who="the script")).words
@@ -377,14 +377,14 @@ def _spares(blueprint: Blueprint) -> dict[str, str]:
 
 
 def _details(
-    robot: DemoRobot, operations: RunningOperations, db: str, page: str, trouble: str | None = None
+    robot: DemoRobot, operations: InProcessOperations, db: str, page: str, trouble: str | None = None
 ) -> dict[str, str]:
     return master_details(robot.master, db, mark=operations.blueprint_mark, page=page, trouble=trouble)
 
 
 def _answering(
     robot: DemoRobot,
-    operations: RunningOperations,
+    operations: InProcessOperations,
     address: str,
     page: Callable[[], str],
     trouble: Callable[[], str | None],
@@ -402,7 +402,7 @@ def _answering(
 
 def _make_page(
     robot: DemoRobot,
-    operations: RunningOperations,
+    operations: InProcessOperations,
     library: Library,
     database: tuple[Registry, RobotRecord, str],
     options: _Options,
@@ -412,8 +412,8 @@ def _make_page(
     change: Callable[[ChangeWish], None],
 ) -> RobotPages:
     from msbot_web.assembly import Database, RobotPages
-    from msbot_web.demo_controls import seen_of
     from msbot_web.gallery import RunningDemo
+    from msbot_web.simulated.demo_controls import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
     pages = RobotPages(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from msbot.cli.run.world_options import OTHER, WorldOptions, address, remote_world
 from msbot.config import write_sample
-from msbot.operations.dispatch import RunningOperations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import PartState
 from msbot_school.demo import DemoRobot
 from msbot_school.lessons.catalog import LessonCatalog
@@ -62,7 +62,7 @@ class DemoWorld:
             at = address(wishes.share, "--share-world 7600")
             self._server = ArenaServer(self.living, *at, password=password, say=say)
 
-    def beside(self, operations: RunningOperations) -> list[Coroutine[object, object, None]]:
+    def beside(self, operations: InProcessOperations) -> list[Coroutine[object, object, None]]:
         """What must run beside the robot, whose operations get to know the world."""
         if self.living is not None:
             operations.worlds.use(self.living)
@@ -96,7 +96,7 @@ def chosen_lesson(name: str | None, folders: Sequence[Path]) -> Lesson | None:
 
 
 def make_lesson_controller(
-    operations: RunningOperations, folders: Sequence[Path], robot: DemoRobot, world: str
+    operations: InProcessOperations, folders: Sequence[Path], robot: DemoRobot, world: str
 ) -> LessonController:
     """The lesson desk of a demo in a world, or in none."""
     return LessonController(operations, LessonCatalog(folders), parts=robot, bus=robot.bus_driver, world=world)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable
 
-from msbot_school.demo import DemoEvent, DemoRobot, DemoSnapshot
+from msbot_school.demo import DemoRobot, DemoSnapshot, DemoStateChange
 
 # The JSON object of `msbot demo --json`; its keys are described in docs/tutorial/demo.md.
 
@@ -106,13 +106,13 @@ _GIVEN_UP = ("mean", "frames", "rate")
 _BETWEEN_LINES = "   "
 
 
-def event_words(event: DemoEvent) -> str:
+def event_words(event: DemoStateChange) -> str:
     """One event in one line."""
     before = "" if event.from_state in ("", event.to_state) else f"{event.from_state} -> "
     return f"{event.at_s:7.3f} s  {event.part:<9} {before}{event.to_state}: {event.reason}"
 
 
-def event_lines(event: DemoEvent, width: int, most: int | None) -> list[str]:
+def event_lines(event: DemoStateChange, width: int, most: int | None) -> list[str]:
     """One event in at most so many lines, or in all; where one is not enough: when, who, what it is now, and why."""
     words = event_words(event)
     if len(words) <= width:

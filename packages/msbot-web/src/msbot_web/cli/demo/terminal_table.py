@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from msbot_school.demo import DemoEvent, DemoSnapshot, PartSnapshot
+from msbot_school.demo import DemoSnapshot, DemoStateChange, PartSnapshot
 from msbot_web.cli.demo.output import event_lines, wire_words
 
 STATE_STYLES = {
@@ -36,7 +36,7 @@ _BETWEEN = 3
 
 
 def live_view(
-    snapshot: DemoSnapshot, events: list[DemoEvent], notes: list[str], width: int, height: int
+    snapshot: DemoSnapshot, events: list[DemoStateChange], notes: list[str], width: int, height: int
 ) -> RenderableType:
     """The whole screen, the page's link first: parts, wire, keys, and as many of the latest events as fit.
 

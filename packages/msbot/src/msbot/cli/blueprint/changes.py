@@ -14,12 +14,12 @@ from msbot.cli.blueprint.differences_view import empty_like, plan_lines
 from msbot.cli.change.robot_access import say
 from msbot.cli.robot_options import (
     DEFAULT_BLUEPRINT,
-    answer_options,
     database_beside,
     db_option,
     existing_database,
     is_there,
     library_option,
+    robot_and_json_options,
     user_name,
 )
 from msbot.config import Blueprint, Difference, Library, Slot, differences, open_blueprint, parse_blueprint, slot_toml
@@ -228,7 +228,7 @@ def add(
 
 @slot_command.command("remove")
 @click.argument("slot")
-@answer_options
+@robot_and_json_options
 def remove(slot: str, db: str | None, robot: str | None) -> None:
     """Remove SLOT and its wires from a running robot; its part is delisted.
 

@@ -16,7 +16,7 @@ import click
 
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.change.stop_commands import ChosenRobots, say_go
-from msbot.cli.robot_options import answer_options, robot_options, stop_group_option, wants_json
+from msbot.cli.robot_options import robot_and_json_options, robot_options, stop_group_option, wants_json
 from msbot.config import scalar_text
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
@@ -32,7 +32,7 @@ def verb(name: str) -> click.Command:
         say(db, robot, name, _arguments(operation, given))
 
     run.__doc__ = f"{operation.summary}\n\n{operation.help}"
-    decorated: Callable[..., object] = answer_options(run)
+    decorated: Callable[..., object] = robot_and_json_options(run)
     for argument in reversed(operation.arguments):
         decorated = _decorate(argument)(decorated)
     # Several values may be negative numbers, which look like options.
@@ -93,7 +93,7 @@ WINDOW_S = 60.0
     metavar="SECONDS",
     help="For so long, parts can be let in that the library does not know or that do not fit.",
 )
-@answer_options
+@robot_and_json_options
 def adopt_command(part: str | None, slot: str | None, window: float | None, db: str | None, robot: str | None) -> None:
     """Put PART, which stands by or is not let in, into a slot.
 
@@ -148,7 +148,7 @@ def go_command(db: str | None, robot: str | None, *, number: int | None, as_json
 @click.argument("name", required=False)
 @click.argument("value", required=False)
 @click.option("--reset", is_flag=True, help="Take back what was set by hand: blueprint or library hold again.")
-@answer_options
+@robot_and_json_options
 def set_command(
     slot: str, name: str | None, value: str | None, db: str | None, robot: str | None, *, reset: bool
 ) -> None:
@@ -192,7 +192,7 @@ def _show(db: str | None, robot: str | None, slot: str, name: str | None) -> Non
 @click.argument("number", type=WholeRange(1, 2**53), required=False)
 @click.option("--list", "show", is_flag=True, help="Show what was changed lately, the newest last, and change nothing.")
 @click.option("--last", type=WholeRange(1, 10_000), default=20, show_default=True, help="How many --list shows.")
-@answer_options
+@robot_and_json_options
 def undo_command(number: int | None, last: int, db: str | None, robot: str | None, *, show: bool) -> None:
     """Undo change NUMBER, or the newest one; a spare's takeover is a change, too."""
     if not show:

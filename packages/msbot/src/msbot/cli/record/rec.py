@@ -15,7 +15,7 @@ import click
 from msbot.cli.change.robot_access import perform, running_master
 from msbot.cli.record.log import recording_name
 from msbot.cli.robot_options import database_here, is_there, no_database, robot_options
-from msbot.cli.run.ring_folders import rings_left
+from msbot.cli.run.ring_folders import find_ring_folders
 from msbot.registry.records import database_identity
 from msbot_agent.cli.options import FiniteRange, json_option
 from msbot_agent.text.sentence import printable
@@ -208,7 +208,7 @@ def _ring_left(db: str | None, robot: str | None) -> str:
 def _left(db: str | None, robot: str | None) -> list[Path]:
     path = db or database_here()
     is_named = db is not None or is_there(path)
-    return rings_left(robot, database_identity(path) if is_named else None)
+    return find_ring_folders(robot, database_identity(path) if is_named else None)
 
 
 def _status(db: str | None, robot: str | None) -> dict[str, object]:

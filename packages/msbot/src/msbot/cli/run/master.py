@@ -42,12 +42,12 @@ from msbot.master import (
     robot_space,
     stop_file,
 )
-from msbot.operations.dispatch import RunningOperations, perform
+from msbot.operations.dispatch import InProcessOperations, perform
 from msbot.part.join.part_keys import given_key
 from msbot.pnp import PartEvent
 from msbot.recording.recorder.batch import RecordingRequest
 from msbot.registry import LeaseLost, MasterLease, Registry, RobotStore, open_registry
-from msbot.registry.maintenance import waiting_restore as held
+from msbot.registry.maintenance import waiting_restore
 from msbot.registry.records import database_identity
 from msbot.ros.robot_in_ros import read_description
 from msbot.stop.socket_names import own_group
@@ -211,7 +211,7 @@ def _with_database(  # noqa: PLR0917 - what the command was given
     Returns True when another master may have taken over the robot in the meantime.
     """
     profile = profile_of(blueprint)
-    kept = held.bring_back_held(db)
+    kept = waiting_restore.bring_back_held(db)
     if kept is not None:
         click.echo(f"the backup that was handed in is in force; what the database had is kept in {kept}")
     with open_registry(db) as registry:
@@ -288,7 +288,7 @@ async def _main(  # noqa: PLR0917
             library=library,
             stop_group=wishes.stop_group,
         )
-        operations = RunningOperations(master, registry, robot, library=library)
+        operations = InProcessOperations(master, registry, robot, library=library)
         master.inventory.on_event(log_event if wishes.log.is_json else _say)
         for link in links:
             master.add_link(link)

@@ -30,7 +30,7 @@ from msbot_xrce.lazy import dataclass
 if TYPE_CHECKING:
     # `msbot agent --metrics` needs this file, and neither a database nor a recorder.
     from msbot.metrics import PageFigures
-    from msbot.operations.dispatch import RunningOperations
+    from msbot.operations.dispatch import InProcessOperations
     from msbot.registry import Registry, RobotRecord
 
 
@@ -43,7 +43,7 @@ class MasterContext:
     """The running robot."""
 
     master: Master
-    operations: RunningOperations
+    operations: InProcessOperations
     library: Library
     registry: Registry
     robot: RobotRecord
@@ -217,7 +217,7 @@ class RobotRecording:
         """The space for the robot."""
         return space if self._recorder is None else self._recorder.space(space)
 
-    def beside(self, master: Master, operations: RunningOperations) -> list[Coroutine[object, object, None]]:
+    def beside(self, master: Master, operations: InProcessOperations) -> list[Coroutine[object, object, None]]:
         """Begin to listen to the robot; what must run beside it."""
         if self._recorder is None:
             return []

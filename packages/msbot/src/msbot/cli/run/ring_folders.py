@@ -1,4 +1,4 @@
-"""Where recorders have their rings, and which of them are left of robots that do not run any more."""
+"""Where recorders keep their rings, and which ring folders there are, of running robots and of others."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def ring_folder(robot: str, database: str) -> Path:
     return _rings() / f"{_words(robot)}-{_mark(database)}"
 
 
-def rings_left(robot: str | None, database: str | None) -> list[Path]:
-    """The folders of rings that this user's recorders have written, by name.
+def find_ring_folders(robot: str | None, database: str | None) -> list[Path]:
+    """The ring folders that exist in this user's state folder, sorted by name; the robot may still run.
 
     Args:
         robot: only those of robots of this name; None: of any.

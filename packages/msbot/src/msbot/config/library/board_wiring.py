@@ -53,7 +53,7 @@ def wired_part(text: str, library: Library) -> WiredPart | None:
     if not text.strip():
         return None
     head, colon, wires = text.partition(":")
-    number, name = shown_by(head)
+    number, name = part_number_and_name(head)
     if not (colon and number and len(name) <= MOST_NAME):
         raise ConfigError(
             said(
@@ -70,7 +70,7 @@ def wired_part(text: str, library: Library) -> WiredPart | None:
     return WiredPart(part_type, number, name, _pins(number, spec, said_wires), address, _options(spec, options))
 
 
-def shown_by(text: str) -> tuple[str, str]:
+def part_number_and_name(text: str) -> tuple[str, str]:
     """Part number and name that the part of a text shows; the wires may be missing."""
     number, _, name = text.partition(":")[0].strip().partition(" ")
     return number, name.strip() or number

@@ -14,7 +14,7 @@ from functools import cache
 from importlib.resources import files
 
 from msbot_agent.toml.document import carried_document
-from msbot_agent.toml.problems import Problems, kind_words
+from msbot_agent.toml.problems import Problems, toml_value_in_words
 from msbot_agent.toml.table import Scalar, Table
 from msbot_xrce.lazy import dataclass
 
@@ -81,7 +81,7 @@ class FieldKind(Enum):
                 least, most = self.limits
                 right = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
                 words = f"a whole number from {least} to {most}"
-        return None if right else f"must be {words}; it is {kind_words(value)}"
+        return None if right else f"must be {words}; it is {toml_value_in_words(value)}"
 
 
 @dataclass(frozen=True, slots=True)

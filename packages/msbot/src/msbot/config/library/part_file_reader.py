@@ -24,10 +24,10 @@ from msbot.config.library.part_types import (
 )
 from msbot.config.library.picture import picture_fault
 from msbot.config.library.simulator_reader import SimulatorReader
-from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, Versions, parse_versions
+from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, VersionRange, parse_versions
 from msbot.service_types import ServiceType
 from msbot_agent.toml.document import Document
-from msbot_agent.toml.problems import Problems, kind_words, suggestion
+from msbot_agent.toml.problems import Problems, suggestion, toml_value_in_words
 from msbot_agent.toml.table import Table
 from msbot_xrce.lazy import dataclass
 
@@ -353,13 +353,17 @@ def _read_picture(table: Table) -> str:
     picture = table.scalar("picture")
     if picture is None:
         return ""
-    fault = picture_fault(picture) if isinstance(picture, str) else f"must be an SVG text; it is {kind_words(picture)}"
+    fault = (
+        picture_fault(picture)
+        if isinstance(picture, str)
+        else f"must be an SVG text; it is {toml_value_in_words(picture)}"
+    )
     if fault is not None:
         table.problem(fault, "picture")
     return str(picture)
 
 
-def _read_versions(table: Table) -> Versions:
+def _read_versions(table: Table) -> VersionRange:
     text = table.text("versions", ">=1.0, <2")
     versions = parse_versions(text)
     if versions is None:

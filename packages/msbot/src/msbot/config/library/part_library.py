@@ -34,7 +34,7 @@ from msbot.config.library.versions import split_number
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
 from msbot_agent.toml.document import Document, carried_document, read_document
-from msbot_agent.toml.problems import MOST_LISTED, Problems, TextLocation, did_you_mean, nearest, quoted
+from msbot_agent.toml.problems import MOST_LISTED, FileLocation, Problems, did_you_mean, nearest, quoted
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -231,12 +231,12 @@ def _add(read: _Read, documents: Iterable[Document], problems: Problems) -> None
 def _in(places: Iterable[Path], problems: Problems) -> Iterator[Document]:
     for place in {place.absolute(): place for place in places}.values():
         if not place.is_dir() and place.suffix != ".toml":
-            problems.add(TextLocation(str(place)), "there is no such library folder; create it or name another one")
+            problems.add(FileLocation(str(place)), "there is no such library folder; create it or name another one")
             continue
         found = sorted(place.glob("*.toml")) if place.is_dir() else [place]
         if len(found) > MOST_FILES:
             problems.add(
-                TextLocation(str(place)), f"has more than {MOST_FILES} TOML files; name the folder of the library"
+                FileLocation(str(place)), f"has more than {MOST_FILES} TOML files; name the folder of the library"
             )
             continue
         for path in found:

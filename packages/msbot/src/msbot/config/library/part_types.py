@@ -8,9 +8,9 @@ from enum import Enum
 
 from msbot.config.library.message_types import MessageType
 from msbot.config.library.simulator import Simulator
-from msbot.config.library.versions import ANY_VERSION, Versions
+from msbot.config.library.versions import ANY_VERSION, VersionRange
 from msbot_agent.text.sentence import Sentence, said
-from msbot_agent.toml.problems import kind_words
+from msbot_agent.toml.problems import toml_value_in_words
 from msbot_agent.toml.table import Scalar
 from msbot_xrce.lazy import dataclass
 
@@ -151,7 +151,7 @@ class Parameter:
                 "must be {wanted}, for example {example!r}; it is {kind}",
                 wanted=self.kind.words,
                 example=scalar_text(self.default),
-                kind=kind_words(value),
+                kind=toml_value_in_words(value),
             )
         if isinstance(value, bool | str):
             return None
@@ -280,7 +280,7 @@ class PartType:
     """How its ports meet hardware; without an entry point, it has a controller of its own."""
     picture: str = ""
     """An SVG text; "" = one is drawn from category and pins."""
-    versions: Versions = ANY_VERSION
+    versions: VersionRange = ANY_VERSION
     """Versions of the part (behind the @ of its number) that this entry describes."""
     simulator: Simulator | None = None
     """How the part behaves without hardware; None only for types that were not read from a library."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import Enum
 
-from msbot_agent.toml.problems import kind_words
+from msbot_agent.toml.problems import toml_value_in_words
 from msbot_agent.toml.table import Scalar
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -97,11 +97,11 @@ class Control:
         """Why the control cannot have this value, with what would be right; None when it can."""
         match self.kind:
             case ControlKind.BOOL if not isinstance(value, bool):
-                return f"must be true or false; it is {kind_words(value)}"
+                return f"must be true or false; it is {toml_value_in_words(value)}"
             case ControlKind.TEXT if not isinstance(value, str):
-                return f"must be text; it is {kind_words(value)}"
+                return f"must be text; it is {toml_value_in_words(value)}"
             case ControlKind.CHOICE if value not in self.choices:
-                return f"must be one of {', '.join(self.choices)}; it is {kind_words(value)}"
+                return f"must be one of {', '.join(self.choices)}; it is {toml_value_in_words(value)}"
             case ControlKind.NUMBER:
                 return self._fault_of_number(value)
         return None
@@ -126,7 +126,7 @@ class Control:
         high = "any" if self.most is None else f"{self.most:g}"
         unit = f" {self.unit}" if self.unit else ""
         if isinstance(value, bool | str):
-            return f"must be a number, {low} to {high}{unit}; it is {kind_words(value)}"
+            return f"must be a number, {low} to {high}{unit}; it is {toml_value_in_words(value)}"
         # Written so that a NaN is out of range too.
         if (self.least is not None and not value >= self.least) or (self.most is not None and not value <= self.most):
             return f"is {value:g}; it must be {low} to {high}{unit}"

@@ -22,7 +22,7 @@ from msbot.config.library.simulator import (
     Reading,
     Simulator,
 )
-from msbot_agent.toml.problems import kind_words, suggestion
+from msbot_agent.toml.problems import suggestion, toml_value_in_words
 from msbot_agent.toml.table import Scalar, Table
 
 # Texts with sources in braces: `turn-on {output:d}`; the form after a colon is that of Python's `format`.
@@ -265,7 +265,7 @@ class SimulatorReader:
             self._check_source(table, key, value)
             return value
         if isinstance(value, bool):
-            table.problem(f"must be a number or the name of a source; it is {kind_words(value)}", key)
+            table.problem(f"must be a number or the name of a source; it is {toml_value_in_words(value)}", key)
             return None
         return None if value is None else table.number(key, default=0.0, least=_LEAST, most=_MOST)
 
@@ -275,7 +275,9 @@ class SimulatorReader:
             self._check_source(table, key, found[1])
             value, form = self._sources.get(found[1]), found[2]
             if form and value is not None and not can_format(value, form):
-                table.problem(f'"{form}" is not a format for {kind_words(value)}; for example {{{found[1]}:.1f}}', key)
+                table.problem(
+                    f'"{form}" is not a format for {toml_value_in_words(value)}; for example {{{found[1]}:.1f}}', key
+                )
         return text
 
     def _pattern(self, table: Table) -> str:

@@ -22,7 +22,7 @@ _ORDERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Versions:
+class VersionRange:
     """A range of versions such as `>=1.0, <2`; every rule must hold. No rule: every version."""
 
     rules: tuple[tuple[str, tuple[int, ...]], ...] = ()
@@ -41,7 +41,7 @@ class Versions:
         return ", ".join(f"{sign}{'.'.join(map(str, version))}" for sign, version in self.rules)
 
 
-ANY_VERSION = Versions()
+ANY_VERSION = VersionRange()
 
 
 def parse_version(text: str) -> tuple[int, ...] | None:
@@ -49,7 +49,7 @@ def parse_version(text: str) -> tuple[int, ...] | None:
     return tuple(map(int, text.split("."))) if _VERSION.fullmatch(text) else None
 
 
-def parse_versions(text: str) -> Versions | None:
+def parse_versions(text: str) -> VersionRange | None:
     """A range from its text, or None when it is not a range."""
     rules = []
     for rule in filter(None, (piece.strip() for piece in text.split(","))):
@@ -58,7 +58,7 @@ def parse_versions(text: str) -> Versions | None:
         if found is None or version is None:
             return None
         rules.append((found[1], version))
-    return Versions(tuple(rules))
+    return VersionRange(tuple(rules))
 
 
 def split_number(shown: str) -> tuple[str, str]:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from msbot.doctor.collectors.machine_facts import program_of, running_programs, target_of
+from msbot.doctor.collectors.machine_facts import command_line_of, running_programs, target_of
 from msbot.doctor.facts import CanFacts, I2cFacts, SerialFacts
 from msbot.doctor.finding import CannotSee, Examined, NotNeeded
 from msbot.hardware import Machine
@@ -72,7 +72,7 @@ def _holder(port: str) -> str:
             files = list(Path(f"/proc/{pid}/fd").iterdir())
         except OSError:
             continue  # of another user, or ended
-        if any(target_of(file) == real for file in files) and "msbot" not in program_of(pid):
+        if any(target_of(file) == real for file in files) and "msbot" not in command_line_of(pid):
             return f"{name} ({pid})"
     return ""
 

@@ -30,7 +30,7 @@ def running_programs() -> Iterator[tuple[int, str]]:
             continue  # ended in the meantime
 
 
-def program_of(pid: int) -> str:
+def command_line_of(pid: int) -> str:
     """The command line of a process; empty if it may not be read."""
     try:
         return printable(read_system_file(f"/proc/{pid}/cmdline").replace("\0", " ").strip())

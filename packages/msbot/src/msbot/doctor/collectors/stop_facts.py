@@ -7,7 +7,7 @@ import stat
 
 from msbot.doctor.facts import OddFolder, StopFacts
 from msbot.doctor.finding import Examined, NotNeeded
-from msbot.stop import socket_folders as stop_places
+from msbot.stop import socket_folders
 from msbot.stop.socket_names import own_group
 from msbot.stop.stop_request import user_words
 from msbot_agent.agent import MASTER, running_processes
@@ -16,14 +16,14 @@ from msbot_agent.text.sentence import said
 
 def stop(_patient: Examined) -> StopFacts:
     """The way of `msbot stop`."""
-    if not stop_places.IS_THERE:
+    if not socket_folders.IS_THERE:
         raise NotNeeded(said("this system has no sockets by which `msbot stop` reaches masters"))
-    own = stop_places.own_user()
-    name = f"{stop_places.PREFIX}{own}"
-    usual = (f"{stop_places.USERS_FOLDER}/{own}", stop_places.SYSTEM_FOLDER, stop_places.SHARED_FOLDER)
+    own = socket_folders.own_user()
+    name = f"{socket_folders.PREFIX}{own}"
+    usual = (f"{socket_folders.USERS_FOLDER}/{own}", socket_folders.SYSTEM_FOLDER, socket_folders.SHARED_FOLDER)
     trouble = ""
     try:
-        stop_places.own_folder().close()
+        socket_folders.own_folder().close()
     except OSError as error:
         trouble = error.strerror or type(error).__name__
     groups = {

@@ -65,7 +65,7 @@ class Loudness(AnalogInput):
         return {self.control: min(100.0, max(0.0, 100 * (volts - quiet_v) / ((full_v - quiet_v) or 1.0)))}
 
 
-class Soil(Driver):
+class SoilMoisture(Driver):
     """A moisture sensor. Options: `dry_v`, `wet_v`: its voltage in dry and in wet soil."""
 
     samples = True

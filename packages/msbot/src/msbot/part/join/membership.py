@@ -15,8 +15,8 @@ from collections.abc import Callable
 from msbot.part.client.client import ENDLESS, ClientMaker, ServiceNames
 from msbot.part.client.client_settings import ConnectionState, WorkScheduler
 from msbot.part.client.entities import Entity
-from msbot.part.join import pnp_messages
-from msbot.part.join import refusal as thesis_master
+from msbot.part.join import pnp_messages, thesis_messages
+from msbot.part.join.hardware_trouble import trouble_pieces
 from msbot.part.join.joining import (
     AskThesisMaster,
     BeginAnew,
@@ -32,7 +32,7 @@ from msbot.part.join.joining import (
 )
 from msbot.part.join.part_keys import KEY_VARIABLE
 from msbot.part.join.part_seals import PartSeals
-from msbot.part.join.refusal import trouble_pieces
+from msbot.part.join.refusal import Refusal
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.messages import STREAM_BEST_EFFORT, STREAM_RELIABLE, DeliveryControl
 
@@ -45,11 +45,11 @@ INVENTORY = ServiceNames(
 )
 """Where a part claims, beats and asks for its configuration."""
 THESIS_INVENTORY = ServiceNames(
-    thesis_master.SERVICE,
-    thesis_master.REQUEST_TYPE,
-    thesis_master.REPLY_TYPE,
-    f"{thesis_master.SERVICE}_Request",
-    f"{thesis_master.SERVICE}_Reply",
+    thesis_messages.SERVICE,
+    thesis_messages.REQUEST_TYPE,
+    thesis_messages.REPLY_TYPE,
+    f"{thesis_messages.SERVICE}_Request",
+    f"{thesis_messages.SERVICE}_Reply",
 )
 """Where the inventory of the thesis' own programs answers."""
 
@@ -121,7 +121,7 @@ class Membership:
             on_room=self._say_on,
         )
         self._claim = claim.encode()
-        self._question = thesis_master.probe_request(claim.part_number, claim.local_name)
+        self._question = thesis_messages.probe_request(claim.part_number, claim.local_name)
         self._thesis_requester: Entity | None = None
         self._profile_once = profile_once
         self._changed = changed
@@ -217,8 +217,8 @@ class Membership:
     def _reply_received(self, object_id: int, request_id: int, payload: bytes) -> None:
         now = self._turn.now()
         if self._thesis_requester is not None and object_id == self._thesis_requester.object_id:
-            if len(payload) == thesis_master.BUFFER_BYTES:
-                self.joining.thesis_master_found(thesis_master.DOES_NOT_JOIN, now)
+            if len(payload) == thesis_messages.BUFFER_BYTES:
+                self.joining.thesis_master_found(thesis_messages.DOES_NOT_JOIN, now)
                 self._drain()
             return
         if object_id != self._requester.object_id:
@@ -391,7 +391,7 @@ class Membership:
         elif not challenge.sealed and (plain := self._prove(challenge.nonce)) is not None:
             answer = pnp_messages.Proof(proof=plain)
         else:
-            words = f"{pnp_messages.Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
+            words = f"{Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
             self.joining.verdict_given(0, 0.0, words, self._turn.now())
             return
         self._send(answer.encode(), STREAM_RELIABLE)
@@ -408,6 +408,6 @@ class Membership:
 
 def _refusal_words(code: int) -> str:
     try:
-        return pnp_messages.Refusal(code).words
+        return Refusal(code).words
     except ValueError:
         return f"refused for reason {code}, which this version does not know"

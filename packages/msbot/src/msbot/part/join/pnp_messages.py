@@ -35,8 +35,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Annotated
 
-from msbot.part.join.refusal import TROUBLE_PIECE_OCTETS, TroublePiece
-from msbot.part.join.refusal import Refusal as Refusal  # noqa: PLC0414 - others look for it here
+from msbot.part.join.hardware_trouble import TROUBLE_PIECE_OCTETS, TroublePiece
 from msbot.part.join.seal import CONFIGURATIONS, SHORT_SAYINGS
 from msbot.part.messages.message import Message
 from msbot.part.messages.type_hash import HASH_OCTETS
@@ -149,7 +148,7 @@ class VerdictMessage(Message):
     configuration_version: uint32
     beat_period_ms: uint16
     reason: uint8 = 0
-    """`Refusal` if refused and the robot explains refusals, else 0."""
+    """`msbot.part.join.refusal.Refusal` if refused and the robot explains refusals, else 0."""
     reserved: uint8 = 0
 
 

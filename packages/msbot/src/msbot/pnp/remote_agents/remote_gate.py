@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import field
 from typing import Final, Protocol
 
-from msbot.part.join import pnp_messages
-from msbot.pnp import thesis_programs as compat
+from msbot.part.join import pnp_messages, thesis_messages
 from msbot.pnp.profile import PROFILE_TOPIC, Profile
 from msbot.pnp.remote_agents.agent_messages import (
     AgentBeat,
@@ -99,7 +98,7 @@ REFUSED_AGAIN_S: Final = 5.0
 FLOOD_TOLD_S: Final = 60.0
 """Shortest time between two remarks that the same client sends too much."""
 
-_ASKABLE = frozenset({pnp_messages.INVENTORY_REQUEST_TOPIC, compat.REQUEST_TOPIC})
+_ASKABLE = frozenset({pnp_messages.INVENTORY_REQUEST_TOPIC, thesis_messages.REQUEST_TOPIC})
 
 
 @dataclass(slots=True, eq=False)

@@ -15,7 +15,7 @@ from typing import Final, Protocol
 
 from msbot.config import Blueprint, InDds, Library
 from msbot.master import Master
-from msbot.operations.dispatch import Operations, PerformedOperation, RunningOperations
+from msbot.operations.dispatch import InProcessOperations, Operations, PerformedOperation
 from msbot.operations.message_classes import MessageClasses
 from msbot.part import Message
 from msbot.part.join.pnp_messages import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC
@@ -90,7 +90,7 @@ class Recorder:
         self._numbers: dict[RecordedChannel, int] = {}
         self._next = count(1)
         self._master: Master | None = None
-        self._operations: RunningOperations | None = None
+        self._operations: InProcessOperations | None = None
         self._blueprint: Blueprint | None = None
         """As it was recorded last."""
         self._shown: Mapping[str, object] = {}
@@ -142,7 +142,7 @@ class Recorder:
         master.inventory.on_event(self._part_changed)
         master.on_stop(self._stopped)
         operations.on_done(self._done)
-        if isinstance(operations, RunningOperations):
+        if isinstance(operations, InProcessOperations):
             self._operations = operations
             operations.faults.on_change(self._fault_changed)
             operations.missions.on_note(self._mission_noted)

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from random import Random
 
 from msbot.part import JoinState, Part
-from msbot.part.join.pnp_messages import Nature, Refusal
+from msbot.part.join.pnp_messages import Nature
+from msbot.part.join.refusal import Refusal
 from msbot.recording.replay.replay_excerpt import RecordedSample, RecordedSlot, ReplayExcerpt
 from msbot.recording.replay.schedule import Schedule
 from msbot_agent.link import Link

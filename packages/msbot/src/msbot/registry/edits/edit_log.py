@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self
 
 from sqlalchemy import ColumnElement, Connection, Row, delete, select, update
 
-from msbot.registry.blueprint import blueprint_snapshot as snapshot
+from msbot.registry.blueprint import blueprint_snapshot
 from msbot.registry.database.tables import edits
 from msbot.registry.records import UNDOABLE, EditKind, EditRecord
 from msbot_agent.text.sentence import from_json, to_json
@@ -130,6 +130,6 @@ def _slots_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[str,
             pairs = zip(before["topics"], after["topics"], strict=True)
             return tuple(sorted({slot for old, new in pairs for slot in _slots_of(old, new)}))
         case "apply":
-            return snapshot.slots_of(before["robot"], after["robot"])
+            return blueprint_snapshot.slots_of(before["robot"], after["robot"])
         case _:
             return ()

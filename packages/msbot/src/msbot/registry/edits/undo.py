@@ -9,9 +9,8 @@ from typing import Any, Self
 from sqlalchemy import Connection, Row, delete, select, update
 
 from msbot.config import Blueprint, Library
-from msbot.registry.blueprint import blueprint_snapshot as snapshot
-from msbot.registry.blueprint import blueprint_store
-from msbot.registry.database import statements as store
+from msbot.registry.blueprint import blueprint_snapshot, blueprint_store
+from msbot.registry.database import statements
 from msbot.registry.database.statements import upsert
 from msbot.registry.database.tables import blocks, edits
 from msbot.registry.edits.edit_log import Author, UndoableChange, edits_of, record, words_of
@@ -88,7 +87,7 @@ def _write(connection: Connection, author: Author, after: UndoableBlock, form: s
 class UndoableBlueprint:
     """Everything that a blueprint decides about a robot."""
 
-    content: snapshot.Content
+    content: blueprint_snapshot.Content
 
     def as_json(self) -> dict[str, object]:
         """See `UndoableChange.as_json`."""
@@ -96,11 +95,11 @@ class UndoableBlueprint:
 
     def as_it_is(self, connection: Connection, robot_id: int) -> Self:
         """See `UndoableChange.as_it_is`."""
-        return type(self)(snapshot.read(connection, robot_id, like=self.content))
+        return type(self)(blueprint_snapshot.read(connection, robot_id, like=self.content))
 
     def write(self, connection: Connection, author: Author) -> None:
         """See `UndoableChange.write`."""
-        snapshot.write(connection, author.robot, self.content)
+        blueprint_snapshot.write(connection, author.robot, self.content)
 
 
 def read_cell(content: Mapping[str, Any]) -> UndoableChange:
@@ -155,10 +154,10 @@ def apply_blueprint(
 
     `slot_by_hand` is the one slot that a person makes or takes out thereby, see `blueprint_store.apply`.
     """
-    old = store.find_robot(connection, blueprint.robot.name, blueprint.robot.serial_number)
-    before = None if old is None else snapshot.read(connection, old.id)
+    old = statements.find_robot(connection, blueprint.robot.name, blueprint.robot.serial_number)
+    before = None if old is None else blueprint_snapshot.read(connection, old.id)
     robot = blueprint_store.apply(connection, blueprint, library, now_ns, slot_by_hand=slot_by_hand)
-    if before is None or before == (after := snapshot.read(connection, robot.id)):
+    if before is None or before == (after := blueprint_snapshot.read(connection, robot.id)):
         return robot, None
     made = blueprint.slot(slot_by_hand)
     if made is not None:
@@ -169,7 +168,7 @@ def apply_blueprint(
         words = said(
             "the blueprint of {robot} is applied: {difference}",
             robot=robot.name,
-            difference=snapshot.difference_words(before, after),
+            difference=blueprint_snapshot.difference_words(before, after),
         )
     author = Author(robot.id, who, now_ns)
     return robot, record(

@@ -19,7 +19,7 @@ from sqlalchemy import Connection, Engine, delete, func, insert, select, text
 from msbot.config import binding_faults
 from msbot.process.worker_pool import WorkLimits, run_limited
 from msbot.registry.blueprint import blueprint_reader
-from msbot.registry.database import statements as store
+from msbot.registry.database import statements
 from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import MAGIC, WRITE, Address, check_file, make_engine, make_private, parse_address
 from msbot.registry.database.schema import Migrations, own_migrations, read_version
@@ -50,7 +50,7 @@ def find(connection: Connection) -> list[str]:
     found = list(_damage(connection))
     if found:
         return found[:MOST_TOLD]
-    for robot in store.list_robots(connection):
+    for robot in statements.list_robots(connection):
         name = f"robot {robot.name}"
         found += [f"{name}: {sentence}" for sentence in _of_robot(connection, robot.id)]
     found += [*_of_users(connection), *_of_edits(connection)]
@@ -116,7 +116,7 @@ def _of_edits(connection: Connection) -> Iterator[str]:
     # The newest edits are kept, and an undo is newer than what it undoes.
     for number in connection.execute(query.where(edits.c.undone_by.is_not(None), undoing.c.id.is_(None))).scalars():
         yield f"edit {number} was undone by an edit that is not there"
-    strange = select(func.count()).select_from(journal).where(journal.c.to_state.not_in(list(store.STATES)))
+    strange = select(func.count()).select_from(journal).where(journal.c.to_state.not_in(list(statements.STATES)))
     if count := connection.execute(strange).scalar():
         lines = amount(count, "line of the journal tells", "lines of the journal tell")
         yield f"{lines} of a state that does not exist"
@@ -192,8 +192,8 @@ def _strange(path: str) -> str:
 def _read(registry: Registry, robot: RobotRecord) -> None:
     """Read all that a master and its pages would read."""
     registry.storage.read(lambda connection: read_memory(connection, robot.id))
-    registry.storage.read(lambda connection: store.list_parts(connection, robot.id))
-    registry.storage.read(lambda connection: store.read_journal(connection, robot.id, None, 100_000))
+    registry.storage.read(lambda connection: statements.list_parts(connection, robot.id))
+    registry.storage.read(lambda connection: statements.read_journal(connection, robot.id, None, 100_000))
     registry.storage.read(lambda connection: read_edits(connection, robot.id, 10_000))
     registry.robots.made_by_hand(robot)
 
@@ -377,7 +377,7 @@ def _open(address: str) -> tuple[Address, Engine]:
 
 def _keep_aside(address: str, where: Address, engine: Engine) -> Path | None:
     with told_as_registry_error(where.words), engine.connect() as connection:
-        robots = store.list_robots(connection)
+        robots = statements.list_robots(connection)
     for robot in robots:
         if run_lock.is_run(engine, where, robot):
             raise RegistryError(

@@ -17,7 +17,7 @@ from msbot.registry.class_groups import read_groups
 from msbot.registry.configurations import read_configurations
 from msbot.registry.database.statements import list_slots, read_part_types
 from msbot.registry.database.tables import blocks, edits, keys, robots
-from msbot.registry.edits import part_places as places
+from msbot.registry.edits import part_places
 from msbot.registry.edits.users import list_users
 from msbot.registry.records import UserRecord
 from msbot_xrce.lazy import dataclass
@@ -52,7 +52,7 @@ class StoredRobotSnapshot:
     """(`uid` or `number`, its value) -> why it is blocked."""
     keys: Mapping[str, bytes]
     """UID -> key."""
-    places: Mapping[str, places.SlotMemory]
+    places: Mapping[str, part_places.SlotMemory]
     """UID -> where that part belongs."""
     users: tuple[UserRecord, ...]
     groups: tuple[Group, ...]
@@ -76,7 +76,7 @@ def read_memory(connection: Connection, robot_id: int) -> StoredRobotSnapshot:
         configurations=read_configurations(connection, robot_id),
         blocks={(row.kind, row.key): row.reason for row in connection.execute(select(blocks))},
         keys={row.uid: bytes(row.key) for row in connection.execute(select(keys.c.uid, keys.c.key))},
-        places=places.read(connection, robot_id),
+        places=part_places.read(connection, robot_id),
         users=tuple(list_users(connection)),
         groups=tuple(read_groups(connection, robot_id)),
         stop=read(connection, robot_id),

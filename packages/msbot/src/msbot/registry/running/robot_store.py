@@ -15,10 +15,10 @@ from sqlalchemy import Connection
 
 from msbot.config import Blueprint, PartType, Slot, parse_versions, split_number
 from msbot.pnp import Claim, Configuration, Group, PartEvent, PartState, StopRecord
-from msbot.registry.database import statements as store
+from msbot.registry.database import statements
 from msbot.registry.database.database_writer import DatabaseWriter
 from msbot.registry.records import RobotRecord, UserRecord, uid_text
-from msbot.registry.running import robot_memory as stop_record
+from msbot.registry.running import robot_memory
 from msbot.registry.running.robot_memory import StoredRobotSnapshot
 from msbot_agent.link.can.protocol import MemoryNodeIds
 from msbot_xrce.errors import RegistryError
@@ -163,7 +163,7 @@ class RobotStore:
             self._remembered[identity] = slot
 
         def write(connection: Connection) -> None:
-            store.remember(connection, self.robot.id, claim, slot, now_ns)
+            statements.remember(connection, self.robot.id, claim, slot, now_ns)
             self._stored = number
 
         self._writer.put(write)
@@ -199,11 +199,11 @@ class RobotStore:
         prune = self._written % PRUNE_EVERY == 0
 
         def write(connection: Connection) -> None:
-            store.write_journal(connection, self.robot.id, event, now_ns)
+            statements.write_journal(connection, self.robot.id, event, now_ns)
             if is_about_the_part:
-                store.note_state(connection, self.robot.id, event, now_ns)
+                statements.note_state(connection, self.robot.id, event, now_ns)
             if prune:
-                store.prune(connection, self.robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
+                statements.prune(connection, self.robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
 
         self._writer.put(write)
 
@@ -226,7 +226,7 @@ class RobotStore:
 
     def keep_stop(self, record: StopRecord) -> None:
         """See `PartStore.keep_stop`."""
-        self._writer.put(partial(stop_record.write, robot_id=self.robot.id, record=record))
+        self._writer.put(partial(robot_memory.write, robot_id=self.robot.id, record=record))
 
     def is_kept(self, timeout_s: float) -> bool:
         """See `PartStore.is_kept`."""
@@ -280,7 +280,7 @@ class StoredNodeIds:
         # A wall clock may jump back; the order of the addresses must not.
         kept_ns = self._kept_ns = max(self._epoch_ns(), self._kept_ns + 1)
         self._writer.put(
-            lambda connection: store.keep_node_id(
+            lambda connection: statements.keep_node_id(
                 connection, self._robot_id, self._link, node_id=node_id, uid=uid.hex(), kept_ns=kept_ns
             )
         )

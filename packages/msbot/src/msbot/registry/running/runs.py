@@ -10,7 +10,7 @@ from functools import partial
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from msbot.registry.database import statements as store
+from msbot.registry.database import statements
 from msbot.registry.database.storage import Storage
 from msbot.registry.records import RobotRecord
 from msbot.registry.running import run_lock
@@ -65,8 +65,8 @@ class Runs:
         def begin(connection: Connection) -> StoredRobotSnapshot:
             if isinstance(lock, MasterLease):
                 lock.fence(connection)
-            store.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
-            store.end_run(connection, robot.id, "the master was restarted", storage.epoch_ns())
+            statements.prune(connection, robot.id, JOURNAL_ROWS, STRANGERS, STRANGERS_ROWS)
+            statements.end_run(connection, robot.id, "the master was restarted", storage.epoch_ns())
             return read_memory(connection, robot.id)
 
         storage.flush()
@@ -101,7 +101,7 @@ class Runs:
         Raises:
             RegistryError: the database cannot be read.
         """
-        rows = self._storage.read(partial(store.read_node_ids, robot_id=robot.id, link=link))
+        rows = self._storage.read(partial(statements.read_node_ids, robot_id=robot.id, link=link))
         return StoredNodeIds(self._storage.writer, robot.id, link, rows=rows, epoch_ns=self._storage.epoch_ns)
 
     def on_news(self, robot: RobotRecord, call: Callable[[], object]) -> None:
@@ -116,7 +116,7 @@ class Runs:
         """Write to the journal that the parts are lost with their master."""
         now_ns = self._storage.epoch_ns()
         for robot_id in self._locks:
-            end = partial(store.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
+            end = partial(statements.end_run, robot_id=robot_id, reason="the master has ended", now_ns=now_ns)
             self._storage.writer.put(end)
 
     def give_back(self) -> None:

@@ -19,7 +19,7 @@ from msbot.sim.arena.arena_robot import ArenaPose, ArenaRobot, MountedPart
 from msbot.sim.arena.floor import Floor
 from msbot.sim.arena.gripper import Grippers
 from msbot.sim.arena.sensors import SensorModel
-from msbot.sim.arena.wheels import GRAVITY, SENSE_STEPS, STEP_S, push
+from msbot.sim.arena.wheels import GRAVITY, SENSE_STEPS, STEP_S, step_wheels
 from msbot.sim.arena.world_plan import Box, Colour, Point, RobotPlan, WorldPlan
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -174,7 +174,7 @@ class Arena:
         vx, vy = body.velocity
         chassis = robot.plan.chassis
         grips = [chassis.grip * self.floor.grip(pose.to_world(wheel.at)) for wheel in robot.wheels]
-        ahead, left, torque = push(
+        ahead, left, torque = step_wheels(
             chassis, robot.wheels, (c * vx + s * vy, c * vy - s * vx), body.angular_velocity, grips
         )
         down_x, down_y = self.floor.slope((pose.x, pose.y))

@@ -9,7 +9,7 @@ from random import Random
 
 import pymunk
 
-from msbot.sim.arena.default_mounts import FixedMount, place_of
+from msbot.sim.arena.default_mounts import ResolvedMount, resolve_mount
 from msbot.sim.arena.wheels import Wheel, make_wheels
 from msbot.sim.arena.world_plan import Outline, PartPlace, Point, RobotPlan
 from msbot_xrce.lazy import dataclass
@@ -25,7 +25,7 @@ class MountedPart:
     slot: str
     quantities: tuple[str, ...]
     """What it senses and does, names of `SENSES` and `DRIVES`."""
-    place: FixedMount
+    place: ResolvedMount
     does: dict[str, float] = field(default_factory=dict)
     """What it does now; nothing = it has no power."""
 
@@ -101,7 +101,7 @@ class ArenaRobot:
         """Put a part on the chassis, where the world file says or where it fits."""
         mount = next((mount for mount in self.plan.mounts if mount.slot == slot), PartPlace(slot))
         names = tuple(quantities)
-        seat = MountedPart(slot, names, place_of(mount, self.plan.chassis, names))
+        seat = MountedPart(slot, names, resolve_mount(mount, self.plan.chassis, names))
         self.seats[slot] = seat
         return seat
 

@@ -15,7 +15,7 @@ CONE_DEG = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class FixedMount:
+class ResolvedMount:
     """A mount with nothing left open."""
 
     at: Point
@@ -33,7 +33,7 @@ def is_placed_by_itself(quantities: Collection[str]) -> bool:
     return bool(quantities) and set(quantities) != {"touch"}
 
 
-def place_of(mount: PartPlace, chassis: Chassis, quantities: Collection[str]) -> FixedMount:
+def resolve_mount(mount: PartPlace, chassis: Chassis, quantities: Collection[str]) -> ResolvedMount:
     """The place of a part that senses or does these."""
     ahead = chassis.length_m / 2
     at: Point = (0.0, 0.0)
@@ -53,7 +53,7 @@ def place_of(mount: PartPlace, chassis: Chassis, quantities: Collection[str]) ->
         looks = Looks.DOWN
     elif "lamp" in has:
         at = (ahead - 0.02, 0.0)
-    return FixedMount(
+    return ResolvedMount(
         at=at if mount.at is None else mount.at,
         turn_deg=turn,
         looks=mount.looks or looks,

@@ -67,7 +67,7 @@ def make_wheels(chassis: Chassis, random: Random) -> list[Wheel]:
     return [Wheel(name, at, along, holds, random.gauss(1.0, SPREAD)) for name, at, along in spots]
 
 
-def push(
+def step_wheels(
     chassis: Chassis, wheels: Sequence[Wheel], velocity: Point, turning: float, grips: Sequence[float]
 ) -> tuple[float, float, float]:
     """Let the wheels push for one step of `STEP_S`.

@@ -27,7 +27,7 @@ from msbot.sim.arena.world_plan import (
     WorldPlan,
 )
 from msbot_agent.toml.document import Document, parse_document, read_document
-from msbot_agent.toml.problems import Problems, kind_words, suggestion
+from msbot_agent.toml.problems import Problems, suggestion, toml_value_in_words
 from msbot_agent.toml.table import Table
 from msbot_xrce.counting import amount
 
@@ -47,7 +47,9 @@ def colour(table: Table, key: str, default: Colour) -> Colour:
     if isinstance(value, str) and value in COLOURS:
         return COLOURS[value]
     right = suggestion(str(value), list(COLOURS), none_known="")
-    table.problem(f"must be a colour, by name or as [red, green, blue]; it is {kind_words(value)}; {right}", key)
+    table.problem(
+        f"must be a colour, by name or as [red, green, blue]; it is {toml_value_in_words(value)}; {right}", key
+    )
     return default
 
 
@@ -66,7 +68,7 @@ def numbers(table: Table, value: object, count: int, example: str, *steps: str |
     """A list of so many numbers."""
     if isinstance(value, list) and len(value) == count and all(_is_number(item) for item in value):
         return [float(item) for item in value]
-    what = f"a list of {len(value)}" if isinstance(value, list) else kind_words(value)
+    what = f"a list of {len(value)}" if isinstance(value, list) else toml_value_in_words(value)
     table.problem(f"must be {count} numbers, for example {example}; it is {what}", *steps)
     return [0.0] * count
 
@@ -353,7 +355,7 @@ class _WorldReader:
         value = table.item("points")
         example = "points = [[0.2, 0.3], [0.8, 0.3]]"
         if not isinstance(value, list) or not least <= len(value) <= MOST_POINTS:
-            what = "is missing" if value is None else f"is {kind_words(value)}"
+            what = "is missing" if value is None else f"is {toml_value_in_words(value)}"
             if isinstance(value, list):
                 what = f"has {amount(len(value), 'point')}"
             table.problem(f"{what}; write {least} to {MOST_POINTS} points in metres, for example {example}", "points")

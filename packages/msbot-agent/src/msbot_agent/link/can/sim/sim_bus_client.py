@@ -133,7 +133,7 @@ class SimAdapter:
         self._folder = folder
         self.info = self._look()
 
-    async def open(self, owner: ChannelOwner) -> SimBusClient | LocalBusChannel:
+    async def open(self, owner: ChannelOwner) -> SimBusChannel | LocalBusChannel:
         """See `Adapter`."""
         waiting, told = False, 0
         while True:
@@ -170,7 +170,7 @@ class SimAdapter:
                 _log.warning("waiting for the simulated bus %r: nobody serves it yet", self._wish.name)
             await asyncio.sleep(LOOK_S)
 
-    async def _connect(self, owner: ChannelOwner, bus: NamedBus) -> SimBusClient | None:
+    async def _connect(self, owner: ChannelOwner, bus: NamedBus) -> SimBusChannel | None:
         """Join a bus; None if its file was left behind by a program that has gone.
 
         Raises:
@@ -178,7 +178,7 @@ class SimAdapter:
             LinkDown: it cannot be joined.
         """
         hello = Hello(bytes.fromhex(bus.key), self._node, listen_only=self._listen_only)
-        client = SimBusClient(owner, hello, bus.name)
+        client = SimBusChannel(owner, hello, bus.name)
         has_joined = False
         try:
             async with asyncio.timeout(CONNECT_S):
@@ -221,7 +221,7 @@ class SimAdapter:
         return CanBusInfo(f"sim:{wish.name}", bitrate, data_bitrate if fd else None, fd)
 
 
-class SimBusClient(asyncio.Protocol):
+class SimBusChannel(asyncio.Protocol):
     """A connection with the program that serves the bus. Satisfies `Channel`."""
 
     def __init__(self, owner: ChannelOwner, hello: Hello, name: str) -> None:

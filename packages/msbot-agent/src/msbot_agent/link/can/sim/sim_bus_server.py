@@ -40,7 +40,7 @@ from msbot_agent.link.can.sim.model.sim_bus_messages import (
 )
 from msbot_agent.link.can.sim.sim_bus_driver import SimBusDriver, SimCanBus
 from msbot_agent.link.contract import LinkCounters
-from msbot_agent.pace import ProtocolAcceptor
+from msbot_agent.pace import ProtocolServer
 from msbot_xrce.errors import LinkDown, LinkFull, LocalProtocolError, RemoteProtocolError
 
 MAX_PROGRAMS: Final = 256
@@ -117,7 +117,7 @@ class SimBusServer:
             try:
                 publish(word, self.folder)
                 self.ready.set()
-                await ProtocolAcceptor(listening, lambda: SimBusConnection(self), self.counters.dropped).run()
+                await ProtocolServer(listening, lambda: SimBusConnection(self), self.counters.dropped).run()
             finally:
                 self.ready.clear()
                 withdraw(word, self.folder)

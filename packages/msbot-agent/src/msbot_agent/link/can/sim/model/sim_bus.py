@@ -17,8 +17,8 @@ from typing import Final
 
 from msbot_agent.link.can.controller import BusState
 from msbot_agent.link.can.protocol.bits import arbitration_rank
-from msbot_agent.link.can.protocol.cost import LoadMeter
 from msbot_agent.link.can.protocol.frames import Frame, check_frame
+from msbot_agent.link.can.protocol.load_meter import LoadMeter
 from msbot_agent.link.can.sim.model.arbitration import (
     Attempt,
     QueuedFrame,

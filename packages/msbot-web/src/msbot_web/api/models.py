@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from msbot_agent.text.sentence import whole
-from msbot_web.models.sentence_field import SentenceField
+from msbot_web.api.sentence_field import SentenceField
 
 # What all models of the API have in common.
 
@@ -245,7 +245,7 @@ class SlotCard(Model):
         return (self.part.part_number if self.part is not None else "") or self.part_number
 
 
-class ControlLine(Model):
+class SimulatedPartControl(Model):
     """Something a person can do to a simulated part."""
 
     name: str
@@ -266,11 +266,11 @@ class Simulated(Model):
 
     slot: str
     plugged: bool
-    controls: list[ControlLine]
+    controls: list[SimulatedPartControl]
     readings: dict[str, Scalar]
 
 
-class StopConfirmed(Model):
+class PartStopConfirmation(Model):
     """A part that has said it is in its safe state."""
 
     part: str
@@ -292,7 +292,7 @@ class StopState(Model):
     reason: SentenceField = ""
     since_s: float | None = None
     """How long it has held."""
-    confirmed: list[StopConfirmed] = Field(default_factory=list)
+    confirmed: list[PartStopConfirmation] = Field(default_factory=list)
     silent: list[str] = Field(default_factory=list)
     """Parts that have not confirmed it: they may still move."""
     trouble: SentenceField = ""
@@ -455,7 +455,7 @@ class TextBody(Model):
     words: str = Field(default="", max_length=1000)
 
 
-class ControlValue(Model):
+class SimulatedPartControlValue(Model):
     """What a control of a simulated part is put to."""
 
     value: Scalar | None = None

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msbot.part.join.thesis_messages import BUFFER_BYTES, decode_reply, encode_reply, encode_request
 from msbot.pnp import Claim
-from msbot.pnp.thesis_programs import BUFFER_BYTES, decode_reply, decode_request, encode_reply, encode_request
+from msbot.pnp.thesis_claims import decode_thesis_claim
 from msbot_xrce.errors import RemoteProtocolError
 from tests.damage import damaged, read_or_refused
 from tests.effort import tries
@@ -18,7 +19,7 @@ REQUEST = bytes.fromhex("05000000") + b"ABCD\0\0\0\0" + bytes.fromhex("0b000000"
 
 def test_the_request_of_the_thesis_component_aa() -> None:
     assert encode_request("ABCD", "ABCD-local") == REQUEST
-    assert decode_request(REQUEST) == Claim("ABCD", "ABCD-local", layout="compat")
+    assert decode_thesis_claim(REQUEST) == Claim("ABCD", "ABCD-local", layout="compat")
 
 
 def test_the_reply_is_the_part_number_in_a_buffer_of_96_octets() -> None:
@@ -44,7 +45,7 @@ def test_the_reply_is_the_part_number_in_a_buffer_of_96_octets() -> None:
 )
 def test_what_is_not_two_strings_in_96_octets_is_dropped(body: bytes) -> None:
     with pytest.raises(RemoteProtocolError):
-        decode_request(body)
+        decode_thesis_claim(body)
 
 
 def test_a_reply_of_another_size_is_dropped() -> None:
@@ -65,7 +66,7 @@ texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=
 @given(texts, texts)
 @settings(max_examples=tries(100, 2000), deadline=None)
 def test_requests_survive_the_round_trip(number: str, name: str) -> None:
-    claim = decode_request(encode_request(number, name))
+    claim = decode_thesis_claim(encode_request(number, name))
     assert (claim.part_number, claim.local_name) == (number, name)
     assert decode_reply(encode_reply(number)) == number
 
@@ -75,9 +76,9 @@ def test_requests_survive_the_round_trip(number: str, name: str) -> None:
 )
 @settings(max_examples=tries(200, 4000), deadline=None)
 def test_any_octets_are_a_request_or_a_protocol_error(body: bytes) -> None:
-    claim = read_or_refused(decode_request, body)
+    claim = read_or_refused(decode_thesis_claim, body)
     if claim is not None:
-        assert decode_request(encode_request(claim.part_number, claim.local_name)) == claim
+        assert decode_thesis_claim(encode_request(claim.part_number, claim.local_name)) == claim
 
 
 @pytest.mark.parametrize("length", range(1, 93))

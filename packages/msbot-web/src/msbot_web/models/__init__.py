@@ -1,1 +1,0 @@
-"""What pages and API show of a robot, its bus and a class, as pydantic models."""
