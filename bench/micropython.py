@@ -44,6 +44,7 @@ STORIES = (
 PIECES = {
     "core": "__init__ errors running cdr message standards xrce membership part declaring configuring words "
     "annotations keys links board objects",
+    "functions that wait": "waiting",
     "CAN": "can compact squeeze",
     "`ws:`": "websocket",
     "sealed samples": "seal",

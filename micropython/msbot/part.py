@@ -26,6 +26,13 @@ _MOST_DELAYED = const(100)
 _NEVER = const(0x3FFFFFFF)  # no GO has that number
 
 
+def _waits():
+    yield
+
+
+_STEPS = type(_waits())  # what a function gives that waits: `yield 1.0`
+
+
 class Counters:
     """What happened to a part since it was made."""
 
@@ -85,6 +92,7 @@ class Part:
         self._heard = self._over = self._ends_with = self._stop = 0  # numbers of STOPs
         self._known = None
         self._now = 0
+        self._waiting = None  # functions that wait, if the program has any
         self._client = self._membership = None
 
     # Called by a student's program.
@@ -141,6 +149,12 @@ class Part:
             self.say_stop()
         elif news and self.stopped:
             self._membership.beat_soon(self._now)
+
+    def start(self, function):
+        """Call a function that waits (`yield 1.0`), unless it is waiting already."""
+        if self._client is None:
+            raise LocalProtocolError(once("words").cannot_start(function))
+        self._call(function)
 
     def bound(self, port):
         """Whether the robot uses that port of the part now."""
@@ -208,6 +222,9 @@ class Part:
                 if one in self._pending:  # what was called before may have ended the part
                     self._pending.remove(one)
                     self._call(one[1])
+        if self._waiting:
+            for one in self._waiting.due(now):
+                self._call(one.function, waiting=one)
         self._membership.step(now)
         self._client.step(now)
         link.step(now)
@@ -215,6 +232,8 @@ class Part:
             return None
         times = [timed.due_at for timed in self._timed]
         times += [due for due, _ in self._pending]
+        if self._waiting:
+            times += self._waiting.times()
         times += self._membership.due() + self._client.due() + (link.due(),)
         return max(now + 1, min([time for time in times if time is not None], default=now + 1000))
 
@@ -250,6 +269,8 @@ class Part:
             word = once("words").told_state(word, reason)
         told = "has ended" if state is JoinState.ENDED else "is {}: {}".format(word, reason)
         say("info", "{} {}".format(self.local_name, told))
+        if self._waiting and JoinState.ACTIVE in (before, state):
+            self._waiting.end_all()
         if state is JoinState.ACTIVE:
             self._tell("join")
             self.start_timers(now)
@@ -329,6 +350,8 @@ class Part:
         if is_news:
             say("info", "STOP: " + reason)
             self._is_safe = False
+            if self._waiting:
+                self._waiting.hold(True)
         if not self._is_safe:  # what failed is retried whenever STOP is repeated
             self._is_safe = self._enter_safe_state()
         if is_news:
@@ -362,6 +385,8 @@ class Part:
 
     def _end_stop(self, words=None):
         is_news, self.stopped = self.stopped, False
+        if self._waiting:
+            self._waiting.hold(False)
         self._is_masters = self._is_asked = False
         self._stop = self._ends_with = 0
         if is_news and words:
@@ -378,6 +403,8 @@ class Part:
         errors = self.counters.handler_errors
         for name, message in self._safe.items():
             if port in (None, name):
+                if self._waiting:
+                    self._waiting.end_of(self._listeners[name][1])  # it begins anew: a safe value is not skipped
                 self._call(self._listeners[name][1], message)
         self._tell("safe")
         return errors == self.counters.handler_errors
@@ -388,16 +415,26 @@ class Part:
         for function in self._when.get(when, ()):
             self._call(function, *arguments)
 
-    def _call(self, function, *arguments):
+    def _call(self, function, *arguments, waiting=None):
         began_at = self.clock() if self.clock else 0
         try:
-            function(*arguments)
+            if waiting:
+                self._waiting.go_on(waiting, self._now)
+            else:
+                made = function(*arguments)
+                if type(made) is _STEPS:
+                    self._wait(function, made)
         except Exception as error:  # a mistake in a function must not end the part
             self.counters.handler_errors += 1
             once("words").failed(self, function, error)
         took = self.clock() - began_at if self.clock else 0
         if took > _SLOW:
             self.report(function.__name__, once("words").slow(took, _SLOW), "slow")
+
+    def _wait(self, function, steps):
+        if self._waiting is None:
+            self._waiting = load("waiting").WaitingFunctions()
+        self._waiting.begin(function, steps, self._now)
 
     def report(self, where, what, kind=""):
         """Report something once for each place and kind."""

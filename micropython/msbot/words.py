@@ -64,6 +64,12 @@ def too_many_delayed(most):
     return "{} functions wait for their time already: does `after` call itself more than once?".format(most)
 
 
+def cannot_start(function):
+    """Why a function cannot be started now."""
+    words = "the part does not run: start {} in a function below @part.every or @part.on"
+    return words.format(getattr(function, "__name__", function))
+
+
 def not_for_port(part, port, binding, message):
     """Why a message cannot be published at a port."""
     kind = type(message)

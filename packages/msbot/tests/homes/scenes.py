@@ -304,6 +304,26 @@ async def delays(world: World) -> None:
     await asyncio.sleep(2.0)
 
 
+async def waits(world: World) -> None:
+    partner = await begin(world, hears(world, "out", Count))
+    for index in (1, 2):  # the second comes while the function waits
+        partner.publish("in", HelloWorld(index=index, message=""))
+        await asyncio.sleep(0.1)
+    await asyncio.sleep(2.0)
+    partner.publish("in", HelloWorld(index=3, message=""))
+    partner.publish("power", Level(percent=50.0))
+    await asyncio.sleep(0.1)
+    world.note("STOP")
+    world.master.say_stop("ann")
+    await asyncio.sleep(2.0)
+    world.note("GO")
+    world.master.say_go("ann")
+    await asyncio.sleep(1.0)
+    world.note("silence")
+    await world.kill_master()
+    await asyncio.sleep(10.0)
+
+
 async def errors(world: World) -> None:
     partner = await begin(world)
     for index in range(5):
@@ -466,6 +486,9 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
     "timers": Scene(wired("out out Trigger"), timers),
     "unheard_go": Scene(wired("power in Level"), unheard_go),
     "unsafe": Scene(replace(SAFE, settings=(*SAFE.settings, ("broken", "true"))), unsafe),
+    "waits": Scene(
+        wired("out out Count", "in in HelloWorld", "power in Level", settings=(("power.safe.percent", "0"),)), waits
+    ),
     "wrong_key": Scene(KEYED, refused),
     "wrong_robot": Scene(Robot(), wrong_robot),
 }

@@ -37,21 +37,25 @@ MOST_ADDRESSES: Final = 1000
 MOST_WAITING: Final = 60
 WAIT_S: Final = 1800.0
 """How long somebody who is not in the list is remembered."""
-PICTURES: Final = (
-    ("🐱", said("cat")),
-    ("🐶", said("dog")),
-    ("🐟", said("fish")),
-    ("🐦", said("bird")),
-    ("🌳", said("tree")),
-    ("🌻", said("flower")),
-    ("🌙", said("moon")),
-    ("⭐", said("star")),
-    ("🚗", said("car")),
-    ("⛵", said("boat")),
-    ("⚽", said("ball")),
-    ("🍎", said("apple")),
+PICTURES: Final = tuple(
+    (f"{name}.svg", word)
+    for name, word in {
+        "cat": said("cat"),
+        "dog": said("dog"),
+        "fish": said("fish"),
+        "bird": said("bird"),
+        "tree": said("tree"),
+        "flower": said("flower"),
+        "moon": said("moon"),
+        "star": said("star"),
+        "car": said("car"),
+        "boat": said("boat"),
+        "ball": said("ball"),
+        "apple": said("apple"),
+    }.items()
 )
-"""What pupils choose from: the picture, and the word for it."""
+"""What pupils choose from: the file in `static/joining`, and the word for it. No letters, such as emoji, which many
+computers of schools have no font for."""
 CHOICES: Final = 3
 """Pictures of a pupil, in order."""
 

@@ -281,6 +281,9 @@ async def test_a_pupil_comes_in_by_three_pictures_and_a_guesser_does_not(
 
     page = await post(pupil, "/come", ticket=word, pick="Ada <b>")
     assert page.text.count('type="radio"') == 3 * len(PICTURES)
+    for file, _ in PICTURES:  # files: many computers have no letters for pictures
+        assert page.text.count(f"/web/joining/{file}") == 3
+        assert b"<svg" in (STATIC / "joining" / file).read_bytes()
     wrong = tuple((number + 1) % len(PICTURES) for number in own)
     for _ in range(FREE_TRIES):
         assert sentence(await choose(wrong)).startswith("these are not your pictures")

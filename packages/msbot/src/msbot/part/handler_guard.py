@@ -10,9 +10,11 @@ import asyncio
 import inspect
 import logging
 from collections.abc import Callable
+from types import GeneratorType
 from typing import TYPE_CHECKING
 
 from msbot.part.mistakes import line_of
+from msbot.part.waiting import Waiting, WaitingFunctions
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -26,12 +28,13 @@ MAX_REPORTS = 100
 """How many different errors are reported; further ones are only counted."""
 
 
-def check_handler(function: Callable[..., object], arguments: str = "") -> str:
+def check_handler(function: Callable[..., object], arguments: str = "", *, at_once: str = "") -> str:
     """Refuse what cannot be a handler; returns its name for messages.
 
     Args:
         function: the handler.
         arguments: the names of its arguments, with a comma between them; "" = none.
+        at_once: the decorator, if the function must not wait.
 
     Raises:
         ConfigError: it is not a plain function, or does not take these arguments.
@@ -39,8 +42,10 @@ def check_handler(function: Callable[..., object], arguments: str = "") -> str:
     name = getattr(function, "__name__", repr(function))
     if not callable(function):
         raise ConfigError(f"a handler must be a function, not {function!r}")
-    if inspect.iscoroutinefunction(function):
+    if inspect.iscoroutinefunction(function) or inspect.isasyncgenfunction(function):
         raise ConfigError(f"{name} is an `async def`: a handler must be a plain function (`def {name}(...)`)")
+    if at_once and inspect.isgeneratorfunction(function):
+        raise ConfigError(f"{name} waits (`yield`), and what is below @part.{at_once} must be done at once")
     try:
         inspect.signature(function).bind(*([None] * len(arguments.split(",")) if arguments else []))
     except TypeError:
@@ -56,10 +61,12 @@ def check_handler(function: Callable[..., object], arguments: str = "") -> str:
 class _Turn:
     """One call of a handler."""
 
-    __slots__ = ("function", "outer", "waited_s")
+    __slots__ = ("function", "outer", "step", "waited_s")
 
-    def __init__(self, function: Callable[..., object]) -> None:
+    def __init__(self, function: Callable[..., object], step: Callable[..., object]) -> None:
         self.function = function
+        self.step = step
+        """What is called: the function, or what follows after a `yield` of it."""
         self.outer: tuple[str, float] | None = None
         """What `Guard.running` was before, and is again while it waits."""
         self.waited_s = 0.0
@@ -82,19 +89,35 @@ class Guard:
         """The function that is running now and when it began, by the loop's clock."""
         self.lets_wait = False
         """Whether functions may `wait`: each then runs on a stack of its own."""
+        self.waiting = WaitingFunctions(self._next_step)
+        """The functions that wait by `yield`."""
         self._mistake = mistake
         self._turns: dict[greenlet, _Turn] = {}
         """The functions that have begun and not ended, where they may wait."""
         self._reported: set[tuple[str, str]] = set()
 
     def call(self, function: Callable[..., object], *arguments: object) -> bool:
-        """Call a handler; each kind of error at each line is reported once. False: it ended with an error, or waits."""
+        """Call a handler; each kind of error at each line is reported once. False: it ended with an error, or waits.
+
+        One that waits by `yield` has done its first step then, and this is True.
+        """
+        return self._do(function, self._begin, function, *arguments)
+
+    def _begin(self, function: Callable[..., object], *arguments: object) -> None:
+        made = function(*arguments)
+        if isinstance(made, GeneratorType):
+            self.waiting.begin(function, made)
+
+    def _next_step(self, waiting: Waiting) -> None:
+        self._do(waiting.function, self.waiting.go_on, waiting)
+
+    def _do(self, function: Callable[..., object], step: Callable[..., object], *arguments: object) -> bool:
         if not self.lets_wait:
-            return self._call(_Turn(function), arguments)
+            return self._call(_Turn(function, step), arguments)
         from greenlet import greenlet
 
         stack = greenlet(self._call)
-        turn = self._turns[stack] = _Turn(function)
+        turn = self._turns[stack] = _Turn(function, step)
         try:
             return stack.switch(turn, arguments) is True
         finally:
@@ -151,7 +174,7 @@ class Guard:
         failed = False
         turn.outer, self.running = self.running, (self._shown(function), began_at)
         try:
-            function(*arguments)
+            turn.step(*arguments)
         except Exception as error:
             self._failed(function, error)
             failed = True

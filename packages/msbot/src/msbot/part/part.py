@@ -48,7 +48,7 @@ _BEGINS_WITH_NUMBER = re.compile(r"\s*\d+(?:\.\d+)?")
 class Part:
     """One part of a robot: a part number, ports, and functions that are called when something happens.
 
-    All functions are called in one thread, one after the other, and must return quickly.
+    All functions are called in one thread, one after the other, and must return quickly, or wait: `yield 1.0`.
     """
 
     def __init__(
@@ -354,6 +354,15 @@ class Part:
             ConfigError: not declared, or another message or timeout than possible; the part ends with this error.
         """
         return self._runner.call(port, request, timeout, on_reply)
+
+    def start(self, function: Action) -> None:
+        """Call a function that waits (`yield 1.0`), unless it is waiting already.
+
+        Raises:
+            ConfigError: it is no function without arguments.
+            LocalProtocolError: the part does not run.
+        """
+        self._runner.start(function)
 
     # What it reads.
 

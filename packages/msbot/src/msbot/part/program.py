@@ -204,7 +204,7 @@ class ProgramDeclarations:
 
     def add_server(self, port: str, server: Server) -> None:
         """Call it with the requests at a port; what it returns is the reply."""
-        check_handler(server.function, "request")
+        check_handler(server.function, "request", at_once="serves")
         self._check_one_use(port)
         self.servers[port] = server
 
@@ -221,7 +221,7 @@ class ProgramDeclarations:
 
     def add_action(self, when: When, function: Action) -> None:
         """Call it when this happens."""
-        check_handler(function)
+        check_handler(function, at_once={"safe": "safe_state", "end": "on_end"}.get(when, ""))
         self.when[when].append(function)
 
     def add_partner_lost(self, function: PortAction) -> None:

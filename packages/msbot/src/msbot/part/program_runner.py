@@ -17,7 +17,7 @@ from random import Random
 from msbot.part.beginner import SILENCE_S, silence_words
 from msbot.part.client.client import Client
 from msbot.part.client.client_settings import ClientSettings
-from msbot.part.handler_guard import Guard
+from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
 from msbot.part.join.part_keys import prove, prove_sealed
@@ -189,6 +189,14 @@ class ProgramRunner:
         self._pending.add(one)
         one.start(self.guard, self._pending.discard)
 
+    def start(self, function: Callable[[], object]) -> None:
+        """Call a function that may wait (`Part.start`)."""
+        name = check_handler(function)
+        if self._ports is None:
+            raise LocalProtocolError(f"the part does not run: start {name} in a function below @part.every or @part.on")
+        self._check_thread("start")
+        self.guard.call(function)
+
     def _open_ports(self, does: str = "publish") -> Ports:
         if self._ports is None or self.joining.state is not JoinState.ACTIVE:
             if self._ports is None:
@@ -196,12 +204,15 @@ class ProgramRunner:
             raise LocalProtocolError(
                 f"the part is {self.joining.state.value}, not active ({self.joining.reason}): {does} after on_join"
             )
-        if threading.get_ident() != self._loop_thread:
-            name, called = threading.current_thread().name, does.removeprefix("call ")
-            raise LocalProtocolError(
-                f"{called} was called from another thread ({name}): call it in a function below @part.every or @part.on"
-            )
+        self._check_thread(does.removeprefix("call "))
         return self._ports
+
+    def _check_thread(self, verb: str) -> None:
+        if threading.get_ident() != self._loop_thread:
+            name = threading.current_thread().name
+            raise LocalProtocolError(
+                f"{verb} was called from another thread ({name}): call it in a function below @part.every or @part.on"
+            )
 
     def _count(self, sent: bool) -> bool:
         if sent:
@@ -280,6 +291,7 @@ class ProgramRunner:
                 timer.cancel()
             membership.end("ended")
             self._calls.end("the part has ended")
+            self.guard.waiting.end_all()
             self.trouble_heard = membership.trouble_heard
             self._ports = self._membership = None
         if self._mistake is not None:
@@ -322,6 +334,8 @@ class ProgramRunner:
         assert self._ports is not None
         if change.after is JoinState.CONFIGURING:
             self.types.told.clear()
+        if JoinState.ACTIVE in (change.before, change.after):
+            self.guard.waiting.end_all()
         if change.after is JoinState.ACTIVE:
             self._tell("join")
             for timed in self.program.timed:

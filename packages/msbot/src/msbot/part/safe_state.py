@@ -141,7 +141,9 @@ class Safety:
         is_safe = True
         for name, message in self._messages.items():
             if port in (None, name):
-                is_safe &= self._guard.call(self._listeners[name].function, message)
+                function = self._listeners[name].function
+                self._guard.waiting.end(function)  # it begins anew: a safe value is not skipped
+                is_safe &= self._guard.call(function, message)
         for function in self._functions:
             is_safe &= self._guard.call(function)
         return is_safe
@@ -169,6 +171,7 @@ class Safety:
         if is_news:
             _log.warning("STOP: %s", reason)
             self._is_safe = False
+            self._guard.waiting.hold()
         if not self._is_safe:
             self._is_safe = self.enter()
         return is_news
@@ -226,6 +229,8 @@ class Safety:
         self._robot = None
 
     def _end(self) -> None:
+        if self.stopped:
+            self._guard.waiting.release()
         self.stopped = self._is_masters = self._is_asked = False
         self._told = self._ends_with = 0
 

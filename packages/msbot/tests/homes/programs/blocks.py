@@ -8,29 +8,6 @@ passes = 0
 level = Level()
 in_ = HelloWorld()
 
-# Stacks of blocks that wait: how many steps each still waits, and what is left of it.
-STEP_S = 0.05
-waiting = {}
-
-
-def go_on(name, stack):
-    for seconds in stack:
-        waiting[name] = [round(seconds / STEP_S), stack]
-        return
-
-
-def begin(name, stack):
-    if name not in waiting:
-        go_on(name, stack())
-
-
-@part.every(STEP_S)
-def look_at_waiting():
-    for name in sorted(waiting):
-        waiting[name][0] -= 1
-        if waiting[name][0] <= 0:
-            go_on(name, waiting.pop(name)[1])
-
 
 @part.on("in", HelloWorld)
 def when_in(message):
@@ -62,11 +39,6 @@ def when_level(message):
 
 @part.on_join
 def when_join():
-    waiting.pop("when_join_blocks", None)
-    begin("when_join_blocks", when_join_blocks)
-
-
-def when_join_blocks():
     global Zaehler, passes
     Zaehler = 0
     for count in range(3):
@@ -75,7 +47,7 @@ def when_join_blocks():
         yield 0.3
     while not level.percent > 50:
         passes = passes + 1
-        yield STEP_S
+        yield 0.05
     print(passes > 2)
     while True:
         yield 1
@@ -98,10 +70,6 @@ def when_stop():
 
 @part.on_go
 def when_go():
-    begin("when_go_blocks", when_go_blocks)
-
-
-def when_go_blocks():
     yield 0.2
     print("on we go")
     part.end()

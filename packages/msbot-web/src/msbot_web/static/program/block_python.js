@@ -8,31 +8,10 @@ const KINDS = { text: "str" };
 const WAITING = ["msbot_wait", "msbot_forever", "controls_whileUntil"];
 const TAKEN = `False None True and as assert break class continue def del elif else except finally for from global if import in is
   lambda nonlocal not or pass raise return try while with yield async await abs bool float int len list max min print range
-  round sorted str sum math random part message begin go_on waiting look_at_waiting seconds name stack STEP_S Part Message`.split(/\s+/);
+  round sorted str sum math random part message Part Message`.split(/\s+/);
 const WORDS = new Set(TAKEN);
 const EVENTS = { join: "on_join", stop: "on_stop", go: "on_go", identify: "on_identify", lost: "on_lost" };
-const RUNTIME = `# Stacks of blocks that wait: how many steps each still waits, and what is left of it.
-STEP_S = 0.05
-waiting = {}
-
-
-def go_on(name, stack):
-    for seconds in stack:
-        waiting[name] = [round(seconds / STEP_S), stack]
-        return
-
-
-def begin(name, stack):
-    if name not in waiting:
-        go_on(name, stack())
-
-
-@part.every(STEP_S)
-def look_at_waiting():
-    for name in sorted(waiting):
-        waiting[name][0] -= 1
-        if waiting[name][0] <= 0:
-            go_on(name, waiting.pop(name)[1])`;
+const PAUSE = "yield 0.05";  // after each pass of a loop that nobody knows the end of
 
 const LETTERS = { ä: "ae", ö: "oe", ü: "ue", ß: "ss", Ä: "Ae", Ö: "Oe", Ü: "Ue" };
 
@@ -146,7 +125,7 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
       if (block.getFieldValue("FLOW") === "BREAK") return "break\n";
       let loop = block.getSurroundParent();
       while (loop && !["controls_whileUntil", "msbot_forever", "controls_repeat_ext", "controls_for"].includes(loop.type)) loop = loop.getSurroundParent();
-      return loop && WAITING.includes(loop.type) ? "yield STEP_S\ncontinue\n" : "continue\n";
+      return loop && WAITING.includes(loop.type) ? `${PAUSE}\ncontinue\n` : "continue\n";
     },
     text_join(block) {
       const parts = block.inputList.filter((input) => input.name.startsWith("ADD")).map((input) => {
@@ -168,12 +147,11 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
     const code = generator.statementToCode(block, "DO");
     const first = [];
     for (let one = block.getInputTargetBlock("DO"); one; one = one.getNextBlock()) first.push(one.type);
-    return first.includes("msbot_wait") ? code : `${code}${INDENT}yield STEP_S\n`;
+    return first.includes("msbot_wait") ? code : `${code}${INDENT}${PAUSE}\n`;
   }
 
   // The stacks, as functions.
   const functions = [], heard = new Map(), others = [];
-  let hasWaits = false;
 
   function stackOf(hat, name, isHandler) {
     const code = generator.statementToCode(hat, "DO");
@@ -183,7 +161,6 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
       if (["variables_set", "math_change", "controls_for"].includes(one.type)) changed.add(generator.getVariableName(one.getFieldValue("VAR")));
       waits = waits || (one !== hat && WAITING.includes(one.type));
     }
-    hasWaits = hasWaits || waits;
     return { hat, name, code, waits, changed: [...changed].sort(), isHandler };
   }
 
@@ -219,10 +196,10 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
   }
   const gap = () => { if (lines.length) write("\n\n", null); };
 
-  // A function with its stack; one that waits is a generator that `begin` starts.
-  function writeFunction(decorator, name, parameter, keep, stacks, isAnew) {
+  // A function with its stack. One that keeps a message does so also while its stack waits: `part.start` skips only that.
+  function writeFunction(decorator, name, parameter, keep, stacks) {
     const hat = stacks.length ? stacks[0].hat : root;
-    const inline = stacks.length === 1 && !stacks[0].waits ? stacks[0] : null;
+    const inline = stacks.length === 1 && !(keep && stacks[0].waits) ? stacks[0] : null;
     const changed = [...new Set([...(keep ? [keep] : []), ...(inline ? inline.changed : [])])];
     gap();
     write(decorator, hat);
@@ -231,8 +208,7 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
     if (keep) write(`${INDENT}${keep} = message`, hat);
     if (inline && inline.code) write(inline.code, hat);
     if (!inline) for (const stack of stacks) {
-      if (stack.waits && isAnew) write(`${INDENT}waiting.pop(${quoted(stack.work)}, None)`, stack.hat);
-      write(stack.waits ? `${INDENT}begin(${quoted(stack.work)}, ${stack.work})` : `${INDENT}${stack.work}()`, stack.hat);
+      write(stack.waits ? `${INDENT}part.start(${stack.work})` : `${INDENT}${stack.work}()`, stack.hat);
     }
     if (!keep && (inline ? !inline.code : !stacks.length)) write(`${INDENT}pass`, hat);
     if (inline) return;
@@ -246,7 +222,7 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
 
   const events = new Map();
   for (const [stack, decorator, event] of others) {
-    if (!event || !events.has(event)) functions.push({ decorator, name: stack.name, stacks: [stack], isAnew: event === "join" });
+    if (!event || !events.has(event)) functions.push({ decorator, name: stack.name, stacks: [stack] });
     if (event && events.has(event)) events.get(event).stacks.push(stack);
     else if (event) events.set(event, functions[functions.length - 1]);
   }
@@ -277,16 +253,12 @@ export function pythonOf(Blockly, python, workspace, robot, partOf) {
   } else write(`part = Part(${quoted(part.number)})`, root);
   for (const name of [...variables.values()].sort()) write(`${name} = 0`, null);
   for (const { name, type } of seen.values()) write(`${name} = ${type}()`, root);
-  if (hasWaits) {
-    write("", null);
-    write(RUNTIME, null);
-  }
   for (const code of definitions.filter((one) => !/^(import|from) /.test(one))) {
     gap();
     write(code, null);
   }
-  for (const { decorator, name, parameter, keep, stacks } of handlers) writeFunction(decorator, name, parameter, keep, stacks, false);
-  for (const { decorator, name, stacks, isAnew } of functions) writeFunction(decorator, name, "", "", stacks, isAnew);
+  for (const { decorator, name, parameter, keep, stacks } of handlers) writeFunction(decorator, name, parameter, keep, stacks);
+  for (const { decorator, name, stacks } of functions) writeFunction(decorator, name, "", "", stacks);
   gap();
   write("part.run()", root);
   return { text: `${lines.join("\n")}\n`, lines: from, root, more: roots.slice(1) };
