@@ -20,6 +20,7 @@ from msbot_web.access.sign_in_pages import make_forms
 from msbot_web.access.sign_in_throttle import FREE_TRIES, SignInRefused
 from msbot_web.access.ticket_codes import CLASS_TICKET_S, TicketCodes
 from msbot_web.access.users import MemoryUsers
+from msbot_web.server import STATIC
 from tests.web.access.test_accounts import Clock, PlainHasher, user
 from tests.web.access.test_sign_in_pages import COOKIE, COOKIES, HOME
 
