@@ -50,7 +50,7 @@ def test_what_is_no_number_is_refused(text: str) -> None:
     with pytest.raises(ConfigError) as refused:
         languages()["de"].read_number(text)
     words = languages()["de"].say(str(refused.value))
-    assert words.endswith("ist keine Zahl: schreiben Sie 12 oder 0,1")
+    assert words.endswith("ist keine Zahl: schreibe 12 oder 0,1")
     assert len(words) < 120
 
 
@@ -59,7 +59,7 @@ def test_what_is_no_number_is_refused(text: str) -> None:
     [
         ("en", "1,000", "'1,000' may be 1000 or 1.0: write it in one of these ways"),
         ("en", " -12,500 ", "'-12,500' may be -12500 or -12.5: write it in one of these ways"),
-        ("de", "1.000", "'1.000' kann 1000 oder 1,0 sein: schreiben Sie es auf eine dieser Arten"),
+        ("de", "1.000", "'1.000' kann 1000 oder 1,0 sein: schreibe es auf eine dieser Arten"),
     ],
 )
 @pytest.mark.parametrize("is_whole", [False, True])
@@ -99,7 +99,7 @@ def test_a_field_takes_both_and_says_what_is_neither(tmp_path: Path) -> None:
             assert field.value == "2,5"
             assert typed(field, "0,1") is None
             assert typed(field, "0.25") is None
-            assert typed(field, "0,1,2") == "'0,1,2' ist keine Zahl: schreiben Sie 12 oder 0,1"
+            assert typed(field, "0,1,2") == "'0,1,2' ist keine Zahl: schreibe 12 oder 0,1"
             assert field.number is None
             field.value = "7"  # while it is typed, before it is left
             assert field.error is None

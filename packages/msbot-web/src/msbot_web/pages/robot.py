@@ -61,7 +61,10 @@ def _summary(page: Page) -> None:
         counts: dict[str, int] = {}
         for card in robot.slots:
             counts[card.state] = counts.get(card.state, 0) + 1
-        chips = [state_chip(state, f"{count} {page.say(state)}") for state, count in counts.items()]
+        chips = [
+            state_chip(state, page.say("{count} {state}", count=count, state=page.say(state)))
+            for state, count in counts.items()
+        ]
         links = [page.say(link) for link in robot.links]  # one of them is no address: "simulated here"
         words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *links) if word]
         hint = ""

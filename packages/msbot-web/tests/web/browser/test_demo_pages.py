@@ -215,7 +215,7 @@ def test_two_browsers_see_the_same_change_and_one_chooses_a_language(browser: Br
     other.get_by_role("button", name="You").click()
     other.get_by_text("Deutsch").click()
     expect(other.get_by_role("heading", level=1)).to_have_text("Roboter")
-    other.get_by_role("button", name="Sie").click()
+    other.get_by_role("button", name="Du").click()
     other.get_by_text("English").click()
     expect(other.get_by_role("heading", level=1)).to_have_text("Robot")
     other.context.close()

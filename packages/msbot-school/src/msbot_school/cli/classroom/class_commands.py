@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -142,7 +143,7 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
     far = ParallelRequest(accesses, say_stop(reason, group), STOP_S)  # they are told while those here are
     answers, silent = _stop_here(reason, group)
     lines, left_alone = _stop_lines(accesses, far)
-    answers = sorted([*answers, *lines], key=_in_order)
+    answers = sorted([*answers, *not_here(lines, answers)], key=_in_order)
     if as_json:
         names = (
             "robot",
@@ -224,6 +225,15 @@ def _stop_lines(accesses: list[RemoteAccess], far: ParallelRequest[Answer]) -> t
         else:
             left_alone.append(f"{access.robot} {access.serial_number}")
     return lines, left_alone
+
+
+def not_here(far: Sequence[Answer], here: Sequence[Answer]) -> list[Answer]:
+    """What accesses say, without robots that run on this computer and have stopped: they are told once.
+
+    Robots may bear the same name and number: one that has not stopped is named in any case.
+    """
+    stopped = {_in_order(answer) for answer in here if answer.get("stopped")}
+    return [answer for answer in far if not (answer.get("stopped") and _in_order(answer) in stopped)]
 
 
 def stop_line(answer: dict[str, object]) -> str:
