@@ -141,9 +141,9 @@ class Safety:
         is_safe = True
         for name, message in self._messages.items():
             if port in (None, name):
-                function = self._listeners[name].function
-                self._guard.waiting.end(function)  # it begins anew: a safe value is not skipped
-                is_safe &= self._guard.call(function, message)
+                drive = self._listeners[name].function
+                self._guard.waiting.end(drive)  # it begins anew: a safe value is not skipped
+                is_safe &= self._guard.call(drive, message)
         for function in self._functions:
             is_safe &= self._guard.call(function)
         return is_safe
