@@ -13,6 +13,7 @@ from msbot.registry.lesson_ticks import Tick
 from msbot_agent.text.sentence import said
 from msbot_school.lessons.lesson import Lesson
 from msbot_school.lessons.lesson_controller import LessonController
+from msbot_school.lessons.lesson_run import LessonRun
 from msbot_school.lessons.progress import LessonProgress, progress_of
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
@@ -43,7 +44,8 @@ class LessonsView:
 
     def __init__(self, desk: LessonController | None, registry: Registry | None, accounts: Accounts) -> None:
         self._desk = desk
-        self._registry = registry
+        self.registry = registry
+        """Where progress is kept; None: nowhere."""
         self._accounts = accounts
         self._reading = asyncio.Lock()
         self._ticks: tuple[float, list[Tick]] | None = None
@@ -70,13 +72,33 @@ class LessonsView:
         assert isinstance(people, list)
         return next((one for one in people if one["person"] == session.name), None)
 
+    def run_of(self, session: Session) -> LessonRun | None:
+        """The run of a person; None: they do not take part in a lesson."""
+        return None if self._desk is None else self._desk.run_of(session.name)
+
+    def seconds_of(self, session: Session) -> float:
+        """For how long a person has taken part, seconds."""
+        return 0.0 if self._desk is None else self._desk.seconds_of(session.name)
+
     def done_by_others(self, session: Session) -> Mapping[str, str]:
         """Checks that do not tick for a person because somebody else has done them -> who."""
-        run = None if self._desk is None else self._desk.run_of(session.name)
+        run = self.run_of(session)
         if run is None:
             return {}
         found = {check.name: run.done_by_others(check.name) for check in run.lesson.checks}
         return {name: who for name, who in found.items() if who}
+
+    def is_right(self, lesson: str, check: str, answer: str) -> bool:
+        """Whether that is a right answer to a question, in any language."""
+        if self._desk is None:
+            return False
+        try:
+            found = self._desk.shelf.get(lesson)
+        except ConfigError:
+            return False
+        asked = found.check(check)
+        questions = [] if asked is None or asked.question is None else [asked.question]
+        return any(one.is_right(answer) for one in (*questions, *self._desk.shelf.questions(found, check)))
 
     def lessons(self, language: str = "en") -> tuple[list[Lesson], list[str]] | None:
         """All lessons, in that language where there is a translation; and what is wrong with files that are none.
@@ -113,12 +135,12 @@ class LessonsView:
             RegistryError: the database does not answer.
         """
         self._accounts.require(session, Right.SEE)
-        if self._registry is None:
+        if self.registry is None:
             return []
         async with self._reading:  # once for all pages that ask
             now = asyncio.get_running_loop().time()
             if self._ticks is None or now - self._ticks[0] >= PROGRESS_S:
-                ticks = await self._registry.storage.in_time(self._registry.lesson_ticks.all)
+                ticks = await self.registry.storage.in_time(self.registry.lesson_ticks.all)
                 self._ticks = now, ticks
             ticks = self._ticks[1]
         if self._desk is not None and not self._desk.shelf.is_read:

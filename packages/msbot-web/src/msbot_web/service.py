@@ -38,6 +38,7 @@ from msbot_web.arena_view import ArenaView
 from msbot_web.class_controller import ClassController
 from msbot_web.doctor_service import DoctorService
 from msbot_web.gallery import Gallery, RunningDemo
+from msbot_web.hand_ins import HandInActions
 from msbot_web.lessons_view import LessonsView
 from msbot_web.local_masters import LocalMasters
 from msbot_web.model_builder import ModelBuilder
@@ -140,6 +141,8 @@ class Service:
         )
         """The class."""
         self.programs = ProgramActions(shelf, accounts, self.pupils.check_writing)
+        self.hand_ins = HandInActions(accounts, self.programs, self.learning, operations.lessons)
+        """What is handed in of lessons."""
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._held = HeldControls(lambda: views.bench)
         operations.pupils.use_holds(self._held.end_where)

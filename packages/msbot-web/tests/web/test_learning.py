@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import threading
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
-from msbot_school.lessons.catalog import LessonCatalog
+import msbot_web
+from msbot_school.lessons.catalog import LessonCatalog, shipped_folder
 from msbot_school.lessons.lesson_controller import SETTLED_S, LessonController
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.users import MemoryUsers
+from msbot_web.language import languages
 from msbot_web.lessons_view import LessonsView, text_html
+from msbot_web.pages.lesson_view import pointed_at
+from msbot_web.pages.menu import MENU
 from tests.lessons.lesson_stage import LessonStage, lesson_scene
+
+BLOCK_WORDS = {"Numbers", "Ports", "Python", "STOP", "Send", "Sense", "When"}
+"""On the drawers of the blocks, which a script makes, and on the red button."""
 
 
 class WatchedShelf(LessonCatalog):
@@ -111,3 +119,48 @@ def test_what_markdown_can_do_stays() -> None:
         'src="/web/icon.svg"',
     ):
         assert piece in html
+
+
+def words_pressed(folder: str) -> set[str]:
+    """What the lessons of a folder set in bold: pages, and what is on buttons."""
+    files = (shipped_folder() / folder).glob("*.md")
+    words = {word for file in files for word in re.findall(r"\*\*([^*\n]+)\*\*", file.read_text())}
+    return {word for word in words if not word.endswith(":")}  # that begins a paragraph
+
+
+@pytest.mark.parametrize(("folder", "code"), [("", "en"), ("en-simple", "en"), ("de", "de"), ("de-simple", "de")])
+def test_what_a_lesson_tells_to_press_is_on_a_button_in_that_language(folder: str, code: str) -> None:
+    german = languages()["de"]
+    english = set(
+        re.findall(
+            r"\.say\(\s*\"([^\"]+)\"|\bsay\(\"([^\"]+)\"",
+            "".join(file.read_text() for file in (Path(msbot_web.__file__).parent / "pages").glob("*.py")),
+        )
+    )
+    shown = {one for pair in english for one in pair if one} | BLOCK_WORDS | {entry.title for entry in MENU}
+    wanted = {german.say(one) for one in shown} if code == "de" else shown
+    assert words_pressed(folder) <= wanted
+
+
+def test_a_step_points_at_what_is_still_to_be_done() -> None:
+    lesson = LessonCatalog().get("first_part")
+    step = next(one for one in lesson.steps if one.title.startswith("2."))
+    found = pointed_at(step, step.checks)
+    assert found == {"slots": ["knob"], "ports": [], "isWire": False, "words": ["Plug in"]}
+    assert pointed_at(step, ())["words"] == []
+    ring = next(one for one in LessonCatalog().get("ring").steps if one.title.startswith("2."))
+    wire = [check for check in ring.checks if check.name == "2.2"]
+    assert pointed_at(ring, wire)["ports"] == ["CC.out", "AA.in"]
+    assert pointed_at(ring, wire)["isWire"] is True
+
+
+def test_the_list_says_what_a_lesson_is_about_for_whom_and_what_comes_before() -> None:
+    lessons, wrong = LessonCatalog().all()
+    assert wrong == []
+    names = {one.name for one in lessons}
+    for lesson in lessons:
+        assert lesson.topic, lesson.name
+        assert 10 <= lesson.age <= 18, lesson.name
+        assert set(lesson.needs) <= names, lesson.name
+        before = {one.name: one.number for one in lessons}
+        assert all(before[need] < lesson.number for need in lesson.needs), lesson.name

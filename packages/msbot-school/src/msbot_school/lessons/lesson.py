@@ -89,6 +89,12 @@ class Lesson:
     hint_after_s: float = 60.0
     """After how long without a tick a hint is shown."""
     file: Path | None = None
+    topic: str = ""
+    """What it is about, in a sentence."""
+    age: int = 0
+    """From which age on, years; 0: it is not said."""
+    needs: tuple[str, ...] = ()
+    """Names of lessons that come before."""
 
     @property
     def checks(self) -> tuple[LessonCheck, ...]:

@@ -231,6 +231,11 @@ class LessonController:
         """How far a person is; None: they do not take part, or no lesson runs."""
         return None if self._begun is None else self._begun.runs.get(who)
 
+    def seconds_of(self, who: str) -> float:
+        """For how long a person has taken part, seconds; 0: they do not."""
+        run = self.run_of(who)
+        return 0.0 if run is None else self._running.now() - run.begun_at
+
     def as_json(self) -> Mapping[str, object]:
         """See `LessonControl`."""
         begun, now = self._begun, self._running.now()

@@ -97,6 +97,9 @@ class _Reader:
             faults=tuple(_fault(table) for table in header.tables("fault")),
             hint_after_s=header.number("hint_after_s", default=60.0, least=1.0, most=3600.0, unit="s"),
             file=self._path,
+            topic=header.text("topic", "slots, ports, beats"),
+            age=header.whole("age", default=0, least=0, most=99),
+            needs=tuple(header.names("needs", "first_part")),
         )
         header.finish()
         if not lesson.checks:

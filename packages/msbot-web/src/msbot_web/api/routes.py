@@ -29,6 +29,7 @@ from msbot_web.api.dependencies import (
     words_for,
 )
 from msbot_web.api.gallery_routes import add_gallery
+from msbot_web.api.hand_in_routes import add_hand_ins
 from msbot_web.api.models import (
     BlueprintDiff,
     BlueprintText,
@@ -60,6 +61,7 @@ def make_api(service: Service) -> APIRouter:
     _add_robot(router, service)
     add_programs(router, service)
     add_gallery(router, service)
+    add_hand_ins(router, service)
     return router
 
 

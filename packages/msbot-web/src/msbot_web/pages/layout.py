@@ -31,6 +31,7 @@ from msbot_web.pages.banner import show_banner
 from msbot_web.pages.class_banner import raise_hand_button, show_class_banner
 from msbot_web.pages.easy_reading import is_easy, read_easily
 from msbot_web.pages.help import help_button, offer_tour
+from msbot_web.pages.lesson_panel import show_lesson_panel
 from msbot_web.pages.menu import search_button, show_menu
 from msbot_web.pages.time_slider import PATHS, TimeSlider
 from msbot_web.robot_view import LiveRobotView, RobotView
@@ -339,6 +340,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         if path in PATHS:
             page.time_slider = TimeSlider(page, request.query_params.get("at", ""), reads=path != "/plots")
         yield page
+    show_lesson_panel(page, path)
     page.every(LOOK_S, page.refresh)
     page.every(CHECK_S, page.check_session)
 

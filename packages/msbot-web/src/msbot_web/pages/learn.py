@@ -12,6 +12,7 @@ from msbot_school.lessons.lesson import Lesson
 from msbot_school.lessons.progress import LessonProgress, csv_of
 from msbot_web.html import render
 from msbot_web.pages.easy_reading import read_easily
+from msbot_web.pages.hand_ins import HAND_INS, HandInList
 from msbot_web.pages.layout import BUILD_S, Page, page_frame
 from msbot_web.pages.lesson_view import LessonView
 from msbot_web.pages.page_elements import heading, panel
@@ -28,7 +29,9 @@ def register(service: Service) -> None:
             with ui.element("div").classes("row"):
                 easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
                 ui.button(easy, icon="menu_book", on_click=partial(read_easily, easy=not page.easy)).props("outline")
+                leads_to_hand_ins = ui.link("", f"#{HAND_INS}")
             LessonView(page)
+            HandInList(page, leads_to_hand_ins)
             _LessonList(page)
             _Progress(page)
 
@@ -83,6 +86,7 @@ class _LessonList:
         with self._list:
             if not lessons:
                 ui.label(say("This robot runs without lessons."))
+            titles = {one.name: one.title for one in lessons}
             for lesson in lessons:
                 with (
                     ui.element("div")
@@ -90,14 +94,22 @@ class _LessonList:
                     .style("border-bottom:1px solid var(--line);padding:.35rem 0")
                 ):
                     with ui.element("div"):
-                        title = ui.label(lesson.title)
+                        title = ui.label(lesson.title).style("font-weight:650")
                         minutes = page.language.count(lesson.minutes, "{count} minute", "{count} minutes")
                         checks = page.language.count(len(lesson.checks), "{count} check", "{count} checks")
-                        about = [minutes, checks]
+                        if lesson.topic:
+                            ui.label(f"{lesson.topic[:1].upper()}{lesson.topic[1:]}.")
+                        robot = say("robot: {name}", name=lesson.robot or (lesson.blueprint and lesson.blueprint.stem))
+                        world = [say("world: {name}", name=lesson.world)] if lesson.world else []
+                        age = [say("from age {age}", age=lesson.age)] if lesson.age else []
+                        about = [robot, *world, *age, minutes, checks]
                         if page.service.learning.is_missing(lesson, page.reads):
                             title.props("lang=en")
                             about.append(say("in English"))
                         ui.label(" · ".join(about)).classes("soft num")
+                        before = ", ".join(titles.get(name, name) for name in lesson.needs)
+                        if before:
+                            ui.label(say("do before: {lessons}", lessons=before)).classes("soft")
                     if page.may(Right.DESIGN) and nothing_runs:
                         begin = ui.button(say("Begin"), icon="play_arrow", on_click=partial(self._begin, lesson))
                         begin.props("outline")

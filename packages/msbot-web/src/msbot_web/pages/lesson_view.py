@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING, Final
 
 from nicegui import ui
 
 from msbot.operations.rights import Right
+from msbot_school.lessons.conditions import Wired, places
 from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
 from msbot_school.lessons.lesson_run import others_words
 from msbot_web.html import render
-from msbot_web.lessons_view import text_html
-from msbot_web.pages.layout import Page
+from msbot_web.pages.hand_in_dialog import hand_in_dialog
+from msbot_web.pages.lesson_code import show_text
 from msbot_web.pages.page_elements import ask_first, heading, panel, set_html
+
+if TYPE_CHECKING:
+    from msbot_web.pages.layout import Page
+
+MOST_SLOTS: Final = 6
+"""Most cards that are pointed at."""
 
 
 class LessonView:
-    """The lesson that runs, as one person does it."""
+    """The lesson that runs, as one person does it.
 
-    def __init__(self, page: Page) -> None:
+    Args:
+        page: where.
+        beside: it stands beside the robot: one step at a time, and what the step names is pointed at.
+    """
+
+    def __init__(self, page: Page, *, beside: bool = False) -> None:
         self._page = page
+        self._beside = beside
+        self._told: object = None
+        """What the browser was told to point at."""
         self._box = ui.column().classes("w-full").style("gap:1rem")
         self._shown: Lesson | None = None
         self._marks: dict[str, ui.html] = {}
@@ -32,6 +50,7 @@ class LessonView:
         self._hints: dict[str, ui.label] = {}
         self._answers: dict[str, ui.element] = {}
         self._head: ui.html | None = None
+        self._now: ui.label | None = None
         self._buttons: dict[str, ui.button] = {}
         self._steps: OneByOne | None = None
         """Shows one step at a time to who reads easily."""
@@ -46,8 +65,8 @@ class LessonView:
             self._hints.clear()
             self._answers.clear()
             self._buttons.clear()
-            self._head = None
-            self._steps = None
+            self._head = self._now = self._steps = None
+            self._told = None
             if lesson is not None:
                 with self._box:
                     self._build(lesson)
@@ -55,22 +74,14 @@ class LessonView:
             self._follow(self._page.service.learning.now())
 
     def _build(self, lesson: Lesson) -> None:
-        page, say = self._page, self._page.say
-        with panel():
-            with ui.element("div").classes("row spread"):
-                heading(lesson.title)
-                with ui.element("div").classes("row"):
-                    self._button("join", say("Take part"), "how_to_reg", partial(page.act, "join_lesson"))
-                    self._button("hand", say("Ask for help"), "pan_tool", partial(page.act, "hand"))
-                    self._button("down", say("No help needed"), "do_not_touch", partial(page.act, "hand", down=True))
-                    if page.may(Right.DESIGN):
-                        ui.button(say("End the lesson"), icon="logout", on_click=self._end).props("outline")
-            if page.service.learning.is_missing(lesson, page.reads):
-                ui.label(say("This lesson is not in your language yet: it is shown in English.")).classes("soft")
-            self._head = ui.html("", sanitize=False).classes("w-full")
+        page = self._page
+        if self._beside:
+            self._bar()
+        else:
+            self._title(lesson)
         panels: list[tuple[Step, ui.element]] = []
         for step in lesson.steps:
-            if step.for_teachers and not page.may(Right.ARRANGE):
+            if step.for_teachers and (self._beside or not page.may(Right.ARRANGE)):
                 continue
             with panel() as shown:
                 panels.append((step, shown))
@@ -79,9 +90,35 @@ class LessonView:
                     if isinstance(block, LessonCheck):
                         self._check(block)
                     else:
-                        ui.html(text_html(block), sanitize=False).classes("handbook w-full")
-        if page.easy:
-            self._steps = OneByOne(page, panels)
+                        show_text(page, lesson.name, block)
+        if page.easy or self._beside:
+            self._steps = OneByOne(page, panels, at_work=self._beside)
+
+    def _title(self, lesson: Lesson) -> None:
+        page, say = self._page, self._page.say
+        with panel():
+            with ui.element("div").classes("row spread"):
+                heading(lesson.title)
+                with ui.element("div").classes("row"):
+                    self._button("join", say("Take part"), "how_to_reg", partial(page.act, "join_lesson"))
+                    self._button("hand", say("Ask for help"), "pan_tool", partial(page.act, "hand"))
+                    self._button("down", say("No help needed"), "do_not_touch", partial(page.act, "hand", down=True))
+                    self._button("hand in", say("Hand in"), "send", partial(hand_in_dialog, page))
+                    if page.may(Right.DESIGN):
+                        ui.button(say("End the lesson"), icon="logout", on_click=self._end).props("outline")
+            if page.service.learning.is_missing(lesson, page.reads):
+                ui.label(say("This lesson is not in your language yet: it is shown in English.")).classes("soft")
+            self._head = ui.html("", sanitize=False).classes("w-full")
+
+    def _bar(self) -> None:
+        """What of the lesson is seen when it is folded: how far one is, and what comes next."""
+        say = self._page.say
+        with ui.element("div").classes("ms-lesson-bar w-full"):
+            ui.link(say("Lesson"), "/learn")
+            self._now = ui.label("").classes("now").props("role=status")
+            fold = ui.button(icon="unfold_more").props("flat round dense").classes("ms-lesson-fold")
+            fold.props["aria-label"] = fold.props["title"] = say("Unfold the lesson, or fold it")
+            fold.on("click", js_handler="(event) => msbotLesson.fold(event.currentTarget)")
 
     def _button(self, name: str, words: str, icon: str, deed: object) -> None:
         if self._page.may(Right.OPERATE):
@@ -140,6 +177,8 @@ class LessonView:
             )
         if self._steps is not None:
             self._steps.follow(set(ticked))
+        if self._beside:
+            self._point(set(ticked), len(checks))
         hint = None if mine is None else mine["hint"]
         stuck = hint if isinstance(hint, dict) else {}
         others = learning.done_by_others(page.session)
@@ -156,9 +195,31 @@ class LessonView:
                 seen = say("Seen: {seen}.", seen=say(what_is)) + " " if what_is else ""
                 self._hints[name].set_text(f"{seen}{self._looks[name]}")
             self._hints[name].set_visibility(is_told and bool(self._looks[name] or is_stuck or name in others))
-        for button, is_shown in (("join", mine is None), ("hand", me not in hands), ("down", me in hands)):
+        for button, is_shown in (
+            ("join", mine is None),
+            ("hand", me not in hands),
+            ("down", me in hands),
+            ("hand in", mine is not None),
+        ):
             if button in self._buttons:
                 self._buttons[button].set_visibility(is_shown)
+
+    def _point(self, ticked: Collection[str], count: int) -> None:
+        """Say what comes next, and point at what the step that is shown names."""
+        step = None if self._steps is None else self._steps.step
+        if step is None or self._now is None:
+            return
+        missing = [check for check in step.checks if check.name not in ticked]
+        words = missing[0].says if missing else step.title
+        if step.checks and not missing:
+            words = self._page.say("This step is done: go on.")
+        if len(ticked) == count:
+            words = self._page.say("All done!")
+        self._now.set_text(f"{len(ticked)}/{count} · {words}")
+        wanted = pointed_at(step, missing)
+        if wanted != self._told:
+            self._told = wanted
+            ui.run_javascript(f"msbotLesson.point({json.dumps(wanted)})")
 
     def _whose(self, ticked: Mapping[str, object]) -> str:
         """By whose hand a check has ticked, in words; empty: the person's own, or nobody's."""
@@ -172,8 +233,10 @@ class LessonView:
 class OneByOne:
     """Shows one step of a lesson at a time; the person goes on, and back, by two buttons."""
 
-    def __init__(self, page: Page, panels: Sequence[tuple[Step, ui.element]]) -> None:
+    def __init__(self, page: Page, panels: Sequence[tuple[Step, ui.element]], *, at_work: bool) -> None:
         self._page = page
+        self._at_work = at_work
+        """Whether it begins with the first step that has something to do; else, before anything has ticked, at the top."""
         self._panels = panels
         self._at: int | None = None
         with ui.element("nav").classes("row spread w-full").props(f'aria-label="{page.say("Sheets")}"'):
@@ -181,11 +244,17 @@ class OneByOne:
             self._back = ui.button(page.say("Back"), icon="arrow_back", on_click=partial(self._go, -1)).props("outline")
             self._on = ui.button(page.say("Next sheet"), icon="arrow_forward", on_click=partial(self._go, 1))
 
+    @property
+    def step(self) -> Step | None:
+        """The step that is shown."""
+        return None if self._at is None else self._panels[self._at][0]
+
     def follow(self, ticked: Collection[str]) -> None:
         """Begin where the person is; afterwards say whether the step is done."""
         open_checks = [[check for check in step.checks if check.name not in ticked] for step, _ in self._panels]
         if self._at is None:
-            self._at = next((at for at, missing in enumerate(open_checks) if missing), 0) if ticked else 0
+            is_begun = ticked or self._at_work
+            self._at = next((at for at, missing in enumerate(open_checks) if missing), 0) if is_begun else 0
             self._show()
         if open_checks[self._at]:
             self._on.props("outline")
@@ -207,3 +276,20 @@ class OneByOne:
         self._back.set_enabled(self._at > 0)
         self._on.set_enabled(self._at < len(self._panels) - 1)
         self._where.set_text(self._page.say("Sheet {at} of {sheets}", at=self._at + 1, sheets=len(self._panels)))
+
+
+_BOLD = re.compile(r"\*\*([^*\n]{1,60})\*\*")
+
+
+def pointed_at(step: Step, missing: Sequence[LessonCheck]) -> dict[str, object]:
+    """What a step names: slots and ports of its checks that have not ticked, and the words of buttons and pages."""
+    conditions = [condition for check in missing for condition in check.conditions]
+    slots = [slot for condition in conditions for found in places(condition) for slot in sorted(found)]
+    wires = [condition for condition in conditions if isinstance(condition, Wired)]
+    texts = [block for block in step.blocks if isinstance(block, str)] if missing else []
+    return {
+        "slots": list(dict.fromkeys(slots))[:MOST_SLOTS],
+        "ports": [port for wire in wires for port in (wire.source, wire.target)],
+        "isWire": bool(wires),
+        "words": list(dict.fromkeys(word for text in texts for word in _BOLD.findall(text))),
+    }

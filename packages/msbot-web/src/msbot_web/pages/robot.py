@@ -107,6 +107,7 @@ class _Grid:
                 self._open_words(card),
                 card.plugged,
                 self._plug_words(card),
+                self._plug_short(card),
             ]
             for card in robot.slots
             if self._shown[card.name] != looks[card.name]
@@ -125,6 +126,7 @@ class _Grid:
                 "is_plugged": card.plugged,
                 "open_words": self._open_words(card),
                 "plug_words": self._plug_words(card) if self._page.may_at(Right.OPERATE, card.name) else "",
+                "plug_short": self._plug_short(card),
             }
             for card in robot.slots
         ]
@@ -165,6 +167,10 @@ class _Grid:
         if card.plugged is None:
             return ""
         return self._page.say("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
+
+    def _plug_short(self, card: SlotCard) -> str:
+        """What is on the button, as lessons call it."""
+        return self._page.say("Unplug") if card.plugged else self._page.say("Plug in")
 
     async def _clicked(self, event: GenericEventArguments) -> None:
         name, is_plug = str(event.args["slot"]), bool(event.args["plug"])

@@ -1,6 +1,6 @@
 // The search of every page: pages, slots and pupils, found by any words of theirs; Ctrl-K opens it. It is no modal window,
 // so that STOP stays within reach. And the field that leaves only the cards with certain words on the page Robot.
-{
+(() => {  // a function declared in a bare block would take the place of the browser's own, such as `open`
   const MOST = 50;
   const dialog = document.getElementById("ms-find"), field = document.getElementById("ms-find-words");
   const list = document.getElementById("ms-find-list"), count = document.getElementById("ms-find-count");
@@ -112,4 +112,4 @@
     const input = document.getElementById("ms-cards-words");
     if (input?.value && changes.some((one) => one.target.closest?.(".ms-cards"))) leave();
   }).observe(document.body, { childList: true, subtree: true });
-}
+})();

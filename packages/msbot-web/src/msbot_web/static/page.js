@@ -242,7 +242,7 @@ function msbotSlid(id, slider) {
 }
 
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, name, is it plugged in, what the plug's button
-// does].
+// does, the word on it].
 function msbotCards(grid, cards) {
   const root = document.getElementById(grid);
   if (!root) return;
@@ -258,6 +258,7 @@ function msbotCards(grid, cards) {
     plug.firstElementChild.textContent = found[2] ? "power_off" : "power";
     plug.title = found[3];
     plug.setAttribute("aria-label", found[3]);
+    plug.querySelector(".plug-words").textContent = found[4];
   }
 }
 

@@ -101,6 +101,43 @@ def test_a_lesson_with_the_mouse(learn: Page, robot: Page) -> None:
     assert hurdles(learn, dark=True) == []
 
 
+def test_a_step_is_beside_the_robot_points_and_covers_nothing(learn: Page, robot: Page) -> None:
+    page = robot
+    learn.get_by_role("button", name="Begin: The first part").click()
+    lesson = page.get_by_role("complementary", name="Lesson")
+    expect(lesson).to_contain_text("1/8")
+    lesson.get_by_label("Answer").first.fill("ten slots")
+    lesson.get_by_role("button", name="Answer").click()
+    expect(lesson).to_contain_text("2/8 · This step is done")
+    lesson.get_by_role("button", name="Next sheet").click()
+    expect(lesson.get_by_role("heading", name="2. Plug it in")).to_be_visible()
+    for width, height in ((1280, 900), (820, 1180), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        expect(page.locator(".plug.ms-pointed")).to_have_text(re.compile("Plug in$"))
+        fold = lesson.get_by_role("button", name="Unfold the lesson")
+        if width < 600:  # a strip, which says what comes next
+            expect(fold).to_have_attribute("aria-expanded", "false")
+            expect(lesson).to_contain_text("2/8 · The knob is active")
+            expect(lesson.get_by_role("heading", name="2. Plug it in")).to_be_hidden()
+        page.wait_for_function(
+            """() => { const box = document.querySelector(".plug.ms-pointed").getBoundingClientRect();
+            const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+            return top && top.closest(".plug.ms-pointed"); }"""
+        )
+        page.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+        assert hurdles(page, dark=width == 820) == []
+    button(page, "Plug knob in").click()
+    expect(lesson).to_contain_text("3/8")
+    page.locator("[data-slot=knob]").click()
+    for width, height in ((820, 1180), (1280, 900)):  # the fan is seen while the knob is turned
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_function(
+            """() => { const drawer = document.querySelector(".ms-drawer")?.getBoundingClientRect();
+            const fan = document.querySelector("[data-slot=fan]").getBoundingClientRect();
+            return drawer && fan.right <= drawer.left; }"""
+        )
+
+
 @pytest.mark.timeout(300)  # some thousand key presses, each a way to the browser and back
 def test_a_lesson_by_keyboard_only(learn: Page, robot: Page) -> None:
     # Tab comes to it; the key then goes to it, also when the page has been drawn anew in between.

@@ -63,6 +63,22 @@ def test_a_teachers_menu_has_four_groups(site: Site, teacher: Page) -> None:
     expect(groups["Care"].get_by_role("link", name="Admin")).to_be_visible()
 
 
+TAKEN = """() => {
+  const frame = document.body.appendChild(document.createElement("iframe")), own = frame.contentWindow;
+  const isOwn = (one) => typeof one === "function" && /native code/.test(Function.prototype.toString.call(one));
+  const taken = Object.getOwnPropertyNames(own).filter((name) => isOwn(own[name]) && !isOwn(window[name]));
+  frame.remove();
+  return taken;
+}"""
+"""Names of the browser's own functions that a script of the page has taken: `open` leads to other pages."""
+
+
+@pytest.mark.parametrize("path", ["/", "/learn", "/program", "/wires"])
+def test_scripts_of_a_page_leave_the_browsers_own_functions_alone(site: Site, teacher: Page, path: str) -> None:
+    go(teacher, site.base + path)
+    assert teacher.evaluate(TAKEN) == []
+
+
 def test_everything_is_found_by_typing(site: Site, teacher: Page) -> None:
     go(teacher, f"{site.base}/journal")
     teacher.keyboard.press("Control+k")

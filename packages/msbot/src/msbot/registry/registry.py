@@ -25,6 +25,7 @@ from msbot.registry.database.schema import Migrations, bring_up_to_date, own_mig
 from msbot.registry.database.storage import Storage
 from msbot.registry.edits.editing import Edits
 from msbot.registry.edits.users import PartKeys, Users
+from msbot.registry.hand_ins import HandIns
 from msbot.registry.lesson_ticks import LessonTicks
 from msbot.registry.programs import Programs
 from msbot.registry.robots import Robots
@@ -103,6 +104,7 @@ class Registry:
         self.keys = PartKeys(storage, self.edits)
         self.programs = Programs(storage)
         self.lesson_ticks = LessonTicks(storage)
+        self.hand_ins = HandIns(storage)
         self.class_groups = ClassGroups(storage)
 
     @property

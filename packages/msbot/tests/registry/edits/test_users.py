@@ -4,6 +4,7 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import ROLES, KeyRecord, Registry
+from msbot.registry.hand_ins import HandIn
 from msbot_xrce.errors import ConfigError
 from tests.registry.events import UID
 from tests.registry.hand import Hand
@@ -39,8 +40,11 @@ def test_a_user_is_added_changed_and_removed(registry: Registry) -> None:
 def test_the_ticks_of_lessons_go_with_who_is_removed(registry: Registry) -> None:
     Hand(registry).keep_user("bob", "student", "setup", password_hash="")
     registry.lesson_ticks.note(["bob", "cid"], "ring", "1.1", 5)
+    for name in ("bob", "cid"):
+        registry.hand_ins.keep(HandIn(name, "ring", 6, 5))
     Hand(registry).remove_user("bob", "ann")
     assert [tick.person for tick in registry.lesson_ticks.all()] == ["cid"]
+    assert [work.person for work in registry.hand_ins.of()] == ["cid"]
 
 
 def test_somebody_stays_administrator(registry: Registry) -> None:

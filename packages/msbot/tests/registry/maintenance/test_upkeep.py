@@ -13,6 +13,7 @@ from msbot.config import Blueprint, Library
 from msbot.pnp import Group, PartState
 from msbot.registry import ProgramSource, Registry, lesson_ticks, open_registry
 from msbot.registry.database.tables import metadata
+from msbot.registry.hand_ins import HandIn
 from msbot.registry.maintenance import upkeep
 from msbot.registry.maintenance import upkeep as backup_check
 from msbot_agent.text.sentence import said
@@ -42,6 +43,7 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     registry.keys.keep(UID, b"\x00secret", "ann")
     registry.programs.keep("ann", "blink", ProgramSource("from msbot import Part"))
     registry.lesson_ticks.note(["ann"], "ring", "1.1", 5)
+    registry.hand_ins.keep(HandIn("ann", "ring", 6, 5, "blink", "from msbot import Part", "done", {"1.3": "ten"}))
     registry.class_groups.keep(robot, [Group("Red", ("ann",), ("AA",))])
     registry.runs.node_ids(robot, "can:0").keep(7, UID)
     registry.storage.flush()

@@ -289,6 +289,24 @@ lesson_ticks = Table(
     Column("done_by", Text, nullable=False, comment="who did it, empty: the person, or nobody"),
 )
 
+hand_ins = Table(
+    "hand_ins",
+    metadata,
+    Column("id", BigId, primary_key=True, comment="number of the hand-in"),
+    Column("person", Text, nullable=False, comment="name of the user who handed it in"),
+    Column("lesson", Text, nullable=False, comment="name of the lesson"),
+    Column("at_ns", BigInteger, nullable=False, comment="when it was handed in"),
+    Column("from_ns", BigInteger, nullable=False, comment="when the person began"),
+    Column("program", Text, nullable=False, comment="name of the program, empty: none"),
+    Column("text", Text, nullable=False, comment="the program as it was then"),
+    Column("note", Text, nullable=False, comment="what the person says of it"),
+    Column("answers", JSON, nullable=False, comment="the last answer to each question, by its check"),
+    Column("returned_ns", BigInteger, nullable=False, comment="when it was returned, 0: not yet"),
+    Column("returned_by", Text, nullable=False, comment="who returned it, empty: nobody"),
+    Column("comment", Text, nullable=False, comment="what the teacher says of it"),
+    Index("ix_hand_ins_person", "person", "lesson"),
+)
+
 class_groups = Table(
     "class_groups",
     metadata,

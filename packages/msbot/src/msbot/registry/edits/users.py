@@ -14,6 +14,7 @@ from msbot.registry.database.storage import Storage
 from msbot.registry.database.tables import keys, users
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.editing import Edits
+from msbot.registry.hand_ins import remove_hand_ins_of
 from msbot.registry.lesson_ticks import remove_ticks_of
 from msbot.registry.programs import remove_programs_of
 from msbot.registry.records import EditKind, EditRecord, KeyRecord, UserRecord, uid_text
@@ -91,6 +92,7 @@ def remove_user(connection: Connection, name: str) -> str:
     connection.execute(delete(users).where(users.c.name == name))
     remove_programs_of(connection, name)
     remove_ticks_of(connection, name)
+    remove_hand_ins_of(connection, name)
     remove_from_groups(connection, name)
     return said("user {name} ({role}) removed", name=name, role=said(user.role))
 

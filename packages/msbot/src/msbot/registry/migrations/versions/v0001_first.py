@@ -11,6 +11,7 @@ def upgrade() -> None:
     """Create all tables, those that others refer to first."""
     _blocks()
     _keys()
+    _hand_ins()
     _lesson_ticks()
     _library()
     _programs()
@@ -48,6 +49,26 @@ def _keys() -> None:
         sa.Column("created_by", sa.Text(), nullable=False),
         sa.PrimaryKeyConstraint("uid", name="pk_keys"),
     )
+
+
+def _hand_ins() -> None:
+    op.create_table(
+        "hand_ins",
+        sa.Column("id", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column("person", sa.Text(), nullable=False),
+        sa.Column("lesson", sa.Text(), nullable=False),
+        sa.Column("at_ns", sa.BigInteger(), nullable=False),
+        sa.Column("from_ns", sa.BigInteger(), nullable=False),
+        sa.Column("program", sa.Text(), nullable=False),
+        sa.Column("text", sa.Text(), nullable=False),
+        sa.Column("note", sa.Text(), nullable=False),
+        sa.Column("answers", sa.JSON(), nullable=False),
+        sa.Column("returned_ns", sa.BigInteger(), nullable=False),
+        sa.Column("returned_by", sa.Text(), nullable=False),
+        sa.Column("comment", sa.Text(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name="pk_hand_ins"),
+    )
+    op.create_index("ix_hand_ins_person", "hand_ins", ["person", "lesson"], unique=False)
 
 
 def _lesson_ticks() -> None:

@@ -1,0 +1,137 @@
+"""What pupils hand in of a lesson, and teachers open, comment and return; rights are checked here, for page and API."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+from msbot.operations.rights import Right
+from msbot.operations.teaching_operations import Lessons
+from msbot.registry import Registry
+from msbot.registry.hand_ins import HandIn, HandIns
+from msbot_agent.text.sentence import said
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.sessions import Session
+from msbot_web.lessons_view import LessonsView
+from msbot_web.programs.programs import ProgramActions
+from msbot_xrce.errors import ConfigError, NotThere
+
+MOST_NOTE: Final = 2000
+"""Characters of what a pupil or a teacher writes."""
+
+
+class HandInActions:
+    """See the module's docstring.
+
+    Args:
+        accounts: who is signed in.
+        programs: the programs of people.
+        learning: the lesson that runs, and where it is kept.
+        lessons: notes in the journal.
+        epoch_ns: wall clock, nanoseconds since 1970.
+    """
+
+    def __init__(
+        self,
+        accounts: Accounts,
+        programs: ProgramActions,
+        learning: LessonsView,
+        lessons: Lessons,
+        *,
+        epoch_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._registry = learning.registry
+        self._accounts = accounts
+        self._programs = programs
+        self._learning = learning
+        self._lessons = lessons
+        self._epoch_ns = epoch_ns
+
+    async def hand_in(self, session: Session, program: str, note: str) -> int:
+        """Hand in what one has of the lesson that runs; returns its number.
+
+        Args:
+            session: whose.
+            program: the name of an own program; empty: none.
+            note: what the teacher should know.
+
+        Raises:
+            ConfigError: no lesson runs, the person does not take part, or the note is too long.
+            NotThere: there is no such program.
+            RegistryError: it cannot be kept.
+        """
+        self._accounts.require(session, Right.OPERATE)
+        _check_text(note)
+        run = self._learning.run_of(session)
+        if run is None:
+            raise ConfigError(
+                said("only who takes part in the lesson that runs can hand something in: Take part first")
+            )
+        text = (await self._programs.source(session, program)).text if program else ""
+        now_ns = self._epoch_ns()
+        began_ns = now_ns - round(1e9 * self._learning.seconds_of(session))
+        work = HandIn(session.name, run.lesson.name, now_ns, began_ns, program, text, note, dict(run.answers))
+        kept, registry = self._kept()
+        number = await registry.storage.in_time(kept.keep, work)
+        self._lessons.note(said("hands in {title!r}", title=run.lesson.title), session.name)
+        return number
+
+    async def listed(self, session: Session) -> list[HandIn]:
+        """What everybody has handed in, for a teacher, without the texts of programs; for others what is their own.
+
+        Raises:
+            RegistryError: the database does not answer.
+        """
+        self._accounts.require(session, Right.SEE)
+        if self._registry is None:
+            return []
+        person = None if session.may(Right.ARRANGE) else session.name
+        if person is not None and not session.is_of(person):
+            return []
+        return await self._registry.storage.in_time(self._registry.hand_ins.of, person)
+
+    async def opened(self, session: Session, number: int) -> HandIn:
+        """One with its program; another pupil's is as if it were not there.
+
+        Raises:
+            NotThere: there is none of that number for this person.
+            RegistryError: the database does not answer.
+        """
+        self._accounts.require(session, Right.SEE)
+        kept, registry = self._kept()
+        found = await registry.storage.in_time(kept.get, number)
+        if not session.may(Right.ARRANGE) and not session.is_of(found.person):
+            raise NotThere(said("nothing with the number {number} was handed in", number=number))
+        return found
+
+    async def give_back(self, session: Session, number: int, comment: str) -> HandIn:
+        """Return one with a comment.
+
+        Raises:
+            ConfigError: the comment is too long.
+            NotThere: there is none of that number.
+            RegistryError: it cannot be kept.
+        """
+        self._accounts.require(session, Right.ARRANGE)
+        _check_text(comment)
+        kept, registry = self._kept()
+        work = partial(kept.give_back, number, session.name, comment, self._epoch_ns())
+        found = await registry.storage.in_time(work)
+        self._lessons.note(said("returns what {person} handed in", person=found.person), session.name)
+        return found
+
+    def _kept(self) -> tuple[HandIns, Registry]:
+        if self._registry is None:
+            raise ConfigError(said("this robot has no database: nothing can be handed in"))
+        return self._registry.hand_ins, self._registry
+
+
+def _check_text(text: str) -> None:
+    if len(text) > MOST_NOTE or "\0" in text:
+        raise ConfigError(said("write at most {most} characters", most=MOST_NOTE))
+    try:
+        text.encode()
+    except UnicodeEncodeError:  # half of a pair of surrogates
+        raise ConfigError(said("this text holds characters that are none")) from None
