@@ -13,6 +13,7 @@ from itertools import islice, takewhile
 
 from msbot.part import Message
 from msbot.part.messages.message import fields_of
+from msbot.service_types import request_topic, service_type
 from msbot_agent.space import Qos, Reader, Sample, Space, Topic
 from msbot_xrce.errors import RemoteProtocolError
 
@@ -62,6 +63,9 @@ class TopicWatch:
     def __init__(self, name: str, type_name: str, clock: Callable[[], float]) -> None:
         self.name = name
         self.type_name = type_name
+        service = service_type(type_name)
+        self.message_type = type_name if service is None else service.request
+        """The type of its samples; of a service these are the requests."""
         self.count = 0
         """Samples since the watch began."""
         self.at: float | None = None
@@ -121,6 +125,14 @@ class _Curve:
         self.asked_at = 0.0
 
 
+def _heard(name: str, type_name: str) -> tuple[Topic, Qos]:
+    """What is listened to: the samples of a topic, the requests of a service."""
+    service = service_type(type_name)
+    if service is None:
+        return Topic(name, type_name), Qos(reliable=False, depth=1)
+    return Topic(request_topic(name), service.request), Qos(reliable=False, depth=1, service=True)
+
+
 class LiveValues:
     """Listens to topics.
 
@@ -149,7 +161,7 @@ class LiveValues:
                 self._watches[name].keep_at_most(most)
             else:
                 watch = TopicWatch(name, type_name, self._clock)
-                watch.reader = self._space.reader(Topic(name, type_name), Qos(reliable=False, depth=1), watch.deliver)
+                watch.reader = self._space.reader(*_heard(name, type_name), watch.deliver)
                 watch.keep_at_most(most)
                 self._watches[name] = watch
 
@@ -167,7 +179,7 @@ class LiveValues:
         Octets of an unknown type, or that do not fit it, are shown as hexadecimal digits under the name `octets`.
         """
         octets = watch.payload if payload is None else payload
-        message_class = self._class_of(watch.type_name)
+        message_class = self._class_of(watch.message_type)
         if not octets:
             return {}
         if message_class is None:

@@ -67,7 +67,7 @@ def wire_ports(blueprint: Blueprint, library: Library) -> list[WirePort]:
                 slot=slot.name,
                 port=port.name,
                 type_name=port.type_name,
-                publishes=port.direction is Direction.PUBLISH,
+                publishes=port.direction in (Direction.PUBLISH, Direction.SERVE),
                 topic=wired[end].topic if end in wired else "",
             )
     for end, binding in wired.items():  # of parts that the library does not know

@@ -470,7 +470,12 @@ def _check_size(toml: str) -> None:
 def done_of(outcome: Outcome) -> ChangeResult:
     """The outcome of an operation, for page and API."""
     return ChangeResult.model_validate(
-        {"words": outcome.words, "edit": outcome.edit_id, "offers": outcome.answer.get("offers", [])}
+        {
+            "words": outcome.words,
+            "edit": outcome.edit_id,
+            "offers": outcome.answer.get("offers", []),
+            "reply": outcome.answer.get("reply", {}),
+        }
     )
 
 

@@ -82,6 +82,18 @@ def test_the_latest_value_its_count_and_its_age() -> None:
     assert rig.fields("a") == {"index": 2, "message": "hi"}
 
 
+def test_of_a_service_its_requests_are_counted() -> None:
+    rig = Rig()
+    rig.live.watch({"photo": "HelloWorld -> Switch"})
+    requests = rig.space.writer(Topic("photo_Request", "HelloWorld"), Qos(service=True), GUID)
+    rig.writer("photo", "HelloWorld -> Switch").write(b"of nobody")
+    requests.write(hello(1))
+    watch = rig.live.topic("photo")
+    assert watch is not None
+    assert watch.count == 1
+    assert rig.fields("photo") == {"index": 1, "message": "hi"}
+
+
 def test_a_switch_has_a_small_curve_of_ones_and_zeroes_and_a_number_goes_before_it() -> None:
     rig = Rig()
     rig.live.watch({"s": "Switch", "d": "Dimmer"})

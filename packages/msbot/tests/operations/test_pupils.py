@@ -30,6 +30,7 @@ def test_a_group_has_its_slots_for_itself(tmp_path: Path) -> None:
             ("reset", {"slot": "AA", "name": "period_s"}),
             ("publish", {"port": "AA.in", "values": ["1", "x"]}),
             ("let_go", {"port": "AA.in"}),
+            ("call", {"port": "AA.echo", "values": ["1", "x"]}),
             ("identify", {"part": "AA"}),
         ):
             words = await stage.refusal(do(name, who=pupil("ben"), **arguments))

@@ -288,6 +288,28 @@ def test_what_a_serving_function_does_wrong_the_caller_learns_and_the_part_goes_
     tell(story)
 
 
+def test_a_reply_or_request_that_no_agent_takes_is_told_where_it_was_made() -> None:
+    async def story(scene: Scene) -> None:
+        @scene.bb.serves("says", Number, Text)
+        def says(request: Number) -> Text:
+            return Text(text="x" * 300_000)
+
+        @scene.aa.every(1000.0)
+        def ask() -> None:
+            try:
+                scene.aa.call("name", Number(value=1.0))
+            except CallError as error:
+                scene.log.append(str(error))
+
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log == [
+            "call of name: the function that serves it failed: LocalProtocolError: the reply has 300,006 octets, "
+            "and may have 261,976: send less"
+        ]
+
+    tell(story)
+
+
 def test_a_program_without_the_function_says_so() -> None:
     async def story(scene: Scene) -> None:
         scene.asks("ask", Number(value=1.0))
@@ -371,6 +393,39 @@ def test_only_those_who_are_wired_may_ask_and_answer() -> None:
         await asyncio.sleep(1.0)
         assert scene.log == [Number(value=3.0)]
         assert scene.bb.counters.messages_in == served + 1
+
+    tell(story)
+
+
+@pytest.mark.parametrize("held", ["ABCD", "EFGH"])
+def test_a_held_part_neither_asks_nor_answers(held: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A teacher has frozen the class, or taken the pupil's program over."""
+
+    async def story(scene: Scene) -> None:
+        halve(scene)
+
+        @scene.aa.every(1.0)
+        def ask() -> None:
+            try:
+                scene.log.append(scene.aa.call("ask", Number(value=9.0), timeout=0.5))
+            except CallError as error:
+                scene.log.append(str(error))
+
+        await scene.plug(scene.bb, scene.aa)
+        assert scene.log[-1] == Number(value=4.5)
+        inventory = scene.robot.inventory
+        key = next(part.client_key for part in inventory.view(0.0) if part.part == held)
+        with monkeypatch.context() as freeze:
+            freeze.setattr(inventory.pupil_parts, "is_held", lambda client: client == key)
+            scene.robot.agent.recheck(key)
+            await asyncio.sleep(2.0)
+            served = scene.bb.counters.messages_in
+            await asyncio.sleep(5.0)
+            assert scene.bb.counters.messages_in == served
+            assert str(scene.log[-1]).startswith("call of ask: no reply within 0.5 s")
+        scene.robot.agent.recheck(key)
+        await asyncio.sleep(3.0)
+        assert scene.log[-1] == Number(value=4.5)
 
     tell(story)
 

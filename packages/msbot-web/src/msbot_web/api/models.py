@@ -114,6 +114,8 @@ class ChangeResult(Model):
     """Its number, for undo; absent when it cannot be undone."""
     offers: list[WireOffer] = Field(default_factory=list)
     """Wires that would fit the new slot of a part that described itself."""
+    reply: dict[str, Scalar] = Field(default_factory=dict)
+    """The reply to a call, by its fields."""
 
 
 class StopResult(ChangeResult):

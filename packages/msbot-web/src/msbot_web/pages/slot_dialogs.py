@@ -10,6 +10,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
+from msbot.service_types import service_type
 from msbot_web.api.models import TypeLine, WirePort
 from msbot_web.pages.layout import Page
 from msbot_web.pages.page_elements import ask_first, heading, show_dialog
@@ -45,6 +46,7 @@ def say_misfit(page: Page, one: str, other: str) -> None:
     first, second = _port(page, one), _port(page, other)
     if first is None or second is None:
         return  # another blueprint holds by now
+    is_service = service_type(first.type_name) is not None
     if first.type_name != second.type_name:
         words = page.say(
             "{one} carries {type}, {other} carries {other_type}: only ports with the same message can be joined.",
@@ -55,11 +57,19 @@ def say_misfit(page: Page, one: str, other: str) -> None:
         )
     elif first.publishes:
         words = page.say(
-            "{one} and {other} both publish: join one that publishes with one that hears.", one=one, other=other
+            "{one} and {other} both serve: join one that serves with one that calls."
+            if is_service
+            else "{one} and {other} both publish: join one that publishes with one that hears.",
+            one=one,
+            other=other,
         )
     else:
         words = page.say(
-            "{one} and {other} both hear: join one that publishes with one that hears.", one=one, other=other
+            "{one} and {other} both call: join one that serves with one that calls."
+            if is_service
+            else "{one} and {other} both hear: join one that publishes with one that hears.",
+            one=one,
+            other=other,
         )
     ui.notify(words, type="warning", multi_line=True)
 
@@ -92,7 +102,14 @@ def _ask_for_topic(page: Page, start: str, end: str) -> None:
 
     with ui.dialog() as dialog, ui.card().classes("w-full").style("max-width:min(28rem,95vw)"):
         heading(say("New topic"))
-        ui.label(say("{source} publishes on it, {target} hears it.", source=start, target=end)).classes("soft")
+        port = _port(page, start)
+        is_service = port is not None and service_type(port.type_name) is not None
+        told = (
+            say("{source} serves it, {target} calls.", source=start, target=end)
+            if is_service
+            else say("{source} publishes on it, {target} hears it.", source=start, target=end)
+        )
+        ui.label(told).classes("soft")
         proposal = free_name(start.replace(".", "_"), {line.topic for line in views.topics()})
         name = ui.input(say("Name of the topic"), value=proposal).classes("w-full")
         name.props(f"outlined autofocus maxlength={LONGEST_NAME}").on("keydown.enter", make)

@@ -46,6 +46,14 @@ def manual_control_panel(page: Page, slot: str, part_number: str) -> None:
     part_type = page.service.views.library.find(part_number) if part_number else None
     if part_type is None or not page.may_at(Right.OPERATE, slot):
         return
+    services = [port for port in part_type.ports if port.direction is Direction.SERVE and port.message is not None]
+    if services:
+        with ui.element("div").classes("panel"):
+            ui.label(page.say("Call")).props("role=heading aria-level=2").style("font-weight:650;font-size:1.1rem")
+            ui.label(page.say("Sends a request to the part, and shows its reply.")).classes("soft")
+            for port in services:
+                assert port.message is not None
+                _ServiceControl(page, slot, port, port.message)
     ports = [port for port in part_type.ports if port.direction is Direction.SUBSCRIBE and port.message is not None]
     if not ports:
         return
@@ -111,6 +119,33 @@ class _PortControl:
             self._renewing.active = False
             await self._let_go()
             self._held.value = False  # and whoever comes back to the page sees that
+
+
+class _ServiceControl:
+    """One port that serves: the fields of its request, and its reply."""
+
+    def __init__(self, page: Page, slot: str, port: Port, message: MessageType) -> None:
+        self._page = page
+        self._where = f"{slot}.{port.name}"
+        self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.fields.items()}
+        with ui.element("div").style("margin-top:.6rem;width:100%"):
+            ui.label(port.name).style("font-weight:600")
+            with ui.element("div").style("padding-left:1rem;width:100%"):
+                _fields(page, message, self._values, self._changed, port.ranges)
+                self._button = ui.button(page.say("Call {port}", port=port.name), icon="send", on_click=self._call)
+                self._reply = ui.label("").props("role=status").style("margin-top:.4rem")
+
+    async def _changed(self, name: str, value: Scalar) -> None:
+        self._values[name] = value
+
+    async def _call(self) -> None:
+        values = [f"{name}={_written(value)}" for name, value in self._values.items()]
+        self._button.disable()
+        self._reply.text = ""
+        done = await self._page.act("call", quiet=True, port=self._where, values=values)
+        if not self._page.is_gone:
+            self._button.enable()
+            self._reply.text = "" if done is None else self._page.say(done.words)
 
 
 Changed = Callable[[str, Scalar], Awaitable[None]]

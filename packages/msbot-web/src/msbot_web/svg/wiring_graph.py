@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from msbot.service_types import service_type
 from msbot_web.api.models import SpanLine, TimelineLane, TopicLine, WirePort
 from msbot_web.html import Markup, render
 from msbot_web.language import Language
@@ -222,6 +223,10 @@ def _port_words(port: WirePort, language: Language) -> str:
     end = f"{port.slot}.{port.port} ({port.type_name})"
     if not port.topic:
         return language.say("{port}: not wired", port=end)
+    if service_type(port.type_name) is not None:
+        return language.say(
+            "{port}: serves {topic}" if port.publishes else "{port}: calls {topic}", port=end, topic=port.topic
+        )
     return language.say(
         "{port}: publishes on {topic}" if port.publishes else "{port}: hears {topic}", port=end, topic=port.topic
     )

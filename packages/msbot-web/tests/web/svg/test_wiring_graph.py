@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from msbot_web.api.models import TopicLine, WirePort
 from msbot_web.language import languages
-from msbot_web.svg.wiring_graph import STATE_COLOURS, wiring_svg
+from msbot_web.svg.wiring_graph import STATE_COLOURS, _port_words, wiring_svg
 from tests.web.pictures import HARMFUL, names, read, words
 
 ENGLISH = languages()["en"]
@@ -97,3 +97,14 @@ def test_any_names_are_drawn_as_text(lines: list[TopicLine]) -> None:
     text = words(read(wiring_svg(lines, ports_of(*lines), {HARMFUL: HARMFUL}, ENGLISH)))
     for line in lines:
         assert line.topic in text
+
+
+def test_ports_of_services_say_what_they_do() -> None:
+    ports = [
+        WirePort(slot="eye", port="photo", type_name="Angle -> Text", publishes=True, topic="photo"),
+        WirePort(slot="brain", port="look", type_name="Angle -> Text", publishes=False, topic="photo"),
+    ]
+    assert [_port_words(port, ENGLISH) for port in ports] == [
+        "eye.photo (Angle -> Text): serves photo",
+        "brain.look (Angle -> Text): calls photo",
+    ]

@@ -47,6 +47,9 @@ class ServiceCalls:
         assert declared.message is not None
         assert declared.reply is not None
         request = read_message(str(end), declared.message, values)
+        for name in declared.ranges:
+            if fault := declared.fault(name, getattr(request, name)):
+                raise ConfigError(f"{end}: {name} {fault}")
         reply = await self.ask(binding, end, request.encode(), declared.reply, seconds)
         shown = message_words(reply, declared.reply.units)
         fields = {field.name: getattr(reply, field.name) for field in fields_of(type(reply))}

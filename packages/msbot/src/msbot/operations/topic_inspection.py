@@ -24,6 +24,7 @@ from msbot.part import Message
 from msbot.part.messages.message import fields_of
 from msbot.pnp import message_words
 from msbot.registry import EditKind
+from msbot.service_types import request_topic, service_type
 from msbot_agent.agent import client_key_of
 from msbot_agent.space import Guid, Qos, Reader, Sample, Topic, Writer
 from msbot_agent.text.sentence import said
@@ -123,7 +124,9 @@ class TopicInspection:
         return Outcome(answer={"topics": [*known, *(_free(name, counts) for name in free)]})
 
     def _described(self, binding: Binding, counts: dict[str, tuple[int, int]]) -> dict[str, object]:
-        published, delivered = counts.get(binding.topic, (0, 0))
+        is_service = service_type(binding.type_name) is not None
+        counted = request_topic(binding.topic) if is_service else binding.topic
+        published, delivered = counts.get(counted, (0, 0))
         library = self._running.library
         message = None if library is None else library.messages.get(binding.type_name)
         cls = self._class_of(binding.type_name)

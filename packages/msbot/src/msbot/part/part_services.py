@@ -7,13 +7,16 @@ import functools
 from collections.abc import Callable
 
 from msbot.part.calls import LONGEST_TIMEOUT_S, MOST_SERVED, OpenCalls, ReplyStatus, encode_reply
-from msbot.part.client.client import RELATED_OCTETS
+from msbot.part.client.client import IDENTITY_OCTETS, RELATED_OCTETS
 from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.pnp_messages import BindingDirection, PortBinding
 from msbot.part.messages.message import Message
-from msbot.part.ports import Ports
+from msbot.part.ports import LARGEST_MESSAGE, Ports
 from msbot.part.program import Exchange, ProgramDeclarations, Server
 from msbot_xrce.errors import CallError, ConfigError, LocalProtocolError, RemoteProtocolError
+
+LARGEST_REPLY = LARGEST_MESSAGE - IDENTITY_OCTETS
+"""Octets of a reply, which goes back with the identity of its request."""
 
 
 class PartCalls:
@@ -184,6 +187,10 @@ class PartServices:
                 answer = server.function(request)
                 if type(answer) is server.exchange.reply:
                     octets = encode_reply(ReplyStatus.DONE, answer.encode())
+                    if len(octets) > LARGEST_REPLY:
+                        raise LocalProtocolError(
+                            f"the reply has {len(octets):,} octets, and may have {LARGEST_REPLY:,}: send less"
+                        )
                 else:
                     wanted = server.exchange.reply.__name__
                     octets = encode_reply(ReplyStatus.FAILED, f"it returned {answer!r:.60}, not a {wanted}")
