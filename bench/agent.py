@@ -1,10 +1,11 @@
 """The agent under load over UDP on this machine: the loads of a C generator, beside the genuine agent's figures.
 
-    python bench/agent.py [--quick] [--write] [--against CHECKOUT [--pairs N]]
+    python bench/agent.py [--quick] [--write] [--against CHECKOUT [--pairs N] [--load NAME]]
 
 Needs gcc for the generator (`xrce_load.c`). Agent and generator get a core each. `--write` keeps the table in
 bench/results/agent.md. `--against` runs the agent of another checkout and this one in turn, a second each, and
-prints both: what a computer can do changes from day to day, what one version does beside another does not.
+prints both: what a computer can do changes from day to day, what one version does beside another does not. With
+`--load` and `--write` the rows of these loads replace those in bench/results/agent_versions.md.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bench.machine import describe_machine
-from bench.result import write_result
+from bench.result import FOLDER, write_result
 
 SOURCE = Path(__file__).with_name("xrce_load.c")
 PING = bytes.fromhex("80000000 02010800 000afffd 02000000")
@@ -79,12 +80,15 @@ def main() -> None:
     options.add_argument("--write", action="store_true", help="keep it in bench/results")
     options.add_argument("--against", type=Path, metavar="CHECKOUT", help="compare with the version in this folder")
     options.add_argument("--pairs", type=int, default=5, help="with --against: how often both run (default: 5)")
+    options.add_argument("--load", action="append", default=[], help="with --against: only this one; may be repeated")
     chosen = options.parse_args()
     generator = build_generator()
     if chosen.against:
         if not sources_of(chosen.against):
             sys.exit(f"{chosen.against} is no checkout of MsBOT: it has neither packages/*/src nor src")
-        lines = compare(generator, chosen.against, max(1, chosen.pairs))
+        lines = compare(generator, chosen.against, max(1, chosen.pairs), chosen.load)
+        if chosen.load and chosen.write:
+            lines = [*with_new_rows(FOLDER / "agent_versions.md", lines)]
         name, title, command = "agent_versions", "Two versions of the agent in turn", "--against CHECKOUT --write"
     else:
         lines = measure(generator, *((1, 1) if chosen.quick else (3, 3)))
@@ -111,21 +115,21 @@ def measure(generator: Path, runs: int, seconds: int) -> list[str]:
     return lines
 
 
-def compare(generator: Path, other: Path, pairs: int) -> list[str]:
+def compare(generator: Path, other: Path, pairs: int, only: Sequence[str] = ()) -> list[str]:
     """All loads with the agent of another checkout and with this one in turn: the lines of the table."""
     version = subprocess.run(
         ["git", "-C", str(other), "log", "-1", "--format=%cs, %h"], capture_output=True, text=True, check=False
     ).stdout.strip()
     lines = [
         f"{describe_machine()}; agent on one core, generator on the other; the version before ({version or other.name})"
-        f" and this one in turn, {pairs} pairs of 1 s each; medians, and the median of the pairs' ratios.",
+        " and this one in turn, pairs of 1 s each; medians, and the median of the pairs' ratios.",
         "",
-        "| load | per second before | after | ratio | p50 µs before | after "
+        "| load | pairs | per second before | after | ratio | p50 µs before | after "
         "| agent CPU µs before | after | ratio | wrong |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     print("\n".join(lines), flush=True)
-    for load in LOADS:
+    for load in (one for one in LOADS if not only or one.name in only):
         before: list[Result] = []
         after: list[Result] = []
         for number in range(pairs):
@@ -137,6 +141,13 @@ def compare(generator: Path, other: Path, pairs: int) -> list[str]:
         print(line, flush=True)
         lines.append(line)
     return lines
+
+
+def with_new_rows(path: Path, lines: Sequence[str]) -> Iterator[str]:
+    """The table that is kept there, with those of its rows that were measured again."""
+    new = {line.split("|")[1]: line for line in lines if line.startswith("| ")}
+    for line in path.read_text("utf-8").splitlines()[4:]:
+        yield new.get(line.split("|")[1], line) if line.startswith("| ") else line
 
 
 def build_generator() -> Path:
@@ -261,7 +272,7 @@ def pair_row(load: Load, before: list[Result], after: list[Result]) -> str:
     p50, p50_now, _ = medians(f"{load.latency_key}_p50_us")
     cpu, cpu_now, cpu_ratio = medians(CPU_KEY)
     return (
-        f"| {load.name} | {rate:,.0f} | {rate_now:,.0f} | {rate_ratio:.2f} | {p50:.0f} | {p50_now:.0f} "
+        f"| {load.name} | {len(before)} | {rate:,.0f} | {rate_now:,.0f} | {rate_ratio:.2f} | {p50:.0f} | {p50_now:.0f} "
         f"| {cpu:.1f} | {cpu_now:.1f} | {cpu_ratio:.2f} | before: {problems(before)}; after: {problems(after)} |"
     )
 

@@ -39,3 +39,16 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
     assert len(shown) == 3
     for name, code in shown:
         assert code.strip() == (ROOT / name).read_text().strip()
+
+
+def words(*pages: Path) -> int:
+    """What has a letter or a digit: not the bars of tables, nor the marks of lists."""
+    return sum(any(map(str.isalnum, word)) for page in pages for word in page.read_text().split())
+
+
+def test_the_pages_stay_short() -> None:
+    assert words(*PAGES, *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"))) <= 80_000
+    assert words(ROOT / "CONTRIBUTING.md") <= 1500
+    assert [page.name for page in (DOCS / "explain").glob("*.md") if words(page) > 1500] == []
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+    assert len((ROOT / "CHANGELOG.md").read_text().splitlines()) <= 60

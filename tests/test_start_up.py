@@ -50,9 +50,7 @@ def test_the_core_rooms_need_only_the_standard_library(room: str, packages: set[
 
 
 def test_a_robot_with_its_page_waits_for_nothing_that_its_first_page_does_not_need() -> None:
-    loaded = all_modules_after(
-        "import msbot_web.cli.demo.demo_command, msbot_web.assembly, msbot_web.simulated.demo_controls"
-    )
+    loaded = all_modules_after("import msbot_web.cli.demo.demo_command, msbot_web.assembly, msbot_web.demo_controls")
     # Names of parts of libraries: socket.io and uvicorn import the libraries themselves, which does no harm.
     foreign = {
         "aiohttp.client",

@@ -16,8 +16,8 @@ from msbot.stop.socket_folders import IS_THERE
 from msbot.stop.socket_names import GROUP_VARIABLE
 from msbot.stop.stop_request import SilentMaster, ask_masters
 from msbot_agent.process.end_signals import run_to_end
-from msbot_web.api.class_models import RobotTile
 from msbot_web.local_masters import LocalMasters
+from msbot_web.models.class_models import RobotTile
 from msbot_web.whole_class import is_in_class
 from tests.runtime.stop_stage import PATIENCE_S, own_places
 from tests.web.rig import Rig, refusal, show

@@ -17,10 +17,10 @@ from msbot.registry import Registry, open_registry
 from msbot.sim import message_class
 from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_school.faults.fault_lab import FaultLab
-from msbot_web.api.models import SlotCard
+from msbot_web.demo_controls import seen_of
 from msbot_web.live_values import LiveValues
 from msbot_web.model_builder import ModelBuilder
-from msbot_web.simulated.demo_controls import seen_of
+from msbot_web.models.robot_models import SlotCard
 from msbot_web.timeline import Timeline
 from msbot_xrce.errors import MsbotError
 from tests.operations.stage import put_database

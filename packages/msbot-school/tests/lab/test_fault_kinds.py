@@ -8,8 +8,8 @@ import pytest
 
 from msbot.registry import EditKind
 from msbot_school.faults.fault_kinds import KINDS
-from msbot_web.api.bus_models import BusFigures
-from msbot_web.api.models import PartLine, SlotCard
+from msbot_web.models.bus_models import BusFigures
+from msbot_web.models.robot_models import PartLine, SlotCard
 from tests.lab.fault_stage import FaultStage, fault_scene
 
 PLANTED: dict[str, tuple[str, float | None, float]] = {

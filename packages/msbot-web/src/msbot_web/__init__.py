@@ -12,7 +12,7 @@ from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_web.pages.extension_page import ExtensionPage
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
     from msbot_web.service import Service
 
 load_less()

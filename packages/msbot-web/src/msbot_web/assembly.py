@@ -25,7 +25,6 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.clocks import since_boot_s
 from msbot_web.access.session_file import session_file
 from msbot_web.access.users import MemoryUsers, UserStore
-from msbot_web.api.models import Robot
 from msbot_web.doctor_service import DoctorService
 from msbot_web.frame_ring import FrameRing
 from msbot_web.gallery import RunningDemo
@@ -33,6 +32,7 @@ from msbot_web.lessons_view import LessonsView
 from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMasters
 from msbot_web.model_builder import BusMeter, ModelBuilder
+from msbot_web.models.robot_models import Robot
 from msbot_web.programs.programs import RegistryProgramStore
 from msbot_web.server import WebServer, WebSettings
 from msbot_web.service import Service

@@ -17,8 +17,8 @@ from msbot_web.access.class_list import NewAccount, new_password, read_list
 from msbot_web.access.joining import PICTURES
 from msbot_web.access.sessions import Session
 from msbot_web.access.ticket_codes import TicketCodes
-from msbot_web.api.models import ChangeResult
 from msbot_web.lessons_view import LessonsView
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.programs.programs import ProgramStore, check_program
 from msbot_web.programs.robot_words import PYTHON, with_view
 from msbot_xrce.errors import ConfigError, NotThere

@@ -15,9 +15,9 @@ from msbot.operations.rights import Principal, Right
 from msbot_agent.text.sentence import counted, joined, said
 from msbot_school.demo.gallery import GALLERY, ROVER, DemoChoice, GalleryEntry
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.lessons_view import LessonsView
 from msbot_web.model_builder import ModelBuilder
+from msbot_web.models.robot_models import ChangeResult
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 

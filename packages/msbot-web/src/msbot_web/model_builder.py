@@ -10,8 +10,10 @@ from msbot.master import Master
 from msbot.operations.blocking import known_object
 from msbot.pnp import PartInfo
 from msbot_agent.text.sentence import said
-from msbot_web.api.bus_models import BusFigures, FrameLine
-from msbot_web.api.models import (
+from msbot_web.frame_ring import FrameRing
+from msbot_web.live_values import LiveValues
+from msbot_web.models.bus_models import BusFigures, FrameLine
+from msbot_web.models.robot_models import (
     PartLine,
     Simulated,
     SimulatedPartControl,
@@ -23,8 +25,6 @@ from msbot_web.api.models import (
     TypeLine,
     WirePort,
 )
-from msbot_web.frame_ring import FrameRing
-from msbot_web.live_values import LiveValues
 from msbot_web.recorded_snapshot import KnownEndpoint, frame_line_of, spark_of, topic_lines, wire_ports
 from msbot_web.simulated.controls import SimulatedControls
 from msbot_web.slot_cards import SaidByHand, SlotCards, part_line

@@ -26,10 +26,10 @@ from msbot_agent.link.can.protocol import busy_seconds
 from msbot_agent.space import MemorySpace, Sample
 from msbot_agent.text.sentence import from_json
 from msbot_agent.text.untrusted_input import read_json
-from msbot_web.api.bus_models import BusFigures, FrameLine
-from msbot_web.api.models import Robot, SlotCard, TopicLine, WirePort
 from msbot_web.frame_ring import FrameRing, FrameRow
 from msbot_web.live_values import LiveValues
+from msbot_web.models.bus_models import BusFigures, FrameLine
+from msbot_web.models.robot_models import Robot, SlotCard, TopicLine, WirePort
 from msbot_web.slot_cards import SlotCards, stop_state
 from msbot_xrce.lazy import dataclass
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from msbot_agent.text.sentence import said
-from msbot_web.api.bus_models import BusFigures, FrameLine
-from msbot_web.api.models import Robot, SlotCard, TopicLine, WirePort
+from msbot_web.models.bus_models import BusFigures, FrameLine
+from msbot_web.models.robot_models import Robot, SlotCard, TopicLine, WirePort
 from msbot_web.recorded_snapshot import RecordedSnapshot
 from msbot_xrce.errors import NotThere
 

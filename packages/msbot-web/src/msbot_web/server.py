@@ -32,6 +32,7 @@ from msbot_agent.pace import ConnectionPace, ProtocolServer
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import LARGEST_PEM, read_input_file
 from msbot_web.access.access_middleware import ANY_ADDRESS, STOP_PATH, AccessMiddleware, cookie_names
+from msbot_web.access.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.access.reverse_proxies import ProxyHeadersMiddleware, TrustedProxies
 from msbot_web.access.sign_in_pages import make_forms
 from msbot_web.api.exception_handlers import add_exception_handlers
@@ -39,7 +40,6 @@ from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.stop_route import make_stop_api
 from msbot_web.api_rate_limit import ApiRateLimit
 from msbot_web.connection_limits import HEAD_S, RESERVED, ConnectionLimits, LimitedConnection
-from msbot_web.content_policy import PASSING, refusal_page, sentence, wants_page
 from msbot_web.installed import make_installed
 from msbot_web.known_addresses import KnownAddresses
 from msbot_web.nicegui_internals.application import LOGGER, LazyWebSocket, serve_pages, set_ping, websocket_protocol
@@ -48,7 +48,7 @@ from msbot_web.nicegui_internals.page_admission import PageAdmission
 from msbot_web.nicegui_internals.page_sockets import PageSockets
 from msbot_web.page_errors import limit_repeated_errors
 from msbot_web.pages import register_pages
-from msbot_web.pages.help import picture_answer
+from msbot_web.pages.handbook_pages import picture_answer
 from msbot_web.part_websocket import PartWebSocket
 from msbot_web.programs.browser_files import add_browser_files
 from msbot_web.service import Service

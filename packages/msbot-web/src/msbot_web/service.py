@@ -22,7 +22,15 @@ from msbot_web.access.class_list import NewAccount
 from msbot_web.access.sessions import Session
 from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.access.users import User
-from msbot_web.api.models import (
+from msbot_web.arena_view import ArenaView
+from msbot_web.class_controller import ClassController
+from msbot_web.doctor_service import DoctorService
+from msbot_web.gallery import Gallery, RunningDemo
+from msbot_web.hand_ins import HandInActions
+from msbot_web.lessons_view import LessonsView
+from msbot_web.local_masters import LocalMasters
+from msbot_web.model_builder import ModelBuilder
+from msbot_web.models.robot_models import (
     BlueprintDiff,
     ChangeResult,
     EditLine,
@@ -34,14 +42,6 @@ from msbot_web.api.models import (
     UserLine,
     Value,
 )
-from msbot_web.arena_view import ArenaView
-from msbot_web.class_controller import ClassController
-from msbot_web.doctor_service import DoctorService
-from msbot_web.gallery import Gallery, RunningDemo
-from msbot_web.hand_ins import HandInActions
-from msbot_web.lessons_view import LessonsView
-from msbot_web.local_masters import LocalMasters
-from msbot_web.model_builder import ModelBuilder
 from msbot_web.programs.programs import NoProgramStore, ProgramActions, ProgramStore
 from msbot_web.recorded_past import RecordedPast
 from msbot_web.remote_robots import RemoteRobots

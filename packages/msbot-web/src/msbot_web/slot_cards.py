@@ -13,7 +13,8 @@ from msbot.config import Binding, Blueprint, Library, PartType, Port, Slot, scal
 from msbot.pnp import PartInfo, PartState, SelfDescription, StopStatus
 from msbot_agent.agent import SessionFaultCounts
 from msbot_agent.text.sentence import said
-from msbot_web.api.models import (
+from msbot_web.live_values import LiveValues, TopicWatch
+from msbot_web.models.robot_models import (
     PartDeclaration,
     PartLine,
     PartStopConfirmation,
@@ -25,7 +26,6 @@ from msbot_web.api.models import (
     SlotCard,
     StopState,
 )
-from msbot_web.live_values import LiveValues, TopicWatch
 from msbot_xrce.lazy import dataclass
 
 STALE_PERIODS = 3

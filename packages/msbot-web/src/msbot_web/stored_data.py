@@ -26,8 +26,8 @@ from msbot.registry.records import database_identity
 from msbot.registry.robots import RobotInClass
 from msbot_agent.text.sentence import said
 from msbot_web.access.users import User
-from msbot_web.api.class_models import RobotTile
-from msbot_web.api.models import JournalLine, Robot
+from msbot_web.models.class_models import RobotTile
+from msbot_web.models.robot_models import JournalLine, Robot
 from msbot_xrce.errors import RegistryError
 from msbot_xrce.lazy import dataclass
 

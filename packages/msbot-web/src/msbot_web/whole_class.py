@@ -22,10 +22,10 @@ from msbot_school.classroom.class_robots import ClassRobot, database_mark
 from msbot_school.classroom.remote_masters import Answer
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
-from msbot_web.api.class_models import RobotStatus, RobotTile
-from msbot_web.api.models import Robot
 from msbot_web.class_rollouts import ClassRollOuts
 from msbot_web.local_masters import LocalMaster, LocalMasters, StopForAll
+from msbot_web.models.class_models import RobotStatus, RobotTile
+from msbot_web.models.robot_models import Robot
 from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.stored_data import StoredData
 from msbot_xrce.errors import ConfigError

@@ -15,11 +15,11 @@ from msbot_school.classroom.class_robots import ClassRobot
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import MemoryUsers
-from msbot_web.api.models import Robot, Scalar, SimulatedPartControl
 from msbot_web.frame_ring import FrameRing
 from msbot_web.live_values import LiveValues
 from msbot_web.local_masters import LocalMaster, LocalMasters
 from msbot_web.model_builder import ModelBuilder
+from msbot_web.models.robot_models import Robot, Scalar, SimulatedPartControl
 from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.service import Service
 from msbot_web.simulated.controls import SimulatedControls

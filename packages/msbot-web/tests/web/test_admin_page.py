@@ -12,10 +12,10 @@ from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.language import languages
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages import admin
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_web.service import Service
 from msbot_xrce.errors import ConfigError
 from tests.web.rig import Rig, ToyBench, show

@@ -5,9 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import cast
 
-from msbot_web.api.class_models import RobotTile
+from msbot_web.models.class_models import RobotTile
 from msbot_web.pages.classroom import _tile
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 
 PAGE = cast("Page", SimpleNamespace(say=lambda words, **values: words.format(**values) if values else words))
 

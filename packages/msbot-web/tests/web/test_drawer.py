@@ -12,7 +12,7 @@ from nicegui.page import page as nicegui_page
 from msbot.operations.rights import Role
 from msbot_web.language import languages
 from msbot_web.pages import slot_drawer
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_web.pages.simulator import simulator_panel
 from tests.web.rig import Rig, ToyBench, show
 

@@ -7,7 +7,7 @@ from base64 import b64decode
 import pytest
 
 from msbot_agent.link.can.protocol import Frame, format_frame, wire_bits
-from msbot_web.api.bus_models import BusFigures, FrameLine
+from msbot_web.models.bus_models import BusFigures, FrameLine
 from msbot_web.pages.bus import levels_of
 
 

@@ -7,8 +7,8 @@ import re
 import pytest
 
 from msbot_web import handbook
-from msbot_web.pages.help import HELP
 from msbot_web.pages.menu import MENU
+from msbot_web.pages.page_help import HELP
 
 PAGES = [name for chapter in handbook.chapters() for name, _ in chapter.pages]
 

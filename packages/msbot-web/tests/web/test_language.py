@@ -15,9 +15,9 @@ from msbot.doctor import Finding
 from msbot.doctor.checks.robot_checks import check_robot
 from msbot.registry.maintenance.upkeep import check_backup
 from msbot_agent.text.sentence import counted, said
-from msbot_web.api.models import JournalLine
 from msbot_web.html import render
 from msbot_web.language import COOKIE, language_of, languages, read_catalogue
+from msbot_web.models.robot_models import JournalLine
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.doctor.healthy import ROBOT
 from tools import catalogue

@@ -11,10 +11,10 @@ from nicegui import Client, ui
 
 from msbot.operations.rights import Right, Role
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.language import languages
-from msbot_web.pages import layout
-from msbot_web.pages.layout import Page
+from msbot_web.models.robot_models import ChangeResult
+from msbot_web.pages import page as page_module
+from msbot_web.pages.page import Page
 from msbot_xrce.errors import NotThere, RegistryError
 from tests.web.rig import Rig, show
 
@@ -71,11 +71,11 @@ def test_trouble_with_the_database_is_logged_once_and_tried_again(
                 raise RegistryError("the database is locked")
 
         page.every_look(look)
-        with caplog.at_level(logging.WARNING, logger=layout.__name__):
+        with caplog.at_level(logging.WARNING, logger=page_module.__name__):
             for _ in range(20):
                 page.refresh()
         assert looks == [21]
-        said = [record.getMessage() for record in caplog.records if record.name == layout.__name__]
+        said = [record.getMessage() for record in caplog.records if record.name == page_module.__name__]
         assert said == ["the page of teacher shows what it showed before: the database is locked"]
 
     show(tmp_path, scene, parts=())

@@ -6,8 +6,8 @@ import asyncio
 from collections.abc import Mapping, Sequence
 
 from msbot.stop.stop_request import SilentMaster
-from msbot_web.api.class_models import RobotTile
 from msbot_web.local_masters import LocalMaster, LocalMasters
+from msbot_web.models.class_models import RobotTile
 from msbot_web.pages.classroom import _for_visitor
 from msbot_web.whole_class import with_neighbours
 

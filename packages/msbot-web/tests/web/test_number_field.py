@@ -10,10 +10,10 @@ from nicegui import Client
 from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
-from msbot_web.api.models import Value
 from msbot_web.language import languages
-from msbot_web.pages.layout import Page
+from msbot_web.models.robot_models import Value
 from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page import Page
 from msbot_web.pages.parameter_form import _Form, _ParameterRow
 from msbot_xrce.errors import ConfigError
 from tests.web.rig import Rig, show

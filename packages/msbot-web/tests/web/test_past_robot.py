@@ -13,10 +13,10 @@ from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
 from msbot.sim import message_class
 from msbot_school.demo import DemoRobot
-from msbot_web.api.models import SlotCard, TopicLine, WirePort
 from msbot_web.frame_ring import FrameRing
 from msbot_web.live_values import LiveValues
 from msbot_web.model_builder import ModelBuilder
+from msbot_web.models.robot_models import SlotCard, TopicLine, WirePort
 from msbot_web.recorded_past import read_moment
 from msbot_web.recorded_snapshot import RecordedSnapshot, SnapshotBuilder
 from msbot_web.simulated.controls import NoSimulatedControls

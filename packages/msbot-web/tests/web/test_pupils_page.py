@@ -12,7 +12,7 @@ from msbot.operations.rights import Role
 from msbot_web.class_controller import PupilTicket
 from msbot_web.language import languages
 from msbot_web.pages import pupils
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import END_WITH_MASTER
 from msbot_web.pages.simulator import simulator_panel
 from tests.web.rig import Rig, ToyBench, show

@@ -7,7 +7,7 @@ import pytest
 from msbot.config import Library, load_library
 from msbot.registry import ProgramSource
 from msbot_agent.text.sentence import said
-from msbot_web.api.models import SlotCard, WirePort
+from msbot_web.models.robot_models import SlotCard, WirePort
 from msbot_web.programs.programs import MAX_BLOCKS, check_program
 from msbot_web.programs.robot_words import PartWords, RobotWords, robot_words
 from msbot_xrce.errors import ConfigError

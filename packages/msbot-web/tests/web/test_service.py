@@ -17,7 +17,7 @@ from msbot.operations.table import OPERATIONS
 from msbot_web.access.accounts import NotAllowed, SignedOut
 from msbot_web.access.class_list import NewAccount
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import Robot, SlotCard
+from msbot_web.models.robot_models import Robot, SlotCard
 from msbot_web.service import SHARED_S, Service
 from msbot_web.stored_data import no_stored_data
 from msbot_web.whole_class import CLASS_S

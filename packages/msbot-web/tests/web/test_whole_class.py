@@ -13,8 +13,8 @@ from msbot_agent.text.untrusted_input import read_program_json
 from msbot_school.classroom.class_robots import ClassRobot, RemoteRobot, database_mark
 from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
 from msbot_web import remote_robots
-from msbot_web.api.class_models import RobotTile
 from msbot_web.local_masters import Ask, LocalMasters, StopForAll
+from msbot_web.models.class_models import RobotTile
 from msbot_web.pages.classroom import _for_visitor, _natural, _state_of
 from msbot_web.remote_robots import RemoteRobots, RemoteStop
 from msbot_web.whole_class import together, with_far, with_neighbours

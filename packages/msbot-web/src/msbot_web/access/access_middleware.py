@@ -27,9 +27,9 @@ from msbot.registry.maintenance.upkeep import MOST_OF_PAGE
 from msbot_agent.link.net import PART_PATH
 from msbot_agent.text.sentence import said
 from msbot_web.access.accounts import Accounts
+from msbot_web.access.content_policy import HTML, NONCE, PASSING, new_nonce, page_policy, refusal_page, wants_page
 from msbot_web.access.reverse_proxies import UNTRUSTED
 from msbot_web.access.sessions import Session
-from msbot_web.content_policy import HTML, NONCE, PASSING, new_nonce, page_policy, refusal_page, wants_page
 from msbot_web.installed import MANIFEST_PATH, SHELL_PATH, WORKER_PATH
 from msbot_web.root_path import THIS_COMPUTER
 from msbot_xrce.counting import Tally

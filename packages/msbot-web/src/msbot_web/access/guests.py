@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from msbot.operations.rights import Right, Role
 from msbot_agent.text.sentence import said
 from msbot_web.access.guest_tickets import GuestTickets, Ticket
-from msbot_web.access.sessions import Session, SessionEndReason
+from msbot_web.access.sessions import Session, SessionEndReason, Sessions
 from msbot_web.access.sign_in_throttle import SignInRefused
-
-if TYPE_CHECKING:
-    from msbot_web.access.accounts import Accounts
 
 DEMO = "demo"
 """Who the demo's own administrator is; no user of the store."""
+
+
+class InvitingAccounts(Protocol):
+    """What guests need of the accounts of the people who invite them."""
+
+    sessions: Sessions
+    """Who is signed in."""
+
+    @property
+    def has_entry_link(self) -> bool:
+        """Whether the demo's administrator signs in by a link."""
+
+    def require(self, session: Session, right: Right) -> None:
+        """Raise SignedOut or NotAllowed unless the session may do this now."""
+
+    def role_of(self, name: str) -> Role | None:
+        """The role of a user; None: there is no such user."""
 
 
 class Guests:
@@ -26,7 +40,7 @@ class Guests:
         clock: seconds, monotonic.
     """
 
-    def __init__(self, accounts: Accounts, clock: Callable[[], float]) -> None:
+    def __init__(self, accounts: InvitingAccounts, clock: Callable[[], float]) -> None:
         self._accounts = accounts
         self.tickets = GuestTickets(clock)
         """To look at; `invite` makes one and `admit` uses it."""

@@ -10,9 +10,9 @@ from fastapi.responses import Response, StreamingResponse
 
 from msbot.metrics.metrics_server import exposition
 from msbot_agent.text.sentence import said
-from msbot_web.api.common_models import PROBLEMS
 from msbot_web.api.dependencies import SignedIn
-from msbot_web.api.models import ChangeResult, NewToken, NewUser, RelayTicket, TextBody, UserChange, UserLine
+from msbot_web.models.common_models import PROBLEMS
+from msbot_web.models.robot_models import ChangeResult, NewToken, NewUser, RelayTicket, TextBody, UserChange, UserLine
 from msbot_web.service import Service
 
 UserName = Annotated[str, Path(max_length=64, description="Name of the user")]

@@ -11,8 +11,8 @@ from msbot.operations.rights import Right
 from msbot_agent.text.sentence import said, without
 from msbot_web.access.accounts import SignedOut
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult, EditLine, JournalLine, PartLine, Robot, SlotCard, TimelineLane
 from msbot_web.api.uid_redactor import UidRedactor, without_uids
+from msbot_web.models.robot_models import ChangeResult, EditLine, JournalLine, PartLine, Robot, SlotCard, TimelineLane
 
 if TYPE_CHECKING:
     from msbot_web.service import Service

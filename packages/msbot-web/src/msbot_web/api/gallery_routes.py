@@ -7,8 +7,8 @@ from pydantic import Field
 
 from msbot_school.demo.gallery import DemoChoice
 from msbot_web.api.dependencies import SignedIn
-from msbot_web.api.models import ChangeResult, Model
-from msbot_web.api.sentence_field import SentenceField
+from msbot_web.models.robot_models import ChangeResult, Model
+from msbot_web.models.sentence_field import SentenceField
 from msbot_web.service import Service
 
 

@@ -10,8 +10,8 @@ from pydantic import Field
 from msbot.registry.hand_ins import HandIn
 from msbot_agent.text.sentence import said
 from msbot_web.api.dependencies import SignedIn
-from msbot_web.api.models import ChangeResult, Model
 from msbot_web.hand_ins import MOST_NOTE
+from msbot_web.models.robot_models import ChangeResult, Model
 from msbot_web.service import Service
 
 Number = Annotated[int, Path(ge=1, le=2**53, description="Number of the hand-in")]

@@ -13,10 +13,10 @@ from pydantic import Field, create_model
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
 from msbot_agent.startup.extensions import extensions
-from msbot_web.api.common_models import PROBLEMS
 from msbot_web.api.dependencies import SignedIn, done_for, session_of
-from msbot_web.api.models import ChangeResult, Model, Scalar
 from msbot_web.api.stop_route import STOP
+from msbot_web.models.common_models import PROBLEMS
+from msbot_web.models.robot_models import ChangeResult, Model, Scalar
 from msbot_web.service import Service, done_of
 
 _TYPES: dict[ArgumentKind, object] = {

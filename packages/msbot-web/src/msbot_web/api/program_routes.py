@@ -11,7 +11,7 @@ from msbot.registry import ProgramSource
 from msbot_agent.text.sentence import said
 from msbot_web.access.guest_tickets import MOST_GUESTS, TICKET_S
 from msbot_web.api.dependencies import SignedIn
-from msbot_web.api.models import ChangeResult, Model
+from msbot_web.models.robot_models import ChangeResult, Model
 from msbot_web.programs.programs import MAX_BLOCKS, MAX_PROGRAM
 from msbot_web.service import Service
 

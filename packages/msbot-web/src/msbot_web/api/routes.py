@@ -14,9 +14,6 @@ from fastapi.responses import Response
 
 from msbot.operations.rights import Right
 from msbot_school.missions.recorded_missions import grade_json, played_from_json
-from msbot_web.api.bus_models import BusFigures, FrameLine
-from msbot_web.api.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
-from msbot_web.api.common_models import PROBLEMS, Health
 from msbot_web.api.dependencies import (
     Name,
     SignedIn,
@@ -30,7 +27,12 @@ from msbot_web.api.dependencies import (
 )
 from msbot_web.api.gallery_routes import add_gallery
 from msbot_web.api.hand_in_routes import add_hand_ins
-from msbot_web.api.models import (
+from msbot_web.api.operation_routes import PREFIX, add_operations
+from msbot_web.api.program_routes import add_programs
+from msbot_web.models.bus_models import BusFigures, FrameLine
+from msbot_web.models.class_models import ExaminationState, MissionMarks, MissionState, RobotStatus, RobotTile
+from msbot_web.models.common_models import PROBLEMS, Health
+from msbot_web.models.robot_models import (
     BlueprintDiff,
     BlueprintText,
     ChangeResult,
@@ -47,8 +49,6 @@ from msbot_web.api.models import (
     TypeLine,
     Value,
 )
-from msbot_web.api.operation_routes import PREFIX, add_operations
-from msbot_web.api.program_routes import add_programs
 from msbot_web.service import Service
 
 

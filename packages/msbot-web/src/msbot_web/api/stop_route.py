@@ -24,10 +24,10 @@ from msbot.operations.table import OPERATIONS
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import read_program_json
 from msbot_web.access.access_middleware import STOP_PATH
-from msbot_web.api.common_models import PROBLEMS
 from msbot_web.api.dependencies import session_of
-from msbot_web.api.models import StopResult
 from msbot_web.language import language_of
+from msbot_web.models.common_models import PROBLEMS
+from msbot_web.models.robot_models import StopResult
 from msbot_web.service import Service
 from msbot_xrce.lazy import dataclass
 

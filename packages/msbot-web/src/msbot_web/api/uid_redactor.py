@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from msbot_agent.text.sentence import changed
-from msbot_web.api.bus_models import FrameLine
+from msbot_web.models.bus_models import FrameLine
 
 HIDDEN = "…"
 _UID = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{16}(?![0-9A-Za-z])")

@@ -14,7 +14,7 @@ from nicegui.middlewares import RedirectWithPrefixMiddleware
 from starlette.requests import Request
 from starlette.responses import Response
 
-from msbot_web.content_policy import NonceLoader
+from msbot_web.access.content_policy import NonceLoader
 from msbot_web.nicegui_internals.startup import undisturbed
 
 LOGGER = logging.getLogger("nicegui")

@@ -20,8 +20,8 @@ from nicegui import Client
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot_web.access.access_middleware import TURN_PATH
+from msbot_web.access.content_policy import refuse
 from msbot_web.access.sessions import Session
-from msbot_web.content_policy import refuse
 from msbot_xrce.counting import Tally
 
 MOST_WAITING = 8

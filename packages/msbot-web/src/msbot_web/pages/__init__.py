@@ -14,7 +14,7 @@ from msbot_web.pages import (
     faults,
     gallery,
     hand_ins,
-    help,
+    handbook_pages,
     journal,
     learn,
     library,
@@ -60,7 +60,7 @@ def register_pages(service: Service) -> None:
         projector,
         admin,
         api_docs,
-        help,
+        handbook_pages,
         extension_pages,
     ):
         page.register(service)

@@ -14,9 +14,10 @@ from msbot.operations.rights import Right, Role
 from msbot_web.access.access_middleware import MAX_RESTORE
 from msbot_web.access.class_list import MOST_BYTES, NewAccount, new_accounts
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult, UserLine
 from msbot_web.html import render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.robot_models import ChangeResult, UserLine
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first, file_button, heading, page_dialog, panel, set_html, show_dialog
 from msbot_web.root_path import THIS_COMPUTER, base_of
 from msbot_web.service import Service

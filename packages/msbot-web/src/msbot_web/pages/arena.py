@@ -15,11 +15,12 @@ from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.arena_view import UNITS
 from msbot_web.html import render
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages.gallery import back_to_rover
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, panel, set_html
 from msbot_web.pages.pilot import pilot_slot, take_out
 from msbot_web.root_path import root

@@ -11,9 +11,10 @@ from nicegui import ui
 
 from msbot.operations.rights import Right
 from msbot_web.api.dependencies import parts_for
-from msbot_web.api.models import PartLine, WireOffer
 from msbot_web.html import render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.robot_models import PartLine, WireOffer
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, page_dialog, set_html, show_dialog
 from msbot_web.pages.simulator import simulator_panel
 from msbot_web.pages.slot_dialogs import free_name, slot_name

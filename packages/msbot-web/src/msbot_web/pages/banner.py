@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.api.models import StopState
 from msbot_web.html import Markup, render
+from msbot_web.models.robot_models import StopState
 from msbot_web.pages.page_elements import set_html
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 
 def show_banner(page: Page, banner: ui.column) -> None:

@@ -12,9 +12,10 @@ from nicegui.events import GenericEventArguments
 
 from msbot_agent.explain.frame_picture import frame_picture
 from msbot_agent.link.can.protocol import parse_frame, wire_bits
-from msbot_web.api.bus_models import BusFigures, FrameLine
 from msbot_web.html import render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.bus_models import BusFigures, FrameLine
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.robot_view import RobotView
 from msbot_web.service import Service

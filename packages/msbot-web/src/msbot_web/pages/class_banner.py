@@ -11,7 +11,7 @@ from nicegui import ui
 from msbot.operations.rights import Right
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 
 def show_class_banner(page: Page, place: ui.column) -> None:

@@ -9,10 +9,10 @@ from nicegui.events import UploadEventArguments
 
 from msbot_school.classroom.rollout import RollOutPlan
 from msbot_school.classroom.rollout_run import RobotStep, RollOutEntry, RollOutRun, StepState
-from msbot_web.api.class_models import RobotTile
 from msbot_web.class_rollouts import ChosenBlueprint, RobotKey
 from msbot_web.html import render
-from msbot_web.pages.layout import Page
+from msbot_web.models.class_models import RobotTile
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first, file_button, heading, panel, set_html
 from msbot_web.service import MAX_BLUEPRINT
 from msbot_xrce.errors import MsbotError

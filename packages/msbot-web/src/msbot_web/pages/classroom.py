@@ -9,10 +9,11 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.api.class_models import RobotTile
 from msbot_web.html import Markup, render
+from msbot_web.models.class_models import RobotTile
 from msbot_web.pages.class_rollout import RollOutPanel
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError

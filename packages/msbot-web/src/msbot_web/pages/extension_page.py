@@ -10,7 +10,7 @@ from msbot_agent.startup.extensions import extensions
 from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,10 @@ from msbot.operations.rights import Right
 from msbot_school.faults.fault_engine import FOR_S
 from msbot_school.faults.fault_kinds import KINDS, Amount
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.robot_models import ChangeResult
+from msbot_web.pages.layout import page_frame
 from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first, heading, panel, show_dialog
 from msbot_web.service import Service
 

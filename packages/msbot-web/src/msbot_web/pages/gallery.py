@@ -12,10 +12,11 @@ from msbot.config import SAMPLES, parse_blueprint
 from msbot_school.demo.gallery import ROVER, DemoChoice, GalleryEntry
 from msbot_school.lessons.lesson import Lesson
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.gallery import Gallery
 from msbot_web.html import Markup, render
-from msbot_web.pages.layout import BUILD_S, Page, page_frame
+from msbot_web.models.robot_models import ChangeResult
+from msbot_web.pages.layout import BUILD_S, page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, page_dialog, panel, show_dialog
 from msbot_web.service import Service
 from msbot_web.svg.drawings import picture_of

@@ -8,13 +8,13 @@ from nicegui import ui
 
 from msbot_agent.text.sentence import said
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.hand_ins import MOST_NOTE
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages.page_elements import page_dialog, show_dialog
 from msbot_xrce.errors import MsbotError
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 
 async def hand_in_dialog(page: Page) -> None:

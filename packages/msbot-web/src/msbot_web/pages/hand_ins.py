@@ -12,10 +12,11 @@ from msbot.operations.rights import Right
 from msbot.registry.hand_ins import HandIn
 from msbot_agent.text.sentence import said
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.hand_ins import MOST_NOTE
 from msbot_web.html import render
-from msbot_web.pages.layout import BUILD_S, Page, page_frame
+from msbot_web.models.robot_models import ChangeResult
+from msbot_web.pages.layout import BUILD_S, page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, panel
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError, NotThere

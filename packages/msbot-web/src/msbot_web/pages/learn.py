@@ -13,8 +13,9 @@ from msbot_school.lessons.progress import LessonProgress, csv_of
 from msbot_web.html import render
 from msbot_web.pages.easy_reading import read_easily
 from msbot_web.pages.hand_ins import HAND_INS, HandInList
-from msbot_web.pages.layout import BUILD_S, Page, page_frame
+from msbot_web.pages.layout import BUILD_S, page_frame
 from msbot_web.pages.lesson_view import LessonView
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, panel
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError

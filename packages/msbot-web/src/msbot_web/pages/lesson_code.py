@@ -12,11 +12,11 @@ from msbot.operations.rights import Right
 from msbot.registry import ProgramSource
 from msbot_agent.text.sentence import said
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.lessons_view import text_html
+from msbot_web.models.robot_models import ChangeResult
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 _CODE: Final = re.compile(r"^```(?P<kind>\w*)[^\S\n]*\n(?P<code>.*?)^```[^\S\n]*$", re.DOTALL | re.MULTILINE)
 _NAME: Final = re.compile(r"[^A-Za-z0-9_-]")

@@ -9,7 +9,7 @@ from nicegui import ui
 from msbot_web.pages.lesson_view import LessonView
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 WITHOUT: Final = ("/learn", "/projector")
 """Where the whole lesson is, or where nobody does one."""

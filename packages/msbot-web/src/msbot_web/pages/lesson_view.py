@@ -21,7 +21,7 @@ from msbot_web.pages.lesson_code import show_text
 from msbot_web.pages.page_elements import ask_first, heading, panel, set_html
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 MOST_SLOTS: Final = 6
 """Most cards that are pointed at."""

@@ -11,7 +11,8 @@ from msbot.config import PartType
 from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
 from msbot_web.html import Markup, render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first
 from msbot_web.pages.slot_dialogs import ask_for_slot, types_found
 from msbot_web.root_path import base_of

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from msbot.pnp import PartState
-from msbot_web.api.models import Robot
+from msbot_web.models.robot_models import Robot
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 
 def lost_slots(robot: Robot) -> list[str]:

@@ -18,7 +18,7 @@ from msbot_web.pages.lost_parts import lost_slots, notify_lost
 from msbot_xrce.lazy import dataclass
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,11 @@ from msbot_school.faults.fault_kinds import KINDS
 from msbot_school.missions.mission import REPAIRS
 from msbot_school.missions.mission_file import MOST_TEXT, ready_missions
 from msbot_school.missions.recorded_missions import PlayedMission, played_from_json
-from msbot_web.api.class_models import MissionState
 from msbot_web.mission_report import report_body, report_page
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.class_models import MissionState
+from msbot_web.pages.layout import page_frame
 from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import file_button, heading, panel
 from msbot_web.service import Service
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_xrce.errors import ConfigError
 
 DIGITS = ".15g"

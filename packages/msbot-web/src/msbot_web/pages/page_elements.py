@@ -12,7 +12,7 @@ from msbot_web.access.access_middleware import CSRF_HEADER
 from msbot_web.html import Markup, render
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 END_WITH_MASTER = "What is simulated here ends with the master: simulate it again when it has started anew."
 

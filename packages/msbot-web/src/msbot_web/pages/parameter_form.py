@@ -8,10 +8,10 @@ from __future__ import annotations
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.api.models import Scalar, Value
 from msbot_web.html import render
-from msbot_web.pages.layout import Page
+from msbot_web.models.robot_models import Scalar, Value
 from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page import Page
 from msbot_web.pages.wires import edit_wires
 from msbot_web.svg.drawings import value_words
 from msbot_xrce.errors import MsbotError

@@ -7,7 +7,7 @@ from functools import partial
 from nicegui import ui
 
 from msbot.operations.rights import Right
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_web.service import Service
 
 PILOT = "PILOT"

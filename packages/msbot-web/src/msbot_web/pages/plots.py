@@ -21,7 +21,8 @@ from msbot.recording.curves.curve import Figures, Point, WantedCurves, figures_o
 from msbot_agent.text.sentence import as_cell
 from msbot_web.html import render
 from msbot_web.live_values import HISTORY_S
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.root_path import root
 from msbot_web.service import Service

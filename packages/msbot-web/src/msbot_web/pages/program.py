@@ -16,11 +16,12 @@ from nicegui.events import GenericEventArguments
 from msbot.operations.rights import Right
 from msbot.registry import ProgramSource
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
 from msbot_web.html import Markup, render
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.nicegui_internals.elements import DisableableElement
 from msbot_web.pages.arrivals import adopt
-from msbot_web.pages.layout import BUILD_S, Page, page_frame
+from msbot_web.pages.layout import BUILD_S, page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import show_dialog
 from msbot_web.pages.pilot import pilot_note
 from msbot_web.pages.program_blocks import ProgramBlocks

@@ -16,7 +16,7 @@ from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 from msbot.registry import ProgramSource
 from msbot_web.html import Markup, render
 from msbot_web.language import ENGLISH
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import show_dialog
 from msbot_web.programs.programs import MAX_BLOCKS
 from msbot_web.programs.robot_words import BLOCKS, PYTHON, RobotWords, View, robot_words, view_of, with_view

@@ -10,7 +10,7 @@ from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
 from msbot_web.access.guest_tickets import MOST_GUESTS, TICKET_S, Ticket
-from msbot_web.pages.layout import Page
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import show_dialog
 from msbot_web.svg.drawings import qr_svg
 from msbot_xrce.errors import MsbotError

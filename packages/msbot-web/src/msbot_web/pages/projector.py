@@ -7,7 +7,8 @@ from nicegui import ui
 
 from msbot.operations.rights import Right
 from msbot_web.html import render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError

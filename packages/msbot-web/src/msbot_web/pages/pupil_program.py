@@ -11,9 +11,10 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot.registry import ProgramSource
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult
+from msbot_web.models.robot_models import ChangeResult
 from msbot_web.nicegui_internals.elements import DisableableElement
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.program_blocks import ProgramBlocks
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError

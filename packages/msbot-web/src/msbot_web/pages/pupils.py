@@ -13,10 +13,11 @@ from nicegui import ui
 from msbot.operations.rights import Right
 from msbot_web.access.guest_tickets import MOST_GUESTS
 from msbot_web.access.sessions import Session
-from msbot_web.api.models import ChangeResult, RelayTicket
 from msbot_web.class_controller import PupilStatus, PupilTicket
 from msbot_web.html import render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.robot_models import ChangeResult, RelayTicket
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import END_WITH_MASTER, ask_first, heading, page_dialog, panel, show_dialog
 from msbot_web.root_path import THIS_COMPUTER, base_of
 from msbot_web.service import Service

@@ -12,9 +12,10 @@ from nicegui import ui
 
 from msbot_agent.link.can.protocol import parse_frame
 from msbot_school.quiz import Question, frame_question, questions
-from msbot_web.api.bus_models import FrameLine
 from msbot_web.html import render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.bus_models import FrameLine
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import panel
 from msbot_web.service import Service
 from msbot_xrce.errors import LocalProtocolError

@@ -15,11 +15,12 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
-from msbot_web.api.models import PartLine, PortLine, Robot, SlotCard
 from msbot_web.html import Markup, render
+from msbot_web.models.robot_models import PartLine, PortLine, Robot, SlotCard
 from msbot_web.pages.gallery import back_to_rover
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.pages.layout import page_frame
 from msbot_web.pages.menu import is_pupil
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.pages.slot_drawer import open_slot_drawer
 from msbot_web.service import Service

@@ -10,7 +10,8 @@ from nicegui.events import UploadEventArguments
 
 from msbot.operations.rights import Right
 from msbot_web.html import render
-from msbot_web.pages.layout import BUILD_S, Page, page_frame
+from msbot_web.pages.layout import BUILD_S, page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import file_button, heading
 from msbot_web.pages.parameter_form import parameter_panel
 from msbot_web.service import MAX_BLUEPRINT, Service

@@ -6,9 +6,9 @@ from functools import partial
 
 from nicegui import ui
 
-from msbot_web.api.models import Scalar, SimulatedPartControl
-from msbot_web.pages.layout import Page
+from msbot_web.models.robot_models import Scalar, SimulatedPartControl
 from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import END_WITH_MASTER, heading
 from msbot_web.pages.slider import Slider
 from msbot_web.svg.drawings import fields_html

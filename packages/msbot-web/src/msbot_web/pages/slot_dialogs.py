@@ -11,8 +11,8 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from msbot.service_types import service_type
-from msbot_web.api.models import TypeLine, WirePort
-from msbot_web.pages.layout import Page
+from msbot_web.models.robot_models import TypeLine, WirePort
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import ask_first, heading, show_dialog
 
 # Ports joined by hand on the wires page: on the topic there is, or on a new one, whose name the person is asked for.

@@ -16,10 +16,10 @@ from msbot.config import Direction, FieldKind, MessageType, Port, Scalar
 from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
 from msbot.pnp import PartState
-from msbot_web.api.models import PartLine, SlotCard
 from msbot_web.html import Markup, render
-from msbot_web.pages.layout import Page
+from msbot_web.models.robot_models import PartLine, SlotCard
 from msbot_web.pages.number_field import NumberField
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import heading, set_html, show_dialog
 from msbot_web.pages.parameter_form import parameter_panel
 from msbot_web.pages.simulator import simulator_panel

@@ -22,7 +22,7 @@ from msbot_web.root_path import root
 from msbot_xrce.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
-    from msbot_web.pages.layout import Page
+    from msbot_web.pages.page import Page
 
 PATHS = ("/", "/bus", "/wires", "/plots")
 """Pages that can show the past."""

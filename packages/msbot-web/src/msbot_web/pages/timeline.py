@@ -7,9 +7,10 @@ import json
 from fastapi import Request
 from nicegui import ui
 
-from msbot_web.api.models import TimelineLane
 from msbot_web.html import Markup, render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.robot_models import TimelineLane
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.service import Service
 from msbot_web.svg.wiring_graph import bars_svg

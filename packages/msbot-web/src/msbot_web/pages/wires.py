@@ -14,9 +14,10 @@ from msbot.config import BOARD_DRIVERS, PartType, WiredPart, wired_part, wired_p
 from msbot.config.library.board_wiring import CHIPS, pin_faults
 from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
-from msbot_web.api.models import TopicLine
 from msbot_web.html import Markup, render
-from msbot_web.pages.layout import Page, page_frame
+from msbot_web.models.robot_models import TopicLine
+from msbot_web.pages.layout import page_frame
+from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html, show_dialog
 from msbot_web.pages.slot_dialogs import ask_for_slot, ask_to_take_out, connect_ports, say_misfit
 from msbot_web.root_path import root

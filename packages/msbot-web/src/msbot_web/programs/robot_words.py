@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias, TypedDict
 from msbot.config import Direction, Library, ParameterKind, Port
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot_agent.text.untrusted_input import read_json
-from msbot_web.api.models import SlotCard, WirePort
+from msbot_web.models.robot_models import SlotCard, WirePort
 
 HELD = ("active", "late")
 """States of slots that a part holds."""

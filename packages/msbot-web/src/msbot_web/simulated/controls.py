@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from msbot_web.api.models import Scalar, SimulatedPartControl
+from msbot_web.models.robot_models import Scalar, SimulatedPartControl
 
 
 class SimulatedControls(Protocol):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from msbot_web.api.models import Scalar
+from msbot_web.models.robot_models import Scalar
 from msbot_web.simulated.controls import SimulatedControls
 from msbot_xrce.lazy import dataclass
 

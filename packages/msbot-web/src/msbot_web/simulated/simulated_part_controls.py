@@ -8,7 +8,7 @@ from typing import Protocol
 from msbot.config import ControlKind
 from msbot.sim import SimulatedPart
 from msbot_agent.text.sentence import said
-from msbot_web.api.models import Scalar, SimulatedPartControl
+from msbot_web.models.robot_models import Scalar, SimulatedPartControl
 from msbot_xrce.errors import ConfigError
 
 

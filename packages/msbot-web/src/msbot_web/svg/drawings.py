@@ -14,9 +14,9 @@ from textwrap import wrap
 
 from msbot.config import PartType
 from msbot.config.library.picture import picture_svg
-from msbot_web.api.models import PortLine, Scalar, SlotCard
 from msbot_web.html import Markup, render
 from msbot_web.language import PLAIN, Language
+from msbot_web.models.robot_models import PortLine, Scalar, SlotCard
 
 Fields = Mapping[str, Scalar]
 Drawing = Mapping[str, object]

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from msbot.service_types import service_type
-from msbot_web.api.models import SpanLine, TimelineLane, TopicLine, WirePort
 from msbot_web.html import Markup, render
 from msbot_web.language import Language
+from msbot_web.models.robot_models import SpanLine, TimelineLane, TopicLine, WirePort
 from msbot_xrce.lazy import dataclass
 
 # Bars as SVG, on the page and as a picture to take along. Pure: values in, SVG out.

@@ -10,10 +10,10 @@ from msbot.operations.rights import Role
 from msbot.registry import JournalEntry
 from msbot_agent.text.sentence import from_json, said, to_json
 from msbot_web.access.sessions import Session
-from msbot_web.api.bus_models import FrameLine
 from msbot_web.api.dependencies import done_for, edits_for, journal_for, parts_for, words_for
-from msbot_web.api.models import ChangeResult, EditLine
 from msbot_web.api.uid_redactor import UidRedactor
+from msbot_web.models.bus_models import FrameLine
+from msbot_web.models.robot_models import ChangeResult, EditLine
 from msbot_web.slot_cards import part_line
 from msbot_web.stored_data import journal_line
 from tests.pnp.robot import Rig

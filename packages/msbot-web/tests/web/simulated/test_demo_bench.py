@@ -15,8 +15,8 @@ from msbot.process.virtual_time import run_virtual
 from msbot.registry import open_registry
 from msbot_school.demo import DemoLinkKind, DemoRobot
 from msbot_web.assembly import PageSources
+from msbot_web.demo_controls import DemoControls, seen_of
 from msbot_web.simulated.controls import NoSimulatedControls
-from msbot_web.simulated.demo_controls import DemoControls, seen_of
 from msbot_xrce.errors import ConfigError
 
 

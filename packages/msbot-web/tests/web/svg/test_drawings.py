@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_web.api.models import PartLine, PortLine, Scalar, SlotCard
 from msbot_web.language import languages
+from msbot_web.models.robot_models import PartLine, PortLine, Scalar, SlotCard
 from msbot_web.svg.drawings import (
     STATE_ICONS,
     beat_ring,

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msbot_agent.text.sentence import said
-from msbot_web.api.models import SpanLine, TimelineLane
 from msbot_web.language import languages
+from msbot_web.models.robot_models import SpanLine, TimelineLane
 from msbot_web.svg.wiring_graph import STATE_COLOURS, bars_svg, shortened
 from tests.web.pictures import names, read, words
 

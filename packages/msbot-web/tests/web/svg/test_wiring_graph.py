@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot_web.api.models import TopicLine, WirePort
 from msbot_web.language import languages
+from msbot_web.models.robot_models import TopicLine, WirePort
 from msbot_web.svg.wiring_graph import STATE_COLOURS, _port_words, wiring_svg
 from tests.web.pictures import HARMFUL, names, read, words
 

@@ -412,8 +412,8 @@ def _make_page(
     change: Callable[[ChangeWish], None],
 ) -> RobotPages:
     from msbot_web.assembly import Database, RobotPages
+    from msbot_web.demo_controls import seen_of
     from msbot_web.gallery import RunningDemo
-    from msbot_web.simulated.demo_controls import seen_of
 
     seen = seen_of(robot, asyncio.get_running_loop().time, arena)
     pages = RobotPages(

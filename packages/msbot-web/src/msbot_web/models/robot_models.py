@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from msbot_agent.text.sentence import whole
-from msbot_web.api.sentence_field import SentenceField
+from msbot_web.models.sentence_field import SentenceField
 
 # What all models of the API have in common.
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from msbot_web.api.models import Model
-from msbot_web.api.sentence_field import SentenceField
+from msbot_web.models.robot_models import Model
+from msbot_web.models.sentence_field import SentenceField
 
 
 class RobotStatus(Model):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from msbot_web.api.models import Model
-from msbot_web.api.sentence_field import SentenceField
+from msbot_web.models.robot_models import Model
+from msbot_web.models.sentence_field import SentenceField
 
 
 class BusFigures(Model):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msbot_web.api.models import Model
+from msbot_web.models.robot_models import Model
 
 
 class Health(Model):

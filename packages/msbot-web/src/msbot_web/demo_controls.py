@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from msbot.sim.arena.running_arena import RunningArena
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_school.demo import DemoRobot
-from msbot_web.api.models import Scalar
 from msbot_web.assembly import PageSources
 from msbot_web.frame_ring import FrameRing
 from msbot_web.model_builder import BusMeter
+from msbot_web.models.robot_models import Scalar
 from msbot_web.simulated.simulated_part_controls import SimulatedPartControls
 
 
