@@ -148,7 +148,7 @@ def test_it_is_journalled_once_for_each_time_somebody_takes_a_port(tmp_path: Pat
 
 @pytest.mark.promise("A value outside the range that a port declares is refused, whoever sends it by hand")
 def test_a_value_outside_the_declared_range_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    dial = ('type = "HelloWorld"\n[[parameter]]', 'type = "HelloWorld"\nranges = { index = [2, 9] }\n[[parameter]]')
+    port = 'direction = "subscribe"\ntype = "HelloWorld"\n'
 
     async def scene(stage: Stage) -> None:
         for value in ("1", "10"):
@@ -158,8 +158,9 @@ def test_a_value_outside_the_declared_range_is_refused_in_one_sentence(tmp_path:
         for value in ("2", "9"):
             await stage.do.publish("AA.in", [value, "x"], who="ann")
 
-    assert dial[0] in DIAL
-    play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",), dial=DIAL.replace(*dial))
+    assert DIAL.count(port) == 1
+    dial = DIAL.replace(port, f"{port}ranges = {{ index = [2, 9] }}\n")
+    play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",), dial=dial)
 
 
 def test_the_ports_that_msbot_brings_have_ranges() -> None:
