@@ -41,10 +41,9 @@ def tests_of(part_type: PartType) -> list[str]:
 
 
 def table() -> str:
-    """One row for each part type without a driver."""
-    rows = ["| part type | why |", "|---|---|"]
+    """One line for each part type without a driver."""
     part_types = sorted(load_library(), key=lambda one: one.number)
-    rows += [f"| `{one.number}` | {one.driver.none} |" for one in part_types if not one.driver.entry_point]
+    rows = [f"* `{one.number}`: {one.driver.none}" for one in part_types if not one.driver.entry_point]
     return "\n".join(rows) + "\n"
 
 

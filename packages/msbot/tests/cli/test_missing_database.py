@@ -27,6 +27,7 @@ WORDS = {
     "user add": "ann --generate", "user passwd": "ann --generate", "user remove": "ann", "user revoke": "ann page",
     "user role": "ann teacher", "user ticket": "ann van", "user token": "ann page", "pupils group": "red --slot AA",
     "pupils hand-back": "ann", "pupils take-over": "ann", "pupils ungroup": "red", "db backup": "copy.db",
+    "topic bw": "t", "topic echo": "t", "topic hz": "t", "topic info": "t", "topic pub": "t HelloWorld 1",
     "rec save": "odd", "rec start": "odd", "play": "odd.mcap --acts", "fault add": "noise", "mission answer": "noise",
     "mission repair": "tighten", "mission start": "a-bad-day", "lesson start": "hello", "call": "AA.echo 1",
 }  # fmt: skip
@@ -65,6 +66,8 @@ def test_a_misspelt_database_is_told_and_not_made(name: str, database: str, tmp_
     words = said(*name.split(), *WORDS.get(name, "").split(), "--db", database)
     if name == "stop" or name == "go":
         assert "no master of this robot runs here" in words
+    elif name == "log follow" or name.startswith("topic "):  # what they show, only a running master has
+        assert "no master runs here: `msbot master robot.toml`" in words
     else:
         assert f"there is no database {database}: `msbot master robot.toml` or `msbot apply robot.toml` makes" in words
     assert not (tmp_path / "misspelt.db").exists()
