@@ -42,6 +42,7 @@ def test_the_badge_of_a_card_is_what_its_part_reports(nature: Nature, simulated_
         simulated=simulated_here,
         faults=(),
         spares=(),
+        type_differences=(),
     )
     html = str(
         render(
