@@ -90,7 +90,7 @@ def test_its_page_call_and_fault_work_at_a_running_robot(robot: Process, env: di
     link = re.search(r"http://\S+", robot.wait_for("http://"))
     assert link is not None
     base = link[0].partition("/enter")[0]
-    with httpx.Client(base_url=base) as visitor:
+    with httpx.Client(base_url=base, timeout=60) as visitor:
         assert visitor.get("/api/x/hello/greeting").status_code == 401
         assert visitor.get("/x/hello").status_code != 200
         visitor.get(link[0].removeprefix(base))
