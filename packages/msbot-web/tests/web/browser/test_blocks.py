@@ -217,8 +217,8 @@ def tab(child: BrowserContext) -> Page:
 
 @pytest.fixture
 def desk(tab: Page, track: Site) -> Pupil:
-    """The page Program, open in a tab, with a program that is text."""
-    tab.set_viewport_size({"width": 1280, "height": 900})
+    """The page Program, open in a tab, with a program that is text; the lesson stands beside it."""
+    tab.set_viewport_size({"width": 1680, "height": 900})
     go(tab, f"{track.base}/program?name=01_hello.py")
     tab.wait_for_function("msbotBlocks.words('part') !== undefined")
     return Pupil(tab)
