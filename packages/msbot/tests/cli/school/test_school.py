@@ -152,20 +152,23 @@ def test_one_blueprint_for_all_keeps_their_names_and_is_taken_back(school: Schoo
 
 
 def test_one_stop_names_who_was_told_and_who_was_not(school: School) -> None:
-    status, said, error = ask("stop", "--reason", "a test", "--stop-group", "")
-    assert status != 0
-    lines = said.splitlines()
-    held = [f"MSBOT_MASTER X{number}: STOP holds; no part is in the robot" for number in (1, 2)]
-    ours = {line for line in lines[:-1] if line.startswith(("MSBOT_MASTER X1:", "MSBOT_MASTER X2:"))}
-    assert sorted(ours) == held, "the second one by its socket and by its page"
-    assert lines[-1] == f"MSBOT_MASTER X4: NOT told: {school.away}: Connection refused"
-    assert error == "NOT stopped: MSBOT_MASTER X4: cut their power"
-    stopped = {one["serial_number"]: one["stopped"] for one in json.loads(ask("stop", "--json", "--stop-group", "")[1])}
-    assert stopped | {"X1": True, "X2": True, "X4": False} == stopped
-    for serial in ("X1", "X2"):
-        place = {} if serial == "X1" else {GROUP_VARIABLE: f"{os.getpid()}far"}
+    for serial, group in (("X1", "near"), ("X2", "far")):  # by its socket, and by its page
+        place = f"{os.getpid()}{group}"
+        status, said, error = ask("stop", "--reason", "a test", "--stop-group", place)
+        assert status != 0
+        lines = said.splitlines()
+        assert f"MSBOT_MASTER {serial}: STOP holds; no part is in the robot" in lines
+        assert f"MSBOT_MASTER X4: NOT told: {school.away}: Connection refused" in lines
+        assert error == "NOT stopped: MSBOT_MASTER X4: cut their power"
+        answers = json.loads(ask("stop", "--json", "--stop-group", place)[1])
+        stopped = {one["serial_number"]: one["stopped"] for one in answers}
+        assert stopped | {serial: True, "X4": False} == stopped
         status_of = json.loads(
-            run("stop", "--status", "--json", "--robot", serial, cwd=school.folder / "far", env=place).stdout
+            run(
+                *("stop", "--status", "--json", "--robot", serial),
+                cwd=school.folder / "far",
+                env={GROUP_VARIABLE: place},
+            ).stdout
         )
         assert status_of["stopped"]
 
