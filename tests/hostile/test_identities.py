@@ -4,8 +4,10 @@ neither by what it answers nor by whether it finds a part by them."""
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,21 +33,24 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         with (
             running("part", "BB", "--link", link, cwd=folder) as part,
             running("part", "ABCD", "--name", "first", "--link", link, cwd=folder) as second,
-            running(
-                "part", "ABCD", "--name", "spare", "--uid", "53504152452e2e2e", "--link", link, cwd=folder
-            ) as spare,
+            running("part", "ABCD", "--name", "spare", "--uid", "53504152452e2e2e", "--link", link, cwd=folder),
         ):
             part.wait_for("is active")
             second.wait_for("is active")
-            while not site.ask("GET", "/api/arrivals").json():
-                spare.wait_for("")
+            while not (standing_by := [one for one in _arrivals(site) if one["state"] == "standby"]):
+                time.sleep(0.05)
             # People's deeds, whose sentences name parts.
-            (waiting,) = [one for one in site.ask("GET", "/api/arrivals").json() if one["state"] == "standby"]
+            (waiting,) = standing_by
             for path, given in (("block", {"reason": "x"}), ("unblock", {})):
                 done = site.ask("POST", f"/api/parts/{waiting['uid']}/{path}", json=given)
                 assert done.status_code == 200, done.text
             yield site
         site.stranger.close()
+
+
+def _arrivals(site: Site) -> list[dict[str, Any]]:
+    arrivals: list[dict[str, Any]] = site.ask("GET", "/api/arrivals").json()
+    return arrivals
 
 
 def identities(site: Site) -> dict[str, str]:

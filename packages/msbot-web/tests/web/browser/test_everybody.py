@@ -23,9 +23,17 @@ MENU = "[...document.querySelectorAll('.ms-nav a')].map((link) => new URL(link.h
 BEYOND = {
     "guest": ("/?slot=knob", "/learn/quiz?seed=7"),
     "pupil": ("/?slot=knob", "/learn/quiz?seed=7", "/library/SG90"),
-    "teacher": ("/?slot=fan", "/?slot=knob", "/pupil?name=Mia", "/projector", "/library/SG90", "/learn/quiz?seed=7",
-                "/handbook/howto/web_page", "/api-docs"),
-}  # fmt: skip
+    "teacher": (
+        "/?slot=fan",
+        "/?slot=knob",
+        "/pupil?name=Mia",
+        "/projector",
+        "/library/SG90",
+        "/learn/quiz?seed=7",
+        "/handbook/howto/web_page",
+        "/api-docs",
+    ),
+}
 """What no menu has."""
 
 
