@@ -109,9 +109,9 @@ FIRST = (
     *(f"web/browser/test_{name}.py" for name in PAGES), "web/browser", "web/api/test_routes.py",
     "lessons/test_shipped_lessons.py", "part/test_faults.py", "e2e", "hostile",
     "operations/test_running_operations.py", "firmware", "lab", "web/test_records.py", "registry/test_kill.py",
-    "test_fuzz.py", "space/zenoh", "space/dds", "wide", "hardware/test_keeper.py", "part/test_beginner.py", "cli/board",
-    "homes/test_conformance.py", "test_platforms.py", "cli/change/test_robot_access.py", "school/test_mdns.py",
-    "runtime/test_worker.py", "runtime/test_kept_worker.py",
+    "test_fuzz.py", "space/zenoh", "space/dds", "wide", "hardware/test_keeper.py", "part/test_beginner_hints.py",
+    "cli/board", "homes/test_conformance.py", "test_platforms.py", "cli/change/test_robot_access.py",
+    "school/test_mdns.py", "runtime/test_worker.py", "runtime/test_kept_worker.py",
 )  # fmt: skip
 """What takes longest begins first, so that at the end no worker waits for another one."""
 

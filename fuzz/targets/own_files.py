@@ -26,8 +26,8 @@ from msbot.operations.rights import Role
 from msbot.operations.table import OPERATIONS
 from msbot.pnp.emergency_stop import StopStatus
 from msbot.registry import open_registry
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance.upkeep import fault_of
+from msbot.registry.maintenance import database_maintenance
+from msbot.registry.maintenance.database_maintenance import fault_of
 from msbot_agent.agent.status_files import FORMAT, PREFIX, find_status_files
 from msbot_agent.agent.status_reader import status_in
 from msbot_agent.link.can.sim import bus_names
@@ -237,7 +237,7 @@ def _backups() -> tuple[bytes, ...]:
             blueprint = load_blueprint(Path(folder) / "robot.toml", library)
             registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
             Hand(registry).keep_user("ada", "administrator", "ada", password_hash="hash")
-        upkeep.back_up(str(path), Path(folder) / "backup.db")
+        database_maintenance.back_up(str(path), Path(folder) / "backup.db")
         return ((Path(folder) / "backup.db").read_bytes(),)
 
 

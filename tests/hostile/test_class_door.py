@@ -11,7 +11,7 @@ import pytest
 
 from msbot.operations.rights import Role
 from msbot.registry import ProgramSource, programs
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import database_maintenance
 from msbot.sim import SimulatedPart, make_simulator
 from msbot_web.access.accounts import MOST_TOKENS
 from msbot_web.access.sessions import Session
@@ -332,14 +332,14 @@ def test_the_programs_of_a_person_and_of_a_robot_have_an_end(tmp_path: Path, mon
 def test_a_backup_that_no_page_takes_back_is_said_when_it_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert programs.MOST_OF_ALL <= upkeep.MOST_OF_PAGE // 2
-    assert upkeep.too_large_for_page(upkeep.MOST_OF_PAGE) == ""
+    assert programs.MOST_OF_ALL <= database_maintenance.MOST_OF_PAGE // 2
+    assert database_maintenance.too_large_for_page(database_maintenance.MOST_OF_PAGE) == ""
 
     async def scene(rig: Rig) -> None:
         administrator = rig.session(Role.ADMINISTRATOR)
         await rig.service.backup(administrator)
         assert not [one for one in await rig.service.edits(10) if one.kind == "restore"]
-        monkeypatch.setattr(upkeep, "MOST_OF_PAGE", 1000)
+        monkeypatch.setattr(database_maintenance, "MOST_OF_PAGE", 1000)
         await rig.service.backup(administrator)
         (edit,) = [one for one in await rig.service.edits(10) if one.kind == "restore"]
         assert "`msbot db restore` takes it" in edit.words

@@ -11,10 +11,10 @@ from msbot.config import load_blueprint, load_library, write_sample
 from msbot.operations.dispatch import InProcessOperations
 from msbot.process.virtual_time import run_virtual
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, Unpacker
-from msbot.recording.recorder.measuring import keep_measuring
+from msbot.recording.recorder.measurements import keep_measuring
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.recording_file import RingLimits
-from msbot.recording.recorder.storing import Storing
+from msbot.recording.recorder.ring_storage import Storing
 from msbot.recording.recordings.mcap_reader import RecordedMessage, RecordingReader
 from msbot.registry import open_registry
 from msbot_agent.space import MemorySpace

@@ -20,9 +20,9 @@ from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
 from msbot.part.messages.standard import Colour, Level
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object
+from msbot.recording.recorder.ring_storage import Storing
 from msbot.recording.recorder.schemas import ENCODING, ros_definition, ros_metadata, ros_name
-from msbot.recording.recorder.storing import Storing
-from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.recordings.excerpts import write_cut
 from msbot_school.demo import DemoRobot
 from tests.lab.recorded import BEGAN_NS, LIMITS, messages, record_demo, store
 

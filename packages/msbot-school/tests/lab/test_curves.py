@@ -15,7 +15,7 @@ from msbot.recording.curves.curve import WantedCurves, field_name, figures_of, i
 from msbot.recording.curves.curve_reader import ReadCurves, read_curves, ring_files, units_of
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
 from msbot.recording.recorder.recording_file import RingLimits, segment_name
-from msbot.recording.recorder.storing import Storing
+from msbot.recording.recorder.ring_storage import Storing
 from msbot_school.demo import DemoRobot
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, messages, record_demo, store

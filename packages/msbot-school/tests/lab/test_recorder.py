@@ -26,7 +26,7 @@ from msbot.part.messages.standard import Level
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, Unpacker, encode_object
 from msbot.recording.recorder.recorder import Recorder
 from msbot.recording.recorder.schemas import ENCODING, FRAME, ros_definition
-from msbot.recording.recordings.cutting import differences
+from msbot.recording.recordings.excerpts import differences
 from msbot.recording.recordings.mcap_reader import Decoder, RecordedMessage, RecordingReader
 from msbot.recording.recordings.summary import frame_of, line_of
 from msbot_agent.link import LinkInfo

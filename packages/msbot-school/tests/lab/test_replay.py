@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from msbot.operations.dispatch import InProcessOperations
 from msbot.pnp import PartInfo
 from msbot.recording.recorder.batch import Item, Kind, RecordedChannel, encode_object, encode_state
-from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.recordings.excerpts import write_cut
 from msbot.recording.replay.replay_excerpt import RecordedSample, RecordedSlot, ReplayExcerpt, read_excerpt
 from msbot.recording.replay.replay_player import ReplayPlayer
 from msbot_agent.cli import msbot

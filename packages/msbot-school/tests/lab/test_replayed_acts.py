@@ -11,7 +11,7 @@ from random import Random
 import pytest
 
 from msbot.operations.dispatch import InProcessOperations, perform
-from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.recordings.excerpts import write_cut
 from msbot.recording.recordings.mcap_reader import RecordedMessage
 from msbot.recording.replay.recorded_operations import (
     OperationPlayer,

@@ -11,7 +11,7 @@ from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.rights import Principal, Role
 from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_school.lessons.catalog import LessonCatalog
-from msbot_school.lessons.doing import Doing
+from msbot_school.lessons.check_authors import Doing
 from msbot_school.lessons.lesson_run import NOBODY, Hand, LessonRun
 from msbot_school.lessons.progress import csv_of, progress_of
 from tests.lessons.lesson_stage import LessonStage, lesson_scene

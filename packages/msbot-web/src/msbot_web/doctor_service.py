@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msbot.process.daemon_threads import DaemonThreads
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import database_maintenance
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import RegistryError
 
@@ -79,8 +79,8 @@ def _back_up(patient_of: Callable[[], Examined]) -> str:
             said("{folder} cannot be used for backups: {reason}", folder=str(folder), reason=error.strerror)
         ) from None
     file = folder / f"{Path(database).stem}-{datetime.now():%Y%m%d-%H%M%S}.db"
-    upkeep.back_up(database, file)
+    database_maintenance.back_up(database, file)
     written = said("{file} is written", file=str(file))
-    if words := upkeep.too_large_for_page(file.stat().st_size):
+    if words := database_maintenance.too_large_for_page(file.stat().st_size):
         return said("{written}; {words}", written=written, words=words)
     return written

@@ -40,7 +40,7 @@ from msbot_web.api.lazy_routes import LazyRoutes
 from msbot_web.api.stop_route import make_stop_api
 from msbot_web.api_rate_limit import ApiRateLimit
 from msbot_web.connection_limits import HEAD_S, RESERVED, ConnectionLimits, LimitedConnection
-from msbot_web.installed import make_installed
+from msbot_web.installable_page import make_installed
 from msbot_web.known_addresses import KnownAddresses
 from msbot_web.nicegui_internals.application import LOGGER, LazyWebSocket, serve_pages, set_ping, websocket_protocol
 from msbot_web.nicegui_internals.open_pages import OpenPages

@@ -21,7 +21,7 @@ from msbot.process.persistent_worker import PersistentWorker
 from msbot.process.worker_pool import WorkLimits
 from msbot.registry import EditKind, EditRecord, JournalEntry, Registry, RobotRecord, UserRecord
 from msbot.registry.edits import users as user_edits
-from msbot.registry.maintenance import upkeep, waiting_restore
+from msbot.registry.maintenance import database_maintenance, waiting_restore
 from msbot.registry.records import database_identity
 from msbot.registry.robots import RobotInClass
 from msbot_agent.text.sentence import said
@@ -162,7 +162,7 @@ def registry_data(
     async def backup() -> BackupDownload:
         file = await asyncio.get_running_loop().run_in_executor(aside, _backup, address)
         size = os.fstat(file.fileno()).st_size
-        if words := upkeep.too_large_for_page(size):
+        if words := database_maintenance.too_large_for_page(size):
             registry.edits.note(robot, EditKind.RESTORE, words, "msbot")
         return BackupDownload(size, FileChunks(file, aside))
 
@@ -249,7 +249,7 @@ def _backup(address: str) -> BinaryIO:
     """A new backup, in a file without a name: it is gone when it is closed."""
     with tempfile.TemporaryDirectory(prefix="msbot-backup-") as folder:
         target = Path(folder) / "backup.db"
-        upkeep.back_up(address, target)
+        database_maintenance.back_up(address, target)
         if os.name == "posix":
             return target.open("rb")  # an open file outlives its name
         kept = tempfile.TemporaryFile()  # noqa: SIM115 - whoever sends it closes it

@@ -25,7 +25,7 @@ from msbot.recording.curves.curve import (
     setting_curve,
 )
 from msbot.recording.curves.curve_reader import units_of
-from msbot.recording.recorder.measuring import Acks, Beats, Lateness
+from msbot.recording.recorder.measurements import Acks, Beats, Lateness
 from msbot_agent.agent import Maximum
 from msbot_web.live_values import HISTORY_S, LiveValues
 from msbot_xrce.lazy import dataclass

@@ -13,7 +13,7 @@ from msbot.part import HelloWorld
 from msbot.recording.curves.curve import FRAMES, LATE
 from msbot.recording.recorder.batch import MEASURED, Kind, RecordedChannel, encode_object
 from msbot.recording.recorder.recording_file import RingLimits
-from msbot.recording.recorder.storing import Storing
+from msbot.recording.recorder.ring_storage import Storing
 from msbot_web.recorded_past import MOST_POINTS, RecordedPast
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS

@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from msbot.config import SAMPLES, differences, load_library, parse_blueprint, wired_parts
 from msbot.doctor import Finding
 from msbot.doctor.checks.robot_checks import check_robot
-from msbot.registry.maintenance.upkeep import check_backup
+from msbot.registry.maintenance.database_maintenance import check_backup
 from msbot_agent.text.sentence import counted, said
 from msbot_web.html import render
 from msbot_web.language import COOKIE, language_of, languages, read_catalogue

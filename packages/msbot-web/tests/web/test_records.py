@@ -18,7 +18,7 @@ import pytest
 from msbot.config import blueprint_toml
 from msbot.operations.rights import Role
 from msbot.registry import open_registry
-from msbot.registry.maintenance import upkeep, waiting_restore
+from msbot.registry.maintenance import database_maintenance, waiting_restore
 from msbot_web.access.sessions import Session
 from msbot_web.access.users import User
 from msbot_web.stored_data import RegistryUsers, robot_tiles
@@ -188,8 +188,8 @@ def test_a_large_backup_goes_out_in_pieces(tmp_path: Path, monkeypatch: pytest.M
         os.truncate(target, LARGE)
         return rows
 
-    back_up = upkeep.back_up
-    monkeypatch.setattr(upkeep, "back_up", large)
+    back_up = database_maintenance.back_up
+    monkeypatch.setattr(database_maintenance, "back_up", large)
 
     async def scene(rig: Rig) -> None:
         tracemalloc.start()

@@ -30,7 +30,7 @@ from msbot.registry import open_registry, registry
 from msbot.registry.database.engine import Address, make_engine
 from msbot.registry.database.tables import edits
 from msbot.registry.edits.undo import read_cell
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import database_maintenance
 from msbot_agent.link import InprocHub, LinkInfo
 from msbot_xrce.errors import MsbotError
 from tests.operations.stage import AA_IS_A_DIAL, DIAL, Deeds, Stage
@@ -142,7 +142,7 @@ def one_life(folder: Path, blueprint: Blueprint, library: Library, dice: Random)
 def faults_of(folder: Path, told: int, before: int) -> tuple[list[str], int]:
     """What is wrong in the database of a dead master, and the number of its newest edit."""
     path = folder / "robot.db"
-    faults = upkeep.check(str(path))
+    faults = database_maintenance.check(str(path))
     with open_registry(path, read_only=True) as database:
         (robot,) = database.robots.all()
         if [value.name for value in database.robots.values(robot, "AA")] != ["period_s"]:
@@ -183,7 +183,7 @@ def main() -> None:
     folder, seed, lives = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     blueprint, library = robot_in(folder)
     dice = Random(seed)
-    for module in (registry, upkeep):
+    for module in (registry, database_maintenance):
         setattr(module, "make_engine", same_engine)  # noqa: B010 - it is no export
     with open(os.devnull, "wb") as nobody:
         live(folder, blueprint, library, seed, nobody.fileno(), range(60))

@@ -25,9 +25,9 @@ from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import joined, said
 from msbot_school.faults.effects import PartsHere
 from msbot_school.lessons.catalog import LessonCatalog
-from msbot_school.lessons.doing import Doing
+from msbot_school.lessons.check_author_lookup import LessonHands
+from msbot_school.lessons.check_authors import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck
-from msbot_school.lessons.lesson_hands import LessonHands
 from msbot_school.lessons.lesson_run import Hint, LessonRun, Ticked
 from msbot_school.lessons.robot_state import RunningRobotState
 from msbot_xrce.errors import ConfigError, MsbotError

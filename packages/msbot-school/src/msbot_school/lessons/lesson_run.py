@@ -14,8 +14,8 @@ from dataclasses import field
 from typing import NamedTuple
 
 from msbot_agent.text.sentence import joined, said
+from msbot_school.lessons.check_authors import Doing
 from msbot_school.lessons.conditions import ConditionMemory, RobotState
-from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck, LessonQuestion
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from msbot.registry.lesson_ticks import BEGUN, Tick
 from msbot_agent.text.sentence import as_cell
-from msbot_school.lessons.doing import Doing
+from msbot_school.lessons.check_authors import Doing
 from msbot_school.lessons.lesson import Lesson
 from msbot_xrce.lazy import dataclass
 

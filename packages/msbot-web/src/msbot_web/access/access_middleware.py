@@ -23,14 +23,14 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from msbot.operations.rights import Right
-from msbot.registry.maintenance.upkeep import MOST_OF_PAGE
+from msbot.registry.maintenance.database_maintenance import MOST_OF_PAGE
 from msbot_agent.link.net import PART_PATH
 from msbot_agent.text.sentence import said
 from msbot_web.access.accounts import Accounts
 from msbot_web.access.content_policy import HTML, NONCE, PASSING, new_nonce, page_policy, refusal_page, wants_page
 from msbot_web.access.reverse_proxies import UNTRUSTED
 from msbot_web.access.sessions import Session
-from msbot_web.installed import MANIFEST_PATH, SHELL_PATH, WORKER_PATH
+from msbot_web.installable_page import MANIFEST_PATH, SHELL_PATH, WORKER_PATH
 from msbot_web.root_path import THIS_COMPUTER
 from msbot_xrce.counting import Tally
 from msbot_xrce.lazy import dataclass

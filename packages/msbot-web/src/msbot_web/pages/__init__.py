@@ -6,7 +6,6 @@ from msbot_web.pages import (
     admin,
     api_docs,
     arena,
-    arrivals,
     bus,
     classroom,
     doctor,
@@ -28,6 +27,7 @@ from msbot_web.pages import (
     robot,
     settings,
     timeline,
+    waiting_parts,
     wires,
 )
 from msbot_web.service import Service
@@ -37,7 +37,7 @@ def register_pages(service: Service) -> None:
     """Make the pages of one robot known to NiceGUI; to be called once in a process."""
     for page in (
         robot,
-        arrivals,
+        waiting_parts,
         settings,
         bus,
         wires,

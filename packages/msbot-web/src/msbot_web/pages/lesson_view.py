@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 from nicegui import ui
 
 from msbot.operations.rights import Right
+from msbot_school.lessons.check_authors import Doing
 from msbot_school.lessons.conditions import Wired, places
-from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import Lesson, LessonCheck, Step
 from msbot_school.lessons.lesson_run import others_words
 from msbot_web.html import render

@@ -19,7 +19,6 @@ from msbot_web.access.sessions import Session
 from msbot_web.html import Markup, render
 from msbot_web.models.robot_models import ChangeResult
 from msbot_web.nicegui_internals.elements import DisableableElement
-from msbot_web.pages.arrivals import adopt
 from msbot_web.pages.layout import BUILD_S, page_frame
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import show_dialog
@@ -28,6 +27,7 @@ from msbot_web.pages.program_blocks import ProgramBlocks
 from msbot_web.pages.program_editor import ShareDialog
 from msbot_web.pages.program_words import program_words
 from msbot_web.pages.pupil_program import TakenOverPage
+from msbot_web.pages.waiting_parts import adopt
 from msbot_web.programs.browser_files import examples
 from msbot_web.programs.programs import MAX_BLOCKS, MAX_PROGRAM, ProgramActions
 from msbot_web.programs.robot_words import PYTHON, with_view

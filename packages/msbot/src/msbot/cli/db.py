@@ -27,11 +27,11 @@ def command() -> None:
 def migrate(db: str | None) -> None:
     """Update the database of an older MsBOT and keep a copy, as `msbot master` does at its start."""
     from msbot.registry import without_password
-    from msbot.registry.maintenance import upkeep
+    from msbot.registry.maintenance import database_maintenance
 
     address = existing_database(db)
     words = without_password(address)
-    done = upkeep.migrate(address)
+    done = database_maintenance.migrate(address)
     if done.before == done.after:
         click.echo(f"{words} is up to date: schema {done.after}.")
     else:
@@ -50,7 +50,7 @@ def migrate(db: str | None) -> None:
 def backup(target: Path, db: str | None, *, keep: int | None) -> None:
     """Copy the database to a new SQLite FILE, even while a master uses it."""
     from msbot.registry import without_password
-    from msbot.registry.maintenance import upkeep
+    from msbot.registry.maintenance import database_maintenance
 
     address = existing_database(db)
     words = without_password(address)
@@ -63,9 +63,9 @@ def backup(target: Path, db: str | None, *, keep: int | None) -> None:
         raise ConfigError(
             f"{target}: there is no folder {target.parent}; create it with `mkdir -p {shlex.quote(str(target.parent))}`"
         )
-    rows = upkeep.back_up(address, file)
+    rows = database_maintenance.back_up(address, file)
     click.echo(f"{file} is written: {amount(rows, 'row')} of {words}.")
-    if words := upkeep.too_large_for_page(file.stat().st_size):
+    if words := database_maintenance.too_large_for_page(file.stat().st_size):
         click.echo(words, err=True)
     if keep is not None:
         for old in _older(target, stem, keep):
@@ -98,14 +98,14 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
     """
     from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside
     from msbot.registry import without_password
-    from msbot.registry.maintenance import upkeep
+    from msbot.registry.maintenance import database_maintenance
 
     address = db or database_beside(DEFAULT_BLUEPRINT)
     words = without_password(address)
-    upkeep.find_backup(file)  # before anybody is asked
+    database_maintenance.find_backup(file)  # before anybody is asked
     if not yes:
         click.confirm(f"Put the content of {file} in place of all that {words} has?", abort=True)
-    kept = upkeep.restore(file, address)
+    kept = database_maintenance.restore(file, address)
     click.echo(f"{words} has the content of {file}.")
     if kept is not None:
         click.echo(f"What it had before is in {kept}.")
@@ -117,11 +117,11 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 def check(db: str | None, *, as_json: bool) -> None:
     """Find damage and contradictions (status 1)."""
     from msbot.registry import without_password
-    from msbot.registry.maintenance import upkeep
+    from msbot.registry.maintenance import database_maintenance
 
     address = existing_database(db)
     words = without_password(address)
-    findings = upkeep.check(address)
+    findings = database_maintenance.check(address)
     if as_json:
         click.echo(json.dumps(findings))
     else:

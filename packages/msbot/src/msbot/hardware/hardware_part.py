@@ -26,7 +26,7 @@ from msbot.hardware.bus_worker import BusWorker
 from msbot.hardware.driver import Driver, Values
 from msbot.hardware.hardware_fault import HardwareFault
 from msbot.part import ExpectedRobot, JoinState, Part
-from msbot.part.beginner import part_is_run
+from msbot.part.beginner_hints import part_is_run
 from msbot.part.join.pnp_messages import UID_OCTETS, Nature
 from msbot.sim import ModelPart
 from msbot_agent.link import Link

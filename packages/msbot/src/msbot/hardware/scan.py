@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msbot.config import BusKind, Library
-from msbot.hardware.drivers.kernel import IIO, W1
+from msbot.hardware.drivers.kernel_sensors import IIO, W1
 from msbot.hardware.hardware_fault import HardwareFault
 from msbot.hardware.i2c import SmBus
 from msbot.hardware.machine import Machine

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from msbot.config import ADOPTED, Blueprint, Described, Direction, Library, Port, Slot, SlotPort, read_description
-from msbot.operations.applying import BlueprintChange
+from msbot.operations.apply_blueprint import BlueprintChange
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.pnp import PartInfo, SelfDescription

@@ -13,12 +13,12 @@ from typing import Final
 
 from msbot.config import Blueprint, Library, blueprint_mark
 from msbot.master import Master
-from msbot.operations.applying import BlueprintChange
+from msbot.operations.apply_blueprint import BlueprintChange
 from msbot.operations.arguments import read_arguments, usable_arguments
 from msbot.operations.blocking import Blocking, BusObjects, StoredBlocking
 from msbot.operations.class_operations import ClassControl
 from msbot.operations.described_parts import DescribedParts
-from msbot.operations.last_acts import LastActs, helps, places_of
+from msbot.operations.last_manual_actions import LastActs, helps, places_of
 from msbot.operations.manual_control import ManualControl
 from msbot.operations.operation import EditLog, Operation, Outcome
 from msbot.operations.placement import Placement

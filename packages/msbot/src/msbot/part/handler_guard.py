@@ -13,7 +13,7 @@ from collections.abc import Callable
 from types import GeneratorType
 from typing import TYPE_CHECKING
 
-from msbot.part.mistakes import line_of
+from msbot.part.program_mistakes import line_of
 from msbot.part.waiting import Waiting, WaitingFunctions
 from msbot_xrce.errors import ConfigError
 

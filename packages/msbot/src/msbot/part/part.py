@@ -22,7 +22,7 @@ from math import inf
 from random import Random, SystemRandom
 from typing import Any, TypeVar, overload
 
-from msbot.part.beginner import part_is_run, part_was_made
+from msbot.part.beginner_hints import part_is_run, part_was_made
 from msbot.part.boards.gpio import UsbGpio
 from msbot.part.client.client_settings import ClientSettings
 from msbot.part.description import describe

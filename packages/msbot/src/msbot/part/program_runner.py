@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import partial
 from random import Random
 
-from msbot.part.beginner import SILENCE_S, silence_words
+from msbot.part.beginner_hints import SILENCE_S, silence_words
 from msbot.part.client.client import Client
 from msbot.part.client.client_settings import ClientSettings
 from msbot.part.handler_guard import Guard, check_handler
@@ -37,7 +37,7 @@ from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
 from msbot.part.program import Action, After, ProgramDeclarations, When, check_room
 from msbot.part.safe_state import Safety
-from msbot.part.type_telling import TypeTelling
+from msbot.part.type_reports import TypeTelling
 from msbot_agent.link import Link, Peer, Signal
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass

@@ -14,7 +14,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from msbot.part.beginner import HandlerWatch, part_is_run
+from msbot.part.beginner_hints import HandlerWatch, part_is_run
 from msbot.part.join.part_keys import KEY_VARIABLE, given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot_agent.link import Link, open_link

@@ -24,7 +24,7 @@ from msbot.pnp import PartState
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
 from msbot.registry.database import storage
 from msbot.registry.edits import slot_values
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import database_maintenance
 from msbot_xrce.errors import DatabaseBusy, RegistryError
 from tests.registry.blueprint.test_blueprint_store import LIBRARY, ROBOT
 from tests.registry.events import CLAIM, UID, changed
@@ -156,7 +156,7 @@ def test_a_file_that_is_deleted_is_written_anew_with_all_it_had(running: Running
     registry.edits.make(robot, "Ann", partial(PERIOD, value=3))
     assert path.stat().st_mode & 0o077 == 0
     registry.close()
-    assert upkeep.check(str(path)) == []
+    assert database_maintenance.check(str(path)) == []
     with open_registry(path) as again:
         assert _period(again, robot) == 3
         assert next(edit.words for edit in again.edits.latest(robot)).endswith("2 s -> 3 s")
@@ -168,7 +168,7 @@ def test_a_file_that_is_deleted_while_nothing_happens_is_noticed(running: Runnin
     until_s = monotonic() + 60
     while not path.exists():
         assert monotonic() < until_s
-    assert upkeep.check(str(path)) == []
+    assert database_maintenance.check(str(path)) == []
 
 
 def test_a_file_that_is_replaced_is_left_alone_and_what_the_robot_had_is_kept(
@@ -295,7 +295,7 @@ def test_who_looks_into_the_file_and_leaves_takes_nothing_along(running: Running
     for value in (3, 4):
         edit = registry.edits.make(robot, "Ann", partial(PERIOD, value=value))
         assert _newest_edit(path) == edit.id
-    upkeep.back_up(str(path), tmp_path / "copy.db")
+    database_maintenance.back_up(str(path), tmp_path / "copy.db")
     for value in (5, 6):
         edit = registry.edits.make(robot, "Ann", partial(PERIOD, value=value))
         assert _newest_edit(path) == edit.id

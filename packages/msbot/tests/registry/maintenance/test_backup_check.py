@@ -10,8 +10,8 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import open_registry
-from msbot.registry.maintenance import upkeep, waiting_restore
-from msbot.registry.maintenance.upkeep import fault_of
+from msbot.registry.maintenance import database_maintenance, waiting_restore
+from msbot.registry.maintenance.database_maintenance import fault_of
 from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
 
@@ -30,7 +30,7 @@ def backup(path: Path, tmp_path: Path, blueprint: Blueprint, library: Library) -
         registry.runs.begin(robot)
         Hand(registry).keep_user("ada", "administrator", "ada", password_hash="hash")
     target = tmp_path / "backup.db"
-    upkeep.back_up(str(path), target)
+    database_maintenance.back_up(str(path), target)
     return target
 
 
@@ -85,12 +85,12 @@ def test_one_that_is_not_taken_leaves_nothing_behind(backup: Path, path: Path) -
         waiting_restore.hold(str(path), backup)
     assert not path.with_name("robot.db.restore").exists()
     with pytest.raises(RegistryError, match="this backup is not used: it has a view 'users'"):
-        upkeep.restore(backup, str(path))
+        database_maintenance.restore(backup, str(path))
 
 
 def test_the_owner_of_the_computer_may_restore_one_without_users(backup: Path, path: Path, tmp_path: Path) -> None:
     _script("DELETE FROM users")(backup)
     shutil.copyfile(backup, tmp_path / "plain.db")
-    upkeep.restore(tmp_path / "plain.db", str(path))
+    database_maintenance.restore(tmp_path / "plain.db", str(path))
     with open_registry(path) as registry:
         assert registry.users.all() == []

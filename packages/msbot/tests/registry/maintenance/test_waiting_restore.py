@@ -9,8 +9,7 @@ import pytest
 
 from msbot.config import Blueprint, Library
 from msbot.registry import Registry, open_registry
-from msbot.registry.maintenance import upkeep, waiting_restore
-from msbot.registry.maintenance import upkeep as backup_check
+from msbot.registry.maintenance import database_maintenance, waiting_restore
 from msbot_xrce.errors import RegistryError
 from tests.registry.hand import Hand
 
@@ -18,7 +17,7 @@ from tests.registry.hand import Hand
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """A backup is read here: `test_backup_check.py` sees to the other process, which takes long to start."""
-    monkeypatch.setattr(backup_check, "run_limited", lambda function, _limits, *arguments: function(*arguments))
+    monkeypatch.setattr(database_maintenance, "run_limited", lambda function, _limits, *arguments: function(*arguments))
 
 
 @pytest.fixture
@@ -27,7 +26,7 @@ def backup(registry: Registry, path: Path, blueprint: Blueprint, library: Librar
     registry.robots.apply_blueprint(blueprint, library)
     Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=())
     Hand(registry).keep_user("bob", "student", "ann", password_hash="salt", tokens=())
-    upkeep.back_up(str(path), tmp_path / "copy.db")
+    database_maintenance.back_up(str(path), tmp_path / "copy.db")
     Hand(registry).remove_user("bob", "ann")
     return tmp_path / "copy.db"
 
@@ -35,7 +34,7 @@ def backup(registry: Registry, path: Path, blueprint: Blueprint, library: Librar
 def test_what_is_handed_in_last_holds_from_the_next_start_on(
     backup: Path, registry: Registry, path: Path, tmp_path: Path
 ) -> None:
-    upkeep.back_up(str(path), tmp_path / "newer.db")
+    database_maintenance.back_up(str(path), tmp_path / "newer.db")
     waiting_restore.hold(str(path), tmp_path / "newer.db")
     assert waiting_restore.hold(str(path), backup) == path.with_name("robot.db.restore")
     assert registry.users.find("bob") is None
@@ -73,7 +72,7 @@ def test_a_torn_backup_is_refused(backup: Path, path: Path) -> None:
 def test_what_cannot_be_written_whole_leaves_what_waited_before(
     backup: Path, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    upkeep.back_up(str(path), tmp_path / "newer.db")
+    database_maintenance.back_up(str(path), tmp_path / "newer.db")
     waiting = waiting_restore.hold(str(path), backup)
     before, copyfile = waiting.read_bytes(), shutil.copyfile
 
@@ -93,7 +92,7 @@ def test_what_cannot_be_written_whole_leaves_what_waited_before(
 def test_a_master_that_ends_meanwhile_leaves_no_half_backup(
     backup: Path, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    content, check = backup.read_bytes(), backup_check.check_backup
+    content, check = backup.read_bytes(), database_maintenance.check_backup
 
     def check_and_end(copy: Path, *, needs_administrator: bool) -> None:
         check(copy, needs_administrator=needs_administrator)

@@ -223,7 +223,7 @@ def filter_(  # noqa: PLR0917 - what the command was given
     ros: bool,
 ) -> None:
     """Write a piece of a recording, which begins with the state at that moment."""
-    from msbot.recording.recordings.cutting import write_cut
+    from msbot.recording.recordings.excerpts import write_cut
     from msbot.recording.recordings.mcap_reader import began_ns
     from msbot.recording.recordings.summary import named_topics
 
@@ -252,7 +252,7 @@ def diff(before: Path, after: Path) -> None:
 
     Times are not compared. Exit status 1: they differ, or one is damaged.
     """
-    from msbot.recording.recordings.cutting import differences
+    from msbot.recording.recordings.excerpts import differences
     from msbot.recording.recordings.mcap_reader import RecordingReader
 
     first, second = RecordingReader(before), RecordingReader(after)

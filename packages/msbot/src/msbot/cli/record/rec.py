@@ -47,7 +47,7 @@ _ros2_option = click.option(
 def save(file: Path, last_s: float | None, db: str | None, robot: str | None, *, ros: bool) -> None:
     """Save the last minutes of the flight recorder in FILE (.mcap), also of a robot that has ended."""
     from msbot.recording.recorder.recording_file import begun_segments
-    from msbot.recording.recordings.cutting import write_cut
+    from msbot.recording.recordings.excerpts import write_cut
     from msbot.recording.recordings.mcap_reader import ended_ns
     from msbot.recording.recordings.summary import named_topics
 

@@ -221,7 +221,7 @@ class RobotRecording:
         """Begin to listen to the robot; what must run beside it."""
         if self._recorder is None:
             return []
-        from msbot.recording.recorder.measuring import keep_measuring
+        from msbot.recording.recorder.measurements import keep_measuring
         from msbot.recording.recorder.recorder_process import RecorderProcess, run_recorder
         from msbot.recording.recorder.recording_file import RingLimits
 

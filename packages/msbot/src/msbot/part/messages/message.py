@@ -21,7 +21,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar, Self, TypeAlias, TypeVar, dataclass_transform, get_origin, get_type_hints
 
 from msbot.part.messages.wire_types import FieldCodec, codec_for
-from msbot.part.mistakes import tell_mistakes_as_sentences
+from msbot.part.program_mistakes import tell_mistakes_as_sentences
 from msbot_xrce.errors import LocalProtocolError, MsbotError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import CdrReader, CdrWriter

@@ -19,7 +19,7 @@ from typing import Final
 
 from msbot.recording.recorder.batch import Unpacker
 from msbot.recording.recorder.recording_file import RingLimits
-from msbot.recording.recorder.storing import Storing
+from msbot.recording.recorder.ring_storage import Storing
 
 FLUSH_S: Final = 0.5
 PIECE: Final = 1 << 18

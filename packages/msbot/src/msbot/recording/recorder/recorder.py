@@ -37,7 +37,7 @@ from msbot.recording.recorder.batch import (
     encode_state,
     head,
 )
-from msbot.recording.recorder.measuring import Measured
+from msbot.recording.recorder.measurements import Measured
 from msbot.recording.recorder.schemas import (
     ENCODING,
     FRAME_DEFINITION,

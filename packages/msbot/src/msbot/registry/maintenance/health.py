@@ -14,7 +14,7 @@ from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import check_file, make_engine, parse_address, sqlite_address
 from msbot.registry.database.schema import own_migrations, read_version
 from msbot.registry.database.tables import journal, robots
-from msbot.registry.maintenance import upkeep
+from msbot.registry.maintenance import database_maintenance
 from msbot.registry.registry import BUSY_TIMEOUT_S
 from msbot_xrce.lazy import dataclass
 
@@ -72,7 +72,7 @@ def look_at_health(address: str, *, thorough: bool = True) -> DatabaseHealth:
                 oldest = connection.execute(select(func.min(robots.c.applied_ns))).scalar()
                 first = connection.execute(select(func.min(journal.c.at_ns))).scalar()
                 oldest = min((moment for moment in (oldest, first) if moment), default=None)
-                faults = tuple(upkeep.find(connection)) if thorough else ()
+                faults = tuple(database_maintenance.find(connection)) if thorough else ()
     finally:
         engine.dispose()
     log = None if path is None else path.with_name(f"{path.name}-wal")

@@ -12,8 +12,8 @@ import tempfile
 from pathlib import Path
 
 from msbot.registry.database.engine import make_private, parse_address
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance.upkeep import UnusableBackup, check_backup
+from msbot.registry.maintenance import database_maintenance
+from msbot.registry.maintenance.database_maintenance import UnusableBackup, check_backup
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import RegistryError
 
@@ -61,7 +61,7 @@ def bring_back_held(address: str) -> Path | None:
     if place is None or not place.exists():
         return None
     try:
-        kept = upkeep.restore(place, address)
+        kept = database_maintenance.restore(place, address)
     except UnusableBackup as error:
         raise RegistryError(
             said(

@@ -17,9 +17,8 @@ from msbot.registry import registry
 from msbot.registry.database import schema
 from msbot.registry.database.engine import make_engine
 from msbot.registry.database.schema import folder_migrations, own_migrations
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance import upkeep as backup_check
-from msbot.registry.maintenance.upkeep import Migrated
+from msbot.registry.maintenance import database_maintenance
+from msbot.registry.maintenance.database_maintenance import Migrated
 from msbot_xrce.errors import RegistryError
 
 BEFORE = own_migrations().newest
@@ -85,14 +84,14 @@ def _make(kind: str, path: Path, ours: bytes, older: bytes) -> None:
 def _restored(path: Path, ours: bytes) -> Path | None:
     backup = path.with_name("good.db")
     backup.write_bytes(ours)
-    return upkeep.restore(backup, str(path))
+    return database_maintenance.restore(backup, str(path))
 
 
 ACTIONS: dict[str, Callable[[Path, bytes], object]] = {
-    "check": lambda path, _: upkeep.check(str(path)),
-    "migrate": lambda path, _: upkeep.migrate(str(path)),
-    "back up": lambda path, _: upkeep.back_up(str(path), path.with_name("copy.db")),
-    "bring back": lambda path, _: upkeep.restore(path, str(path.with_name("new.db"))),
+    "check": lambda path, _: database_maintenance.check(str(path)),
+    "migrate": lambda path, _: database_maintenance.migrate(str(path)),
+    "back up": lambda path, _: database_maintenance.back_up(str(path), path.with_name("copy.db")),
+    "bring back": lambda path, _: database_maintenance.restore(path, str(path.with_name("new.db"))),
     "replace": _restored,
 }
 TABLE: dict[str, dict[str, object]] = {
@@ -170,7 +169,7 @@ def next_version(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.M
     folder = tmp_path_factory.mktemp("next") / "migrations"
     shutil.copytree(str(files("msbot.registry") / "migrations"), folder)
     (folder / "versions" / f"v{NOW:04}_next.py").write_text(NEXT)
-    for module in (schema, upkeep, registry):
+    for module in (schema, database_maintenance, registry):
         monkeypatch.setattr(module, "own_migrations", lambda: folder_migrations(folder))
 
 
@@ -183,8 +182,8 @@ def engines(monkeypatch: pytest.MonkeyPatch) -> list[Engine]:
         made.append(make_engine(*arguments, **options))  # type: ignore[arg-type]  # passed on as they came
         return made[-1]
 
-    monkeypatch.setattr(upkeep, "make_engine", make)
-    monkeypatch.setattr(backup_check, "run_limited", lambda function, _limits, *arguments: function(*arguments))
+    monkeypatch.setattr(database_maintenance, "make_engine", make)
+    monkeypatch.setattr(database_maintenance, "run_limited", lambda function, _limits, *arguments: function(*arguments))
     return made
 
 
@@ -249,8 +248,8 @@ def test_a_backup_that_fails_halfway_leaves_nothing(
     def fail(*_: object) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(upkeep, "_copy", fail)
+    monkeypatch.setattr(database_maintenance, "_copy", fail)
     with pytest.raises(OSError, match="No space left"):
-        upkeep.back_up(str(path), target)
+        database_maintenance.back_up(str(path), target)
     assert [file.name for file in path.parent.iterdir()] == [path.name]
     assert _open_below(path.parent) == []

@@ -119,7 +119,7 @@ def test_a_program_that_ends_with_its_own_error_is_told_that_only(tmp_path: Path
 SLEEPER = """
 from msbot.part.handler_guard import Guard
 import asyncio
-from msbot.part.beginner import HandlerWatch
+from msbot.part.beginner_hints import HandlerWatch
 import logging
 logging.basicConfig(format="%(message)s")
 
@@ -209,7 +209,7 @@ def test_a_text_without_end_is_told_with_its_line_and_the_part_goes_on(caplog: p
         await asyncio.sleep(5.0)
         (line,) = [record.getMessage() for record in caplog.records if "octets" in record.getMessage()]
         assert re.match(
-            r"test_beginner\.py:\d+ in tell: LocalProtocolError: this HelloWorld has 300,0\d\d octets, ", line
+            r"test_beginner_hints\.py:\d+ in tell: LocalProtocolError: this HelloWorld has 300,0\d\d octets, ", line
         )
         assert "one message may have 262,000: does a text or list in it grow without end?" in line
         assert part.state is JoinState.ACTIVE

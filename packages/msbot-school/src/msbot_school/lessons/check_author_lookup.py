@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from msbot.operations.dispatch import InProcessOperations
-from msbot.operations.last_acts import STOP_BUTTON
+from msbot.operations.last_manual_actions import STOP_BUTTON
 from msbot.operations.running_robot import RunningRobot
+from msbot_school.lessons.check_authors import Doing
 from msbot_school.lessons.conditions import STOP, places
-from msbot_school.lessons.doing import Doing
 from msbot_school.lessons.lesson import LessonCheck
 from msbot_school.lessons.lesson_run import NOBODY, Hand
 

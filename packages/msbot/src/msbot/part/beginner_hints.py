@@ -19,7 +19,7 @@ from weakref import WeakSet
 
 from msbot.part.join.joining import Joining, JoinState
 from msbot.part.join.thesis_messages import DOES_NOT_JOIN
-from msbot.part.mistakes import sentence, tell_mistakes_as_sentences
+from msbot.part.program_mistakes import sentence, tell_mistakes_as_sentences
 from msbot_agent.process.user_folders import own_folders
 from msbot_xrce.errors import MsbotError
 

@@ -9,8 +9,8 @@ from nicegui.page import page as nicegui_page
 
 from msbot.operations.rights import Role
 from msbot_web.language import languages
-from msbot_web.pages.arrivals import ArrivalsPanel
 from msbot_web.pages.page import Page
+from msbot_web.pages.waiting_parts import ArrivalsPanel
 from tests.web.rig import Rig, show
 
 

@@ -23,8 +23,8 @@ from msbot.recording.recorder.recording_file import (
     segments,
     too_old,
 )
-from msbot.recording.recorder.storing import RETRY_S, Storing
-from msbot.recording.recordings.cutting import write_cut
+from msbot.recording.recorder.ring_storage import RETRY_S, Storing
+from msbot.recording.recordings.excerpts import write_cut
 from msbot.recording.recordings.mcap_reader import RecordingReader, ended_ns
 from msbot_xrce.errors import ConfigError
 from tests.lab.recorded import BEGAN_NS, NS, channel, messages, sample, store

@@ -14,8 +14,7 @@ from msbot.pnp import Group, PartState
 from msbot.registry import ProgramSource, Registry, lesson_ticks, open_registry
 from msbot.registry.database.tables import metadata
 from msbot.registry.hand_ins import HandIn
-from msbot.registry.maintenance import upkeep
-from msbot.registry.maintenance import upkeep as backup_check
+from msbot.registry.maintenance import database_maintenance
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.registry.database.test_schema import NEXT, NOW, _migrations
@@ -26,7 +25,7 @@ from tests.registry.hand import Hand
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """A backup is read here: `test_backup_check.py` sees to the other process, which takes long to start."""
-    monkeypatch.setattr(backup_check, "run_limited", lambda function, _limits, *arguments: function(*arguments))
+    monkeypatch.setattr(database_maintenance, "run_limited", lambda function, _limits, *arguments: function(*arguments))
 
 
 @pytest.fixture
@@ -62,7 +61,7 @@ def _content(registry: Registry) -> dict[str, list[tuple[object, ...]]]:
 
 def test_a_backup_holds_all_rows_and_is_one_file(full: Registry, address: str, tmp_path: Path) -> None:
     target = tmp_path / "copy.db"
-    rows = upkeep.back_up(address, target)
+    rows = database_maintenance.back_up(address, target)
     before = _content(full)
     assert rows == sum(len(content) for content in before.values())
     assert [name for name, content in before.items() if not content and name not in ("settings", "master_leases")] == []
@@ -76,13 +75,13 @@ def test_a_backup_is_never_written_over_a_file(full: Registry, address: str, tmp
     target = tmp_path / "copy.db"
     target.write_text("mine")
     with pytest.raises(RegistryError, match="exists already and is not overwritten"):
-        upkeep.back_up(address, target)
+        database_maintenance.back_up(address, target)
     assert target.read_text() == "mine"
 
 
 def test_a_backup_that_cannot_be_written_leaves_nothing(full: Registry, address: str, tmp_path: Path) -> None:
     with pytest.raises(RegistryError, match=r"the folder .* does not exist"):
-        upkeep.back_up(address, tmp_path / "no" / "copy.db")
+        database_maintenance.back_up(address, tmp_path / "no" / "copy.db")
 
 
 def test_a_backup_is_brought_back_and_what_was_there_is_kept(
@@ -91,12 +90,12 @@ def test_a_backup_is_brought_back_and_what_was_there_is_kept(
     monkeypatch.chdir(tmp_path)
     backup = tmp_path / "copy.db"
     full.close()
-    upkeep.back_up(address, backup)
+    database_maintenance.back_up(address, backup)
     with open_registry(address) as registry:
         before = _content(registry)
         registry.keys.remove(UID, "ann")
         later = _content(registry)
-    kept = upkeep.restore(backup, address)
+    kept = database_maintenance.restore(backup, address)
     assert kept is not None
     with open_registry(address) as registry, open_registry(kept) as copy:
         assert _content(registry) == before
@@ -106,38 +105,38 @@ def test_a_backup_is_brought_back_and_what_was_there_is_kept(
 
 
 def test_a_backup_goes_to_a_new_database(full: Registry, address: str, tmp_path: Path) -> None:
-    upkeep.back_up(address, tmp_path / "copy.db")
-    assert upkeep.restore(tmp_path / "copy.db", str(tmp_path / "new.db")) is None
+    database_maintenance.back_up(address, tmp_path / "copy.db")
+    assert database_maintenance.restore(tmp_path / "copy.db", str(tmp_path / "new.db")) is None
     with open_registry(tmp_path / "new.db") as registry:
         assert _content(registry) == _content(full)
 
 
 def test_nothing_is_replaced_under_a_running_robot(full: Registry, address: str, tmp_path: Path) -> None:
-    upkeep.back_up(address, tmp_path / "copy.db")
+    database_maintenance.back_up(address, tmp_path / "copy.db")
     with pytest.raises(
         RegistryError, match=r"robot MSBOT_MASTER is being run with the database .*: stop its master first"
     ):
-        upkeep.restore(tmp_path / "copy.db", address)
+        database_maintenance.restore(tmp_path / "copy.db", address)
 
 
 def test_what_is_no_backup_is_refused(address: str, tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text("[robot] # the blueprint")
     with pytest.raises(RegistryError, match="is not a database"):
-        upkeep.restore(tmp_path / "robot.toml", address)
+        database_maintenance.restore(tmp_path / "robot.toml", address)
     with pytest.raises(RegistryError, match=r"there is no backup .*: name a file that `msbot db backup` has written"):
-        upkeep.restore(tmp_path / "nothing.db", address)
+        database_maintenance.restore(tmp_path / "nothing.db", address)
 
 
 def test_an_older_database_is_migrated_on_demand(path: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.ERROR)
     open_registry(path).close()
     newer = _migrations(tmp_path, NEXT)
-    assert upkeep.migrate(str(path)) == upkeep.Migrated(NOW, NOW)
-    assert upkeep.migrate(str(path), migrations=newer) == upkeep.Migrated(NOW, NOW + 1)
+    assert database_maintenance.migrate(str(path)) == database_maintenance.Migrated(NOW, NOW)
+    assert database_maintenance.migrate(str(path), migrations=newer) == database_maintenance.Migrated(NOW, NOW + 1)
     with pytest.raises(RegistryError, match="was written by a newer MsBOT"):
-        upkeep.migrate(str(path))
+        database_maintenance.migrate(str(path))
     with pytest.raises(RegistryError, match="there is no database"):
-        upkeep.migrate(str(tmp_path / "other.db"))
+        database_maintenance.migrate(str(tmp_path / "other.db"))
 
 
 def test_a_backup_without_room_names_its_file_and_leaves_nothing(
@@ -150,15 +149,15 @@ def test_a_backup_without_room_names_its_file_and_leaves_nothing(
             Path(f"{where}{ending}").touch()
         raise RegistryError(said("the database {database} {fault}", database=str(where), fault="has no room"))
 
-    monkeypatch.setattr(upkeep, "open_registry", no_room)
+    monkeypatch.setattr(database_maintenance, "open_registry", no_room)
     with pytest.raises(RegistryError) as refused:
-        upkeep.back_up(address, tmp_path / "copy.db")
+        database_maintenance.back_up(address, tmp_path / "copy.db")
     assert str(refused.value) == f"the database {tmp_path / 'copy.db'} has no room"
     assert list(tmp_path.glob("copy.db*")) == []
 
 
 def test_a_sound_database_has_no_findings(full: Registry, address: str) -> None:
-    assert upkeep.check(address) == []
+    assert database_maintenance.check(address) == []
 
 
 @pytest.mark.parametrize(
@@ -179,7 +178,7 @@ def test_a_sound_database_has_no_findings(full: Registry, address: str) -> None:
 )
 def test_a_contradiction_is_found(full: Registry, address: str, statement: str, sentence: str) -> None:
     full.storage.write(lambda connection: connection.execute(text(statement)))
-    (finding,) = upkeep.check(address)
+    (finding,) = database_maintenance.check(address)
     assert finding.startswith(f"robot MSBOT_MASTER: {sentence}")
 
 
@@ -188,7 +187,7 @@ def test_a_part_in_a_slot_of_another_robot_is_found(
     full: Registry, address: str, blueprint: Blueprint, library: Library, column: str
 ) -> None:
     full.robots.apply_blueprint(replace(blueprint, robot=replace(blueprint.robot, name="OTHER")), library)
-    assert upkeep.check(address) == []
+    assert database_maintenance.check(address) == []
     full.storage.write(
         lambda connection: connection.execute(
             text(
@@ -197,14 +196,14 @@ def test_a_part_in_a_slot_of_another_robot_is_found(
             )
         )
     )
-    (finding,) = upkeep.check(address)
+    (finding,) = database_maintenance.check(address)
     assert finding == f"robot MSBOT_MASTER: part {UID.hex()} is in a slot of another robot"
 
 
 def test_edits_and_journal_are_looked_at(full: Registry, address: str) -> None:
     full.storage.write(lambda connection: connection.execute(text("UPDATE edits SET undone_by = 77 WHERE id = 3")))
     full.storage.write(lambda connection: connection.execute(text("UPDATE journal SET to_state = 'asleep'")))
-    assert upkeep.check(address) == [
+    assert database_maintenance.check(address) == [
         "edit 3 was undone by an edit that is not there",
         "1 line of the journal tells of a state that does not exist",
     ]
@@ -215,7 +214,7 @@ def test_a_broken_reference_is_found(full: Registry, path: Path) -> None:
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("UPDATE parts SET slot_id = 99")
         connection.commit()
-    (finding,) = upkeep.check(str(path))
+    (finding,) = database_maintenance.check(str(path))
     assert finding == "row 1 of parts refers to a row of slots that is not there"
 
 
@@ -228,7 +227,7 @@ def test_a_damaged_file_is_found(full: Registry, path: Path) -> None:
         root = connection.execute("SELECT rootpage FROM sqlite_master WHERE name = 'journal'").fetchone()[0]
         connection.execute("UPDATE sqlite_master SET rootpage = ? WHERE name = 'ix_journal_robot_id'", (root,))
     with pytest.raises(RegistryError, match="is damaged"):
-        upkeep.check(str(path))
+        database_maintenance.check(str(path))
 
 
 def test_no_more_ticks_of_lessons_are_kept_than_agreed(full: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
