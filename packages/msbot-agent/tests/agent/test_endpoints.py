@@ -177,6 +177,25 @@ def test_a_barred_requester_asks_in_vain_and_its_old_requests_are_over() -> None
     assert [payload[4:] for payload in service.asker.payloads()] == [b"in time"]
 
 
+def test_the_gate_may_reply_for_nobody_and_its_reply_needs_no_right() -> None:
+    service = Service()
+    replies: list[bytes | None] = [b"nobody", None, b"no room"]
+    service.asker.for_nobody["add_Request"] = lambda: replies.pop(0)
+    service.asker.barred.add("add_Request")
+    service.requester.recheck()
+    service.requester.write(0x000D, b"?")
+    assert service.asker.sent == [(2, REQUESTER, bytes.fromhex("000d 0017") + b"nobody", 0x80)]
+    service.asker.barred.clear()
+    service.requester.recheck()
+    service.requester.write(2, b"heard")
+    service.asker.has_room = False
+    service.requester.write(3, b"heard as well: the reply could not be given")
+    assert [payload[24:] for payload in service.server.payloads()] == [
+        b"heard",
+        b"heard as well: the reply could not be given",
+    ]
+
+
 def test_who_may_ask_may_hear_the_answers_whatever_the_gate_says_of_the_reply_topic() -> None:
     host = FakeHost()
     host.barred |= {"add_Request", "add_Reply"}

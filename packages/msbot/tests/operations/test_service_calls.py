@@ -53,7 +53,7 @@ def test_what_cannot_be_called_is_said_in_one_sentence(tmp_path: Path) -> None:
         assert await refusal("AA.echo") == "call of AA.echo: STOP is in force: call again after GO"
         stage.pull("AA")
         await asyncio.sleep(12.0)
-        assert await refusal("AA.echo") == "slot AA has no part now: there is nobody to serve AA.echo"
+        assert await refusal("AA.echo") == "nobody serves AA.echo now: slot AA is empty"
 
     play(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 

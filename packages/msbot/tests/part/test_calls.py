@@ -62,7 +62,7 @@ def test_a_refusal_is_a_sentence(status: ReplyStatus) -> None:
     assert outcomes.words == [f"call of ask: {status.words}: the lid is open"]
 
 
-@pytest.mark.parametrize("octets", [b"", b"\x07", b"\xff text"])
+@pytest.mark.parametrize("octets", [b"", b"\x08", b"\xff text"])
 def test_a_reply_that_makes_no_sense_ends_the_call_with_a_sentence(octets: bytes) -> None:
     calls, outcomes = OpenCalls(), Outcomes()
     calls.open(1, "ask", 0.5, 0.0, outcomes.append)

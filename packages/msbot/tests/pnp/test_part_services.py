@@ -8,10 +8,10 @@ from random import Random
 
 import pytest
 
-from msbot import CallError, HelloWorld, Number, Part, Text
+from msbot import CallError, HelloWorld, Message, Number, Part, Text
 from msbot.config import Slot
 from msbot.part.calls import MOST_OPEN_CALLS, MOST_SERVED
-from msbot.pnp import Configuration, Keys, MemoryStore, SlotBinding
+from msbot.pnp import Configuration, Freeze, Keys, MemoryStore, SlotBinding
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocEnd
 from tests.pnp.robot import ABCD, EFGH, WXYZ, uid
@@ -172,52 +172,70 @@ def test_the_callback_form_waits_for_nothing(sealed: bool) -> None:
 
 
 def test_nobody_serves() -> None:
+    """Who asks learns at once where nobody is, and when its function was not there in time."""
+
+    async def story(scene: Scene) -> None:
+        scene.bb.calls("wait", Number, Number)
+
+        @scene.bb.every(1000.0)
+        def ask() -> None:
+            try:
+                scene.bb.call("wait", Number(value=1.0), timeout=500.0)
+            except CallError as error:
+                scene.log.append(str(error))
+
+        scene.asks("ask", Number(value=1.0), timeout=500.0)
+        await scene.plug(scene.aa)
+        assert scene.log == ["call of ask: the robot does not pass it on: slot BB is empty"]
+        await scene.plug(scene.bb)
+        assert scene.log[1:] == ["call of wait: the robot does not pass it on: no slot serves nobody any more"]
+
+    tell(story)
+
+
+def test_a_part_that_never_replies() -> None:
     async def story(scene: Scene) -> None:
         scene.asks("ask", Number(value=1.0), timeout=0.5)
-        await scene.plug(scene.aa)
+        await plug_mute(scene)
         assert len(scene.log) == 1
         assert str(scene.log[0]).startswith("call of ask: no reply within 0.5 s: is the part there that serves it")
 
     tell(story)
 
 
-def serves_slowly(part: Part) -> None:
-    """Its first request waits for a reply that never comes; the others are served at once."""
-    requests: list[float] = []
-    part.calls("wait", Number, Number)
-
-    @part.serves("halve", Number, Number)
-    def half(request: Number) -> Number:
-        requests.append(request.value)
-        if len(requests) == 1:
-            part.call("wait", request, timeout=1000.0)
-        return Number(value=request.value / 2)
+async def plug_mute(scene: Scene) -> None:
+    """BB comes in, and does not reply; then AA does, and asks."""
+    halve(scene)
+    await scene.plug(scene.bb)
+    membership = scene.bb._runner._membership
+    assert membership is not None
+    membership.client._on_request = lambda *_: None
+    await scene.plug(scene.aa)
 
 
 def test_the_part_that_serves_ends_while_a_call_is_open() -> None:
     async def story(scene: Scene) -> None:
-        serves_slowly(scene.bb)
         scene.asks("ask", Number(value=1.0), timeout=600.0)
-        await scene.plug(scene.bb, scene.aa)
+        await plug_mute(scene)
         assert scene.log == []
         scene.bb.end()
         await asyncio.sleep(1.0)
-        assert scene.log in (
-            ["call of ask: the part that served it has left: `msbot parts` shows who is there"],
-            ["call of ask: refused: call of wait: the part is ended, not active any more (ended)"],
-        )
+        assert scene.log == [
+            "call of ask: the part that served it has left, or is held: `msbot parts` shows who is there"
+        ]
 
     tell(story)
 
 
 def test_the_part_that_serves_vanishes_and_another_takes_its_slot() -> None:
     async def story(scene: Scene) -> None:
-        serves_slowly(scene.bb)
         scene.asks("ask", Number(value=8.0), timeout=600.0)
-        await scene.plug(scene.bb, scene.aa)
+        await plug_mute(scene)
         scene.pull(scene.bb)
         await asyncio.sleep(10.0)
-        assert scene.log == ["call of ask: the part that served it has left: `msbot parts` shows who is there"]
+        assert scene.log == [
+            "call of ask: the part that served it has left, or is held: `msbot parts` shows who is there"
+        ]
         other = Part("EFGH", uid=uid(9), random=Random(9))
         other.serves("halve", Number, Number)(lambda request: Number(value=request.value / 2))
         await scene.plug(other)
@@ -230,9 +248,8 @@ def test_the_part_that_serves_vanishes_and_another_takes_its_slot() -> None:
 
 def test_the_program_that_serves_starts_anew_while_a_call_is_open() -> None:
     async def story(scene: Scene) -> None:
-        serves_slowly(scene.bb)
         scene.asks("ask", Number(value=8.0), timeout=20.0)
-        await scene.plug(scene.bb, scene.aa)
+        await plug_mute(scene)
         scene.pull(scene.bb)
         again = scene.make("EFGH")
         halve_with(again)
@@ -319,6 +336,32 @@ def test_a_program_without_the_function_says_so() -> None:
     tell(story)
 
 
+class Said(Message):
+    """What a program that was written for another library replies."""
+
+    type_name = "Text"
+    text: str
+    loud: bool
+
+
+def test_who_replies_with_another_class_than_the_librarys_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    async def story(scene: Scene) -> None:
+        types = scene.robot.inventory.types
+        types.library_fields = {"Number": [("value", "float32")], "Text": [("text", "text")]}.get
+        halve_with(scene.bb)
+        scene.bb.serves("says", Number, Said)(lambda _: Said(text="yes", loud=True))
+        await scene.plug(scene.bb, scene.aa)
+        keys = [part.client_key for part in scene.robot.inventory.view(0.0)]
+        (found,) = [one for key in keys for one in scene.robot.inventory.type_differences(key)]
+        assert (found.port, found.type_name, found.detail, found.their_field) == ("says", "Text", 2, "bool loud")
+        assert not types._dropped
+        (told,) = [one.getMessage() for one in caplog.records if "is not that of the robot's library" in one.message]
+        assert "Text of this program" in told
+        assert "number 2, here bool loud" in told
+
+    tell(story)
+
+
 def test_open_calls_and_served_requests_are_bounded() -> None:
     async def story(scene: Scene) -> None:
         scene.bb.calls("wait", Number, Number)
@@ -354,9 +397,9 @@ def test_open_calls_and_served_requests_are_bounded() -> None:
 def test_a_lost_way_to_the_robot_ends_the_calls_that_wait() -> None:
     async def story(scene: Scene) -> None:
         scene.asks("ask", Number(value=1.0), timeout=3000.0)
-        await scene.plug(scene.aa)
-        for task in (scene.robot.agent,):
-            task.disconnect(scene.robot.inventory.view(0.0)[0].client_key, reason="gone")
+        await plug_mute(scene)
+        for info in scene.robot.inventory.view(0.0):
+            scene.robot.agent.disconnect(info.client_key, reason="gone")
         await asyncio.sleep(30.0)
         assert len(scene.log) >= 1
         assert "the part is lost, not active any more" in str(scene.log[0])
@@ -397,9 +440,11 @@ def test_only_those_who_are_wired_may_ask_and_answer() -> None:
     tell(story)
 
 
+@pytest.mark.promise("A call ends with its reply, or with one sentence, never without an end")
+@pytest.mark.parametrize("sealed", [False, True])
 @pytest.mark.parametrize("held", ["ABCD", "EFGH"])
-def test_a_held_part_neither_asks_nor_answers(held: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A teacher has frozen the class, or taken the pupil's program over."""
+def test_who_calls_a_held_part_or_is_held_learns_it_at_once(held: str, sealed: bool) -> None:
+    """A teacher has frozen the class, or taken the pupil's program over; its calls that wait end as well."""
 
     async def story(scene: Scene) -> None:
         halve(scene)
@@ -407,27 +452,34 @@ def test_a_held_part_neither_asks_nor_answers(held: str, monkeypatch: pytest.Mon
         @scene.aa.every(1.0)
         def ask() -> None:
             try:
-                scene.log.append(scene.aa.call("ask", Number(value=9.0), timeout=0.5))
+                scene.log.append(scene.aa.call("ask", Number(value=9.0), timeout=500.0))
             except CallError as error:
                 scene.log.append(str(error))
 
         await scene.plug(scene.bb, scene.aa)
         assert scene.log[-1] == Number(value=4.5)
-        inventory = scene.robot.inventory
-        key = next(part.client_key for part in inventory.view(0.0) if part.part == held)
-        with monkeypatch.context() as freeze:
-            freeze.setattr(inventory.pupil_parts, "is_held", lambda client: client == key)
-            scene.robot.agent.recheck(key)
-            await asyncio.sleep(2.0)
-            served = scene.bb.counters.messages_in
-            await asyncio.sleep(5.0)
-            assert scene.bb.counters.messages_in == served
-            assert str(scene.log[-1]).startswith("call of ask: no reply within 0.5 s")
+        inventory, now = scene.robot.inventory, asyncio.get_running_loop().time()
+        key = next(part.client_key for part in inventory.view(0.0) if part.part_number == held)
+        inventory._index.sessions[key].pupil = "ben"
+        inventory.pupil_parts.pupils.freeze = Freeze("ann", "look at me", now)
+        inventory.pupil_parts.follow(now)
+        scene.robot.agent.recheck(key)
+        await asyncio.sleep(2.0)
+        served = scene.bb.counters.messages_in
+        await asyncio.sleep(5.0)
+        assert scene.bb.counters.messages_in == served
+        where = "" if held == "ABCD" else "slot BB is held: "
+        assert (
+            scene.log[-3:]
+            == [f"call of ask: the robot does not pass it on: {where}the class is frozen by ann: look at me"] * 3
+        )
+        inventory.pupil_parts.pupils.freeze = None
+        inventory.pupil_parts.follow(now)
         scene.robot.agent.recheck(key)
         await asyncio.sleep(3.0)
         assert scene.log[-1] == Number(value=4.5)
 
-    tell(story)
+    tell(story, sealed=sealed)
 
 
 @pytest.mark.parametrize("sealed", [False, True])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from msbot_agent.agent.gate import ReplyForNobody
 from msbot_agent.agent.reply_routing import IDENTITY_SIZE, UNASKED, PendingRequests, decode_identity, encode_identity
 from msbot_agent.agent.topic_attachment import EndpointHost, ReadSide, Shape, WriteSide
 from msbot_agent.space import Deliver, Guid, Owner, Qos, Reader, Sample, Topic
@@ -158,12 +159,14 @@ class Requester(Endpoint):
     """WRITE_DATA is a request; its reply comes back with its request id in front; only the first reply to each request
     counts."""
 
-    __slots__ = ("_answers", "_pending", "_requests", "_shape")
+    __slots__ = ("_answers", "_for_nobody", "_object_octets", "_pending", "_requests", "_shape")
 
     def __init__(  # noqa: PLR0917 - what a definition says
         self, host: EndpointHost, object_id: int, request: Topic, reply: Topic, qos: Qos, owner: Owner
     ) -> None:
         self._pending = PendingRequests(host.max_requests)
+        self._object_octets = object_id.to_bytes(2, "big")
+        self._for_nobody: ReplyForNobody | None = None
         self._shape = ReplyShape(object_id, self._pending)
         self._requests = WriteSide(host, object_id, request, qos, owner)
         self._answers = ReadSide(host, object_id, reply, qos, owner, shape=self._shape, open_reader=self._open_reader)
@@ -175,7 +178,10 @@ class Requester(Endpoint):
         return self._pending.forgotten
 
     def write(self, request_id: int, payload: bytes) -> None:
-        """Send a request; the reply will carry `request_id`."""
+        """Send a request; the reply will carry `request_id`. One that would reach nobody may be answered at once."""
+        instead = None if self._for_nobody is None else self._for_nobody()
+        if instead is not None and self._answers.say(request_id.to_bytes(2, "big") + self._object_octets + instead):
+            return
         writer = self._requests.writer
         if writer is not None:
             # Before the write: a replier in this process may answer within it.
@@ -188,6 +194,7 @@ class Requester(Endpoint):
         A client that may send requests may receive the answers to them, so the gate is not asked about the reply topic.
         Reading that whole topic, including answers to others, is a separate right (`DataReader`).
         """
+        self._for_nobody = self._host.reply_for_nobody(self._requests.topic)
         self._requests.recheck()
         writer = self._requests.writer
         guid = None if writer is None else writer.guid

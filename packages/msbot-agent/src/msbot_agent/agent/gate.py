@@ -6,6 +6,7 @@ never in the path of a sample.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from msbot_agent.link import Peer
@@ -51,6 +52,10 @@ class SampleGuard(Protocol):
         """The sealed sample for the client's object with that id."""
 
 
+ReplyForNobody = Callable[[], bytes | None]
+"""The reply to a request that reaches nobody now; None: the request goes its way."""
+
+
 class Gate(Protocol):
     """Who may join, write and read."""
 
@@ -89,6 +94,12 @@ class Gate(Protocol):
 
     def guard_of(self, client: ClientInfo) -> SampleGuard | None:
         """What seals and opens the samples of this client; None: they are not sealed."""
+
+    def reply_for_nobody(self, client: ClientInfo, topic: str) -> ReplyForNobody | None:
+        """What to ask, before each request of this client on the topic, for a reply in place of one that will not come.
+
+        None: there is never one, so the requests wait for a reply of their own, as at a stock agent.
+        """
 
 
 class OpenGate:
@@ -134,6 +145,10 @@ class OpenGate:
 
     def guard_of(self, client: ClientInfo) -> SampleGuard | None:  # noqa: ARG002 - the protocol's signature
         """Always None."""
+        return None
+
+    def reply_for_nobody(self, client: ClientInfo, topic: str) -> ReplyForNobody | None:  # noqa: ARG002 - the protocol's
+        """Always None: replies come from repliers."""
         return None
 
 

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
+from msbot_agent.agent.gate import ReplyForNobody
 from msbot_agent.agent.reply_routing import ReplyExchange
 from msbot_agent.agent.statistics import PUSHED_OUT, TimestampedPayload, TopicTraffic, Transit
 from msbot_agent.pace import TokenBucket
@@ -134,6 +135,9 @@ class EndpointHost(Protocol):
 
     def may_read(self, topic: str) -> bool:
         """The gate's verdict for this client."""
+
+    def reply_for_nobody(self, topic: str) -> ReplyForNobody | None:
+        """The gate's replies to requests that reach nobody."""
 
     def new_guid(self, object_id: int) -> Guid:
         """A GUID for a writer of that object, never used before."""
@@ -296,6 +300,17 @@ class ReadSide:
         if shape is None or not shape.is_filter:
             return False
         self._keep(sample)
+        return True
+
+    def say(self, payload: bytes) -> bool:
+        """Send something that is no sample of the space; False: the client reads nothing, or it may not go now."""
+        read = self.read
+        if read is None or (read.limited and not self._in_time(read, len(payload))):
+            return False
+        if not self._host.send_data(read.request_id, self._object_id, payload, read.stream_id):
+            return False
+        if read.limited:
+            self._account(read, len(payload))
         return True
 
     def pull(self) -> None:

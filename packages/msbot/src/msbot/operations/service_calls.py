@@ -107,11 +107,8 @@ class ServiceCalls:
         return found
 
     def _check_holder(self, end: SlotPort) -> None:
-        holder = self._running.holder(end.slot)
-        if holder is None or not holder.state.is_registered:
-            raise CallError(
-                said("slot {slot} has no part now: there is nobody to serve {port}", slot=end.slot, port=str(end))
-            )
+        if why := self._running.master.inventory.why_unserved(end.slot):
+            raise CallError(said("nobody serves {port} now: {why}", port=str(end), why=why))
 
     def _port(self, end: SlotPort) -> Port:
         slot = self._running.blueprint.slot(end.slot)

@@ -36,6 +36,8 @@ class ReplyStatus(IntEnum):
     UNREADABLE = 4
     NOT_SERVED = 5
     REFUSED = 6
+    NOT_PASSED = 7
+    """The robot itself replies: nobody gets the request now."""
 
     @property
     def words(self) -> str:
@@ -51,6 +53,7 @@ _WORDS = {
     ReplyStatus.UNREADABLE: "the part that serves it cannot read the request",
     ReplyStatus.NOT_SERVED: "the program of the part has no function for it: write @part.serves(...)",
     ReplyStatus.REFUSED: "refused",
+    ReplyStatus.NOT_PASSED: "the robot does not pass it on",
 }
 
 

@@ -452,7 +452,7 @@ class ProgramRunner:
         if port is None or notice.number != self.joining.configuration_version:
             return
         _log.info("%s: nobody sends to port %s any more", self._local_name, port)
-        self._calls.end("the part that served it has left: `msbot parts` shows who is there", port)
+        self._calls.end("the part that served it has left, or is held: `msbot parts` shows who is there", port)
         self.safety.enter(port)
         for function in self.program.partner_lost:
             self.guard.call(function, port)

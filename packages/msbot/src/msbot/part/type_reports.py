@@ -8,11 +8,12 @@ only if its library has another type (`TYPE_DIFFERS`): first it asks for the fie
 from __future__ import annotations
 
 from msbot.part.join.membership import Membership
-from msbot.part.join.pnp_messages import MOST_BINDINGS, MOST_DESCRIPTION, Notice, PortBinding
+from msbot.part.join.pnp_messages import MOST_BINDINGS, MOST_DESCRIPTION, OF_REPLY, Notice, PortBinding
 from msbot.part.messages.message import Message
 from msbot.part.messages.type_hash import Fields, described_fields, fields_text, hash_words, type_hash
 from msbot.part.ports import Ports
 from msbot.part.program import ProgramDeclarations
+from msbot.service_types import service_type
 
 NOT_KNOWN = 255
 """`Notice.detail`: which field differs is not known."""
@@ -37,6 +38,15 @@ class TypeTelling:
         for port, message_class in (self._program.publications | heard).items():
             if port not in self.told:
                 self.tell_port(port, message_class, ports, membership)
+        exchanges = {port: server.exchange for port, server in self._program.servers.items()} | self._program.calls
+        for port, exchange in exchanges.items():
+            place, binding = ports.place_of(port), ports.binding(port)
+            if port in self.told or place is None or binding is None:
+                continue
+            self.told[port] = place, binding
+            if exchange.type_name == binding.topic_type:
+                self._say(place, exchange.request, membership)
+                self._say(place | OF_REPLY, exchange.reply, membership)
 
     def tell_port(self, port: str, message_class: type[Message], ports: Ports, membership: Membership) -> None:
         """Tell of the messages at one port."""
@@ -46,22 +56,26 @@ class TypeTelling:
         self.told[port] = place, binding
         if message_class.type_name != binding.topic_type:
             return  # a mistake that is told in other words
+        self._say(place, message_class, membership)
+
+    def _say(self, place: int, message_class: type[Message], membership: Membership) -> None:
         fields = described_fields(message_class)
-        if fields is not None and place < MOST_BINDINGS:
+        if fields is not None and place & ~OF_REPLY < MOST_BINDINGS:
             self._fields[message_class.type_name] = fields
             membership.say_type(place, type_hash(message_class.type_name, fields))
 
     def differs(self, notice: Notice, ports: Ports, membership: Membership) -> tuple[str, str] | None:
         """The library's type of a port differs: the port and what to tell people; None: the robot asks for the fields,
         and gets them."""
-        port = ports.port_at(notice.binding)
+        port = ports.port_at(notice.binding & ~OF_REPLY)
         binding = None if port is None else ports.binding(port)
         if port is None or binding is None:
             return None
         if not notice.detail:
             membership.say_fields(fields_text(self._fields.items())[:MOST_DESCRIPTION])
             return None
-        name, place = binding.topic_type, notice.detail
+        service, place = service_type(binding.topic_type), notice.detail
+        name = binding.topic_type if service is None else service[bool(notice.binding & OF_REPLY)]
         fields = self._fields.get(name, ())
         where = ""
         if place <= len(fields):

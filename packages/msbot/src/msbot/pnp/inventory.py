@@ -139,6 +139,34 @@ class Inventory:
         record = self._index.record_of(client_key)
         return None if record is None or not record.is_registered else record.configuration
 
+    def why_not_passed(self, client_key: int, topic: str) -> str:
+        """Why a request that a registered part sends on a topic reaches nobody now, in words; empty: it may."""
+        configuration = self.configuration_of(client_key)
+        bindings = () if configuration is None else configuration.bindings
+        called = next((one for one in bindings if one.calls_on(topic)), None)
+        if called is None:
+            return ""
+        if why := self.pupil_parts.why_held(client_key):
+            return why
+        if self._changes.has_publisher(called.topic):
+            return ""
+        slot = next((name for name in self._matcher.names() if self._serves(name, called.topic)), None)
+        if slot is None:
+            return said("no slot serves {topic} any more", topic=called.topic)
+        return self.why_unserved(slot)
+
+    def why_unserved(self, slot: str) -> str:
+        """Why nobody serves in that slot now, in words; empty: its part may."""
+        record = self._index.holders.get(slot)
+        if record is None or not record.is_registered:
+            return said("slot {slot} is empty", slot=slot)
+        why = self.pupil_parts.why_held(record.client_key)
+        return said("slot {slot} is held: {why}", slot=slot, why=why) if why else ""
+
+    def _serves(self, slot: str, topic: str) -> bool:
+        bindings = self._store.configuration(slot).bindings
+        return any(one.is_service and one.publishes and one.topic == topic for one in bindings)
+
     def member(self, client_key: int) -> tuple[bytes, str] | None:
         """Identity and name of the registered part behind a session, or None."""
         record = self._index.record_of(client_key)

@@ -97,7 +97,7 @@ class InventoryRecord:
         self.trouble = ""
         """What is wrong with its hardware, as the part said before it ended."""
         self.trouble_pieces = b""
-        self.type_differences: dict[str, TypeDifference] = {}
+        self.type_differences: dict[tuple[str, bool], TypeDifference] = {}
         """By port; at most as many as its configuration has."""
         self.type_notes = 0
         """Lines of the journal about them."""

@@ -107,6 +107,15 @@ class SlotBinding:
         """Whether it carries requests and replies."""
         return service_type(self.type_name) is not None
 
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """The types of the messages that it carries: one, or those of request and reply."""
+        return service_type(self.type_name) or (self.type_name,)
+
+    def calls_on(self, topic: str) -> bool:
+        """Whether the port calls, and its requests go to that topic of the data space."""
+        return self.is_service and not self.publishes and request_topic(self.topic) == topic
+
     def opens(self, topic: str, *, publishes: bool) -> bool:
         """Whether the port makes the part write (or read) a topic of the data space.
 

@@ -53,8 +53,12 @@ class PupilParts:
 
     def is_held(self, client_key: int) -> bool:
         """Whether the part behind a session belongs to a pupil whose programs are held."""
+        return bool(self.why_held(client_key))
+
+    def why_held(self, client_key: int) -> str:
+        """Why the part behind a session is held, in a sentence; empty: it is not."""
         session = self._index.sessions.get(client_key)
-        return session is not None and bool(self.pupils.held(session.pupil))
+        return "" if session is None else self.pupils.held(session.pupil)
 
     def pupil_of(self, client_key: int) -> str:
         """The pupil whose rights a session has; empty: it is no pupil's, or there is none."""

@@ -21,6 +21,7 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Protocol
 
+from msbot.part.calls import ReplyStatus, encode_reply
 from msbot.part.join import thesis_messages
 from msbot.part.join.seal import Seal
 from msbot.pnp.inventory import Inventory
@@ -184,6 +185,12 @@ class RobotGate:
         seal = self._inventory.seals.of(client.key)
         return None if seal is None else _SampleSealer(seal, partial(self._sample_refused, client.key))
 
+    def reply_for_nobody(self, client: AskingClient, topic: str) -> Callable[[], bytes | None] | None:
+        """What a part that calls learns at once when the robot does not pass its request on."""
+        if self._is_trusted(client) or topic in RESERVED_TOPICS:
+            return None
+        return partial(self._reply_for_nobody, client.key, topic)
+
     def limits(self, client: AskingClient, packets_per_s: float, share: float) -> bool:
         """Limit every part, and journal it at most once a minute; never limit the robot's own services."""
         if self._is_trusted(client):
@@ -278,6 +285,10 @@ class RobotGate:
         if configuration is None:
             return False
         return any(binding.opens(topic, publishes=publishes) for binding in configuration.bindings)
+
+    def _reply_for_nobody(self, key: int, topic: str) -> bytes | None:
+        why = self._inventory.why_not_passed(key, topic)
+        return encode_reply(ReplyStatus.NOT_PASSED, why) if why else None
 
     def _sample_refused(self, key: int, reason: str) -> None:
         self._inventory.sample_refused(key, reason, self._clock())

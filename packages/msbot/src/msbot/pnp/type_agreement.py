@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from msbot.part.join.pnp_messages import MOST_BINDINGS, Notice, NoticeKind
+from msbot.part.join.pnp_messages import MOST_BINDINGS, OF_REPLY, Notice, NoticeKind
 from msbot.part.messages.type_hash import Fields, first_difference, hash_words, read_fields, type_hash
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import SlotBinding, TypeDifference
+from msbot.pnp.model import TypeDifference
 from msbot.pnp.state_changes import StateChanges
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.counting import Tally
@@ -46,11 +46,11 @@ class TypeAgreement:
         """Where a part's program and the library of today mean different messages, at the ports that it has now."""
         if not record.is_registered or record.configuration is None or not record.type_differences:
             return []
-        bound = {one.port: one.type_name for one in record.configuration.bindings}
+        bound = {(one.port, name) for one in record.configuration.bindings for name in one.messages}
         return [
             one
             for one in record.type_differences.values()
-            if bound.get(one.port) == one.type_name and self._library_hash(one.type_name) not in (None, one.theirs)
+            if (one.port, one.type_name) in bound and self._library_hash(one.type_name) not in (None, one.theirs)
         ]
 
     def _library_hash(self, type_name: str) -> bytes | None:
@@ -61,20 +61,22 @@ class TypeAgreement:
         """A part tells the hash of a port's type; the answer, if the library's is another one."""
         configuration = record.configuration
         bindings = () if configuration is None else configuration.bindings
-        if configuration is None or place >= min(len(bindings), MOST_BINDINGS):
+        index, which = place & ~OF_REPLY, bool(place & OF_REPLY)
+        binding = bindings[index] if index < min(len(bindings), MOST_BINDINGS) else None
+        if configuration is None or binding is None or which >= len(binding.messages):
             self._dropped.count("hash of a type for a port that is not bound")
             return None
-        binding = bindings[place]
-        expected = self._library_hash(binding.type_name)
+        name = binding.messages[which]
+        expected = self._library_hash(name)
         if expected is None:
             return None
-        known = record.type_differences.get(binding.port)
+        known = record.type_differences.get((binding.port, which))
         if octets == expected:
-            record.type_differences.pop(binding.port, None)
+            record.type_differences.pop((binding.port, which), None)
             return None
         if known is not None and (known.theirs, known.ours) == (octets, expected):
             return _notice(configuration.version, place, known.detail) if known.detail else None
-        record.type_differences[binding.port] = TypeDifference(binding.port, binding.type_name, octets, expected)
+        record.type_differences[binding.port, which] = TypeDifference(binding.port, name, octets, expected)
         return _notice(configuration.version, place, 0)
 
     def fields_told(self, record: InventoryRecord, text: str, now: float) -> list[Notice]:
@@ -82,24 +84,27 @@ class TypeAgreement:
         theirs = read_fields(text)
         configuration = record.configuration
         answers = []
-        for place, binding in enumerate(() if configuration is None else configuration.bindings):
-            difference = record.type_differences.get(binding.port)
-            if configuration is None or difference is None or difference.detail:
+        if configuration is None:
+            return []
+        bound = [
+            (place, one.port, which) for place, one in enumerate(configuration.bindings) for which in (False, True)
+        ]
+        for place, port, which in bound:
+            difference = record.type_differences.get((port, which))
+            if difference is None or difference.detail:
                 continue
-            found = self._compared(difference, binding, theirs)
-            record.type_differences[binding.port] = found
+            found = self._compared(difference, theirs)
+            record.type_differences[port, which] = found
             if record.type_notes < MOST_NOTES:
                 record.type_notes += 1
                 self._changes.note(record, now, difference_sentence(found))
-            answers.append(_notice(configuration.version, place, found.detail))
+            answers.append(_notice(configuration.version, place | OF_REPLY * which, found.detail))
         self._changes.publish()
         return answers
 
-    def _compared(
-        self, difference: TypeDifference, binding: SlotBinding, theirs: Mapping[str, Fields]
-    ) -> TypeDifference:
-        ours = self.library_fields(binding.type_name) or ()
-        told = theirs.get(binding.type_name, ())
+    def _compared(self, difference: TypeDifference, theirs: Mapping[str, Fields]) -> TypeDifference:
+        ours = self.library_fields(difference.type_name) or ()
+        told = theirs.get(difference.type_name, ())
         place = first_difference(told, ours) if told else None
         detail = NOT_KNOWN if place is None else min(place + 1, NOT_KNOWN - 1)
         return TypeDifference(

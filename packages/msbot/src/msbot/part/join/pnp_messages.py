@@ -73,6 +73,9 @@ MOST_DESCRIPTION = 4096
 LEAST_DESCRIPTION = 540
 """Shortest one; newlines fill it up, because the length of a request tells what it is, and claims are shorter."""
 
+OF_REPLY = 0x80
+"""Bit of `TypeMessage.binding` and of the `binding` of a notice `TYPE_DIFFERS`: it is a service's reply."""
+
 MOST_BINDINGS = 120
 """Ports of one part that a configuration can bind: each takes two of the 256 objects that an agent grants a client."""
 
@@ -209,7 +212,7 @@ class TypeMessage(Message):
 
     lease: uint32
     binding: uint8
-    """Which of the configuration's bindings, counted from 0."""
+    """Which of the configuration's bindings, counted from 0; for a service's reply, with `OF_REPLY`."""
     hash: Annotated[bytes, Octets(HASH_OCTETS)]
 
 
