@@ -140,7 +140,7 @@ class Part:
     def frames(self) -> list[bytes]:
         """What the session has to say."""
         packets = self.session.packets_to_send(0.0)
-        return [pack_frame(frame) for packet in packets for frame in self.wire.cut(packet)]
+        return [pack_frame(frame) for packet in packets for frame in self.wire.split(packet)]
 
     def hear(self, frames: Sequence[Frame]) -> None:
         """Frames on the bus."""

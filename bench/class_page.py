@@ -140,8 +140,8 @@ def main(robots: int, folder_of_pictures: Path | None) -> int:
             started.append(
                 (run(made.name, "--port", str(port), "--link", f"sim:f{word}{number}", env=elsewhere), "The page is at")
             )
-            RemoteAccessFile().keep(RemoteAccess(f"http://127.0.0.1:{port}", token, "MSBOT_MASTER", f"FAR{number}"))
-        RemoteAccessFile().keep(RemoteAccess(f"http://127.0.0.1:{free_port()}", "msbot_x", "MSBOT_MASTER", "GONE"))
+            RemoteAccessFile().add(RemoteAccess(f"http://127.0.0.1:{port}", token, "MSBOT_MASTER", f"FAR{number}"))
+        RemoteAccessFile().add(RemoteAccess(f"http://127.0.0.1:{free_port()}", "msbot_x", "MSBOT_MASTER", "GONE"))
         main_robot = run("robot.toml", "--port", "0", "--link", f"sim:m{word}")
         for process, words in started:
             process.wait_for(words)

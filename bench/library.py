@@ -62,7 +62,7 @@ def _minute(part_type: PartType) -> float:
     for tick in range(int(MINUTE_S / TICK_S)):
         now = tick * TICK_S
         world.advance(now)
-        world.say(now)
+        world.due_messages(now)
     return time.process_time() - began
 
 

@@ -126,10 +126,10 @@ def _strings(node: ast.AST) -> set[str]:
 
 def sentences_of_the_robot() -> set[str]:
     """Every form that rooms make sentences of, and the words of states, refusals, roles and rights."""
-    found = {word.value for word in PartState} | {refusal.words for refusal in Refusal}
+    found = {word.value for word in PartState} | {refusal.describe for refusal in Refusal}
     found |= {refusal.name.lower().replace("_", " ") for refusal in Refusal}
     found |= set(packet_words.FORMS)
-    found |= {words for role in Role for words in (role.word, role.one)} | {right.value for right in Right}
+    found |= {words for role in Role for words in (role.word, role.with_article)} | {right.value for right in Right}
     for path in source_files():
         for node in ast.walk(ast.parse(path.read_text())):
             called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""

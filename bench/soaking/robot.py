@@ -174,7 +174,7 @@ class Robot:
                 uid, key = self._dice.randbytes(8), None
                 if self.authentication != "open":
                     octets = secrets.token_bytes(16)
-                    registry.keys.keep(uid, octets, "soak")
+                    registry.keys.store(uid, octets, "soak")
                     key = octets.hex()
                 way = await open_way(kind, self.link_port, self._dice) if kind in ("udp", "tcp") else None
                 self.members[slot] = Member(slot, kind, uid, key, way)

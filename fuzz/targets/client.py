@@ -192,7 +192,7 @@ class ClientWorld:
             client = self.client
             if client.state is not ConnectionState.CONNECTED:
                 raise Violation(f"{HEALED_S} s after healing the client is {client.state}: {client.reason}")
-            missing = [entity.words for entity in client.entities if not entity.created]
+            missing = [entity.describe for entity in client.entities if not entity.created]
             if missing:
                 raise Violation(f"{loop.time() - begun} s after healing these do not exist: {missing}")
             self.samples.clear()

@@ -67,7 +67,7 @@ def _sessions(octets: bytes) -> Iterable[str]:
     accounts = _accounts()
     path = file_of(octets, ".json", folder="sessions")
     SessionFile(accounts, path, boot=lambda: "start", boot_clock=lambda: 100.0).bring_back()
-    for session in accounts.sessions.kept(accounts.mark_of):
+    for session in accounts.sessions.to_persist(accounts.mark_of):
         _writable(session.name)
         yield f"{session.name in ('ada', 'bob')} {bool(session.guest_of)}"
 
@@ -171,11 +171,11 @@ def _part_packet(octets: bytes) -> Iterable[str]:
         await asyncio.sleep(0)
         peer: SocketPeer = link.join(ConnectionUser("ann", "10.0.0.1"))
         try:
-            pause_s, words = peer.took(octets, asyncio.get_running_loop().time())
+            pause_s, words = peer.receive(octets, asyncio.get_running_loop().time())
         except ValueError as error:
             return (str(error)[:20],)
         finally:
-            peer.gone("end")
+            peer.connection_ended("end")
             running.cancel()
         return (f"{pause_s > 0} {words[:10]} {heard == [octets]}",)
 
@@ -196,7 +196,7 @@ class _Serial:
 def _board(octets: bytes) -> Iterable[str]:
     serial: Any = _Serial(octets)
     board = Board(serial, "fuzz")
-    for read in (board.facts, lambda: board.free("/"), lambda: board.files("/"), lambda: board.read("/x")):
+    for read in (board.facts, lambda: board.free_space("/"), lambda: board.files("/"), lambda: board.read("/x")):
         try:
             yield f"{type(read()).__name__} read"
         except LinkDown as error:

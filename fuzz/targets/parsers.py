@@ -488,7 +488,7 @@ def _people(octets: bytes) -> Iterable[str]:
 
 def _ticket(octets: bytes) -> Iterable[str]:
     tickets = GuestTickets(lambda: 0.0)
-    for way in (tickets.find, tickets.use, tickets.path_of):
+    for way in (tickets.find, tickets.admit, tickets.path_of):
         yield type(way(_text(octets))).__name__
 
 

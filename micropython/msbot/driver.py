@@ -40,7 +40,7 @@ class Driver:
     def sample(self, values):
         """What was measured, by source; a list of such tables in the order of events; None: nothing new."""
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         """What the outputs should be."""
 
     def drive(self, wanted):

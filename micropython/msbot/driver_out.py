@@ -65,7 +65,7 @@ class Pwm(Driver):
             _Dimmer(self.pins["s"], self.options.get("frequency_hz", 200), self.options.get("active_low", False))
         )
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         return share(values[self.sources[0]])
 
     def drive(self, wanted):
@@ -81,7 +81,7 @@ class Relay(Driver):
     def open(self):
         self._out = self.keep(_Output(self.pins["s"], self.options.get("active_low", False)))
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         return bool(values[self.sources[self.place]])
 
     def drive(self, wanted):
@@ -118,7 +118,7 @@ class Colour(Driver):
         inverted = self.options.get("common_anode", False)
         self._outs = [self.keep(_Dimmer(self.pins[name], 200, inverted)) for name in ("red", "green", "blue")]
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         return tuple([share(values[name], 255) for name in self.sources])
 
     def drive(self, wanted):
@@ -134,7 +134,7 @@ class Tone(Driver):
     def open(self):
         self._out = self.keep(_Dimmer(self.pins["s"], 440))
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         hertz = float(values[self.sources[0]])
         if hertz < _LOWEST_HZ:
             return 0.0, 0.0
@@ -159,7 +159,7 @@ class Servo(Driver):
         """The position as a share of the full travel."""
         return share(values[self.sources[0]], 180)
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         least, most = self.options["min_pulse_ms"], self.options["max_pulse_ms"]
         return least + self.travel(values) * (most - least)
 
@@ -190,7 +190,7 @@ class Motors(Driver):
             for side in "ab"
         ]
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         return tuple([share(values[name]) - share(-values[name]) for name in self.sources])
 
     def drive(self, wanted):
@@ -222,7 +222,7 @@ class Strip(Driver):
             self._pin.init(Pin.IN)
         super().close()
 
-    def wanted(self, values):
+    def outputs_for(self, values):
         lamps, red, green, blue = [values[name] for name in self.sources]
         colour = tuple([min(255, max(0, int(float(one) + 0.5))) for one in (red, green, blue)])
         return min(self.lamps, int(float(lamps))), colour

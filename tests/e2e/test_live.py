@@ -251,7 +251,7 @@ def test_stop_makes_the_fan_stand_still_within_milliseconds_and_go_lets_it_turn(
         part = robot.plug(fan(story))
         await asyncio.sleep(1.0)
         beats = part.counters.beats
-        assert robot.master.say_stop("ann").told == 2
+        assert robot.master.say_stop("ann").told_count == 2
         await asyncio.sleep(0.005)
         assert story[-1] == 0.0
         assert part.counters.beats == beats + 1, "it says at once that it has heard"
@@ -319,7 +319,7 @@ def test_in_a_robot_with_keys_only_the_part_with_its_key_is_let_in_over_can(
     async def scene(robot: Robot) -> None:
         part = knob(key=key) if key else knob()
         part.uid = b"knob-uid"
-        robot.registry.keys.keep(part.uid, bytes.fromhex(KEY), "test")
+        robot.registry.keys.store(part.uid, bytes.fromhex(KEY), "test")
         began_at = asyncio.get_running_loop().time()
         joined: list[float] = []
         part.on_join(lambda: joined.append(asyncio.get_running_loop().time() - began_at))
@@ -345,7 +345,7 @@ def test_a_key_that_is_removed_keeps_the_part_out_from_its_next_claim_on(tmp_pat
     async def scene(robot: Robot) -> None:
         part = knob(key=KEY)
         part.uid = b"knob-uid"
-        robot.registry.keys.keep(part.uid, bytes.fromhex(KEY), "test")
+        robot.registry.keys.store(part.uid, bytes.fromhex(KEY), "test")
         robot.plug(part)
         await asyncio.sleep(2.0)
         robot.registry.keys.remove(part.uid, "test")

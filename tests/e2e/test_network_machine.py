@@ -282,7 +282,7 @@ class NetworkMachine(RuleBasedStateMachine):
         await asyncio.sleep(HEALED_S)
         for node in self.nodes:
             assert node.client.state is ConnectionState.CONNECTED, (node.number, node.client.reason)
-            missing = [entity.words for entity in node.client.entities if not entity.created]
+            missing = [entity.describe for entity in node.client.entities if not entity.created]
             assert missing == [], node.number
         views = self.agent.clients()
         assert [view.key for view in views] == [node.key for node in self.nodes]

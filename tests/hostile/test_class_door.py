@@ -157,7 +157,7 @@ def test_what_is_held_is_let_go_with_the_page_session_or_token_that_holds_it(rol
         await rig.act(program, "publish", port="CC.in", values=["1", "on"], seconds=3600)
         await rig.accounts.remove_token(stays.name, "program", who=stays.name)
         assert held() == (False, 0), "its token is taken back"
-        assert rig.stage.operations.by_hand.held() == {}
+        assert rig.stage.operations.by_hand.held_ports() == {}
 
     show(tmp_path, scene, parts=("CC=WXYZ",), bench=SimulatedPartControls(robot))
 
@@ -312,19 +312,19 @@ def test_the_programs_of_a_person_and_of_a_robot_have_an_end(tmp_path: Path, mon
     async def scene(stage: Stage) -> None:
         kept = stage.registry.programs
         for number in range(9):
-            kept.keep("ann", "a.py", ProgramSource(f"#{number}" + "ü" * 149, "{}"))  # 302 octets
+            kept.store("ann", "a.py", ProgramSource(f"#{number}" + "ü" * 149, "{}"))  # 302 octets
         assert [one.number for one in kept.versions("ann", "a.py")] == [9, 8, 7], "the oldest have given way"
-        kept.keep("ann", "big.py", ProgramSource("x" * 1500))
+        kept.store("ann", "big.py", ProgramSource("x" * 1500))
         assert len(kept.versions("ann", "big.py")) == 1, "the newest stays"
         with pytest.raises(ConfigError, match=r"the programs of ann have 0 MB .*: remove one that nobody needs first"):
-            kept.keep("ann", "more.py", ProgramSource("x" * 700))
+            kept.store("ann", "more.py", ProgramSource("x" * 700))
         assert [one.name for one in kept.of("ann")] == ["big.py", "a.py"], "nothing has changed"
-        kept.keep("ben", "b.py", ProgramSource("x" * 2000))
+        kept.store("ben", "b.py", ProgramSource("x" * 2000))
         with pytest.raises(ConfigError, match="all programs of this robot"):
-            kept.keep("eve", "e.py", ProgramSource("x" * 700))
+            kept.store("eve", "e.py", ProgramSource("x" * 700))
         kept.remove("ann", "big.py")
-        assert kept.keep("ann", "more.py", ProgramSource("x" * 700)) == 1
-        assert kept.keep("eve", "e.py", ProgramSource("x" * 700)) == 1
+        assert kept.store("ann", "more.py", ProgramSource("x" * 700)) == 1
+        assert kept.store("eve", "e.py", ProgramSource("x" * 700)) == 1
 
     play(tmp_path, scene)
 

@@ -64,13 +64,13 @@ async def test_a_session_is_no_younger_after_a_restart_whatever_the_clock_says(
     before, file = computer.master()
     busy = before.sessions.begin("novak", Role.TEACHER)
     guest = before.sessions.begin("guest of novak", Role.VIEWER, guest_of="novak")
-    await file.keep()
+    await file.save()
     computer.wall -= back_s
     computer.passes(GUEST_S / 2)
     after, file = computer.master()
     assert after.session(busy.token), "the computer's own seconds say how long nobody ran"
     assert after.session(guest.token)
-    await file.keep()
+    await file.save()
     computer.wall -= back_s
     computer.passes(GUEST_S / 2 + 1)
     after, _ = computer.master()
@@ -85,7 +85,7 @@ async def test_a_session_is_no_younger_after_a_restart_whatever_the_clock_says(
 async def test_who_signed_in_in_the_future_signs_in_again(computer: Computer) -> None:
     before, file = computer.master()
     session = before.sessions.begin("novak", Role.TEACHER)
-    await file.keep()
+    await file.save()
     computer.starts_anew()
     computer.wall -= 10.0
     after, _ = computer.master()
@@ -100,7 +100,7 @@ async def test_a_printed_ticket_ends_when_it_should_while_a_master_runs_and_afte
     computer.wall -= YEAR
     computer.passes(DAY / 2)
     assert passes.find(word) == "ben"
-    await file.keep()
+    await file.save()
     computer.starts_anew()
     computer.wall -= YEAR
     accounts, file = computer.master()
@@ -109,7 +109,7 @@ async def test_a_printed_ticket_ends_when_it_should_while_a_master_runs_and_afte
     computer.passes(DAY / 2 + 1)
     with pytest.raises(SignInRefused):
         passes.find(word)
-    await file.keep()
+    await file.save()
     computer.starts_anew()
     accounts, _ = computer.master()
     passes = TicketCodes(accounts, accounts.clock, accounts.forward_clock.now)

@@ -64,7 +64,7 @@ def test_an_account_named_demo_of_an_earlier_version_has_programs_of_its_own(tmp
         deeds = ProgramActions(RegistryProgramStore(stage.registry), accounts)
         administrator = accounts.enter(accounts.entry_token())
         pupil = accounts.sessions.begin("demo", Role.STUDENT)
-        await deeds.keep(administrator, "secret.py", ProgramSource("mine = 1"))
+        await deeds.store(administrator, "secret.py", ProgramSource("mine = 1"))
         assert await deeds.mine(pupil) == []
         assert [one.name for one in await deeds.mine(administrator)] == ["secret.py"]
 
@@ -83,7 +83,7 @@ def test_whoever_gets_the_name_of_somebody_who_left_inherits_nothing(tmp_path: P
         await rig.act(rig.session(Role.TEACHER), "group", group="Red", pupils=["eve"], slots=["AA"])
         await rig.act(earlier, "hand")
         control._pupils.taken["eve"] = TakeOverByTeacher("teacher", 0.0)
-        kept = accounts.sessions.kept(accounts.mark_of)
+        kept = accounts.sessions.to_persist(accounts.mark_of)
         await accounts.remove_user("eve", who="ada")
         await accounts.add_user("eve", Role.STUDENT, "another horse", who="ada")
         later = accounts.sessions.begin("eve", Role.STUDENT)

@@ -185,5 +185,5 @@ def test_a_browser_that_takes_nothing_loses_its_connection() -> None:
 
 async def test_a_device_cookie_that_is_no_text_of_ours_signs_in_like_none() -> None:
     accounts = Accounts(MemoryUsers(user("ada", password="correct horse")), clock=lambda: 5.0, hasher=PlainHasher())
-    for device in ("\xe4", "\udcff", accounts.browsers.use("", "ada")):
+    for device in ("\xe4", "\udcff", accounts.browsers.note_sign_in("", "ada")):
         assert (await accounts.sign_in("ada", "correct horse", "10.0.0.1", device)).name == "ada"

@@ -24,7 +24,7 @@ class Hiccup:
     def __init__(self, seconds: float, random: Random) -> None:
         self.seconds, self.random = seconds, random
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> list[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> list[float]:
         return [self.seconds if self.random.random() < 0.1 else 0.0]
 
     def free_at(self, peer: Peer, now: float) -> float:

@@ -11,7 +11,7 @@ class Greeting(CommandService):
     def check(self, given):
         return given["greet"]  # None: it is not wanted
 
-    def beside(self, name, context):
+    def coroutines(self, name, context):
         return [self.greet(name, context)]
 
     async def greet(self, name, context):

@@ -108,7 +108,7 @@ class LogLimiter:
         self._texts.wrote(words)
         return True
 
-    def over(self, now: float) -> list[logging.LogRecord]:
+    def overdue_counts(self, now: float) -> list[logging.LogRecord]:
         """The counts that are to be written now; `inf`: all that are outstanding."""
         told = [*self._texts.over(now), *self._places.over(now)]
         return [logging.LogRecord("msbot", logging.WARNING, "", 0, words, None, None) for words in told]
@@ -166,7 +166,7 @@ class TerminalHandler(logging.StreamHandler[TextIO]):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write the record, or only count it; the count is written when the period ends."""
-        for due in self._limiter.over(record.created):
+        for due in self._limiter.overdue_counts(record.created):
             super().emit(due)
         # What says `log_forms.ALWAYS` is written however much of it there is.
         if getattr(record, "msbot_always", False) or self._limiter.writes(record):
@@ -174,7 +174,7 @@ class TerminalHandler(logging.StreamHandler[TextIO]):
 
     def close(self) -> None:
         """Write the counts that are still outstanding."""
-        for due in self._limiter.over(float("inf")):
+        for due in self._limiter.overdue_counts(float("inf")):
             super().emit(due)
         super().close()
 

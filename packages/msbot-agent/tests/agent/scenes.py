@@ -24,7 +24,7 @@ class StrictGate(OpenGate):
     def joined(self, client: ClientInfo) -> None:
         self.events.append(f"{client.key} joined from {client.address}")
 
-    def left(self, client: ClientInfo, reason: str) -> None:
+    def session_ended(self, client: ClientInfo, reason: str) -> None:
         self.events.append(f"{client.key} left: {reason}")
 
     def may_write(self, client: ClientInfo, topic: str) -> bool:

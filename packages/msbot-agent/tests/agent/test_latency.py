@@ -55,7 +55,7 @@ def test_a_sample_that_waits_in_the_history_took_that_long() -> None:
         ((_, _, payload, _),) = host.sent
         assert payload == b"x"
         assert host.transit.booked == [5.0]
-        host.transit.settle()
+        host.transit.mark_sent()
         assert heard == [0.75]
         assert host.transit.booked == []
 
@@ -105,8 +105,8 @@ def test_of_very_many_readers_some_are_measured() -> None:
     timed = TimestampedPayload(b"x")
     timed.began = 1.0
     for _ in range(1000):
-        host.transit.book(timed, 0.0)
-    host.transit.settle()
+        host.transit.mark_queued(timed, 0.0)
+    host.transit.mark_sent()
     assert len(heard) == MOST_READERS
 
 
@@ -117,12 +117,12 @@ def test_each_client_s_acknowledgements_are_found_once() -> None:
         reader = await other.add_reader("light")
         writer = await one.add_writer("light")
         await other.settle(40)
-        assert [*looks.look(agent.latency.acknowledgements())], "statuses are acknowledged, too"
-        assert [*looks.look(agent.latency.acknowledgements())] == []
+        assert [*looks.newest(agent.latency.acknowledgements())], "statuses are acknowledged, too"
+        assert [*looks.newest(agent.latency.acknowledgements())] == []
         await one.write(writer, b"x")
         await other.settle(40)
         assert other.received(reader) == [b"x"]
-        ((key, seconds),) = looks.look(agent.latency.acknowledgements())
+        ((key, seconds),) = looks.newest(agent.latency.acknowledgements())
         assert key == 2
         assert 0 <= seconds < 1
         agent.disconnect(2, "test")

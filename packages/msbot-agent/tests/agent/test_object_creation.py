@@ -112,12 +112,12 @@ def test_a_second_topic_of_one_name_is_the_first() -> None:
 
 def test_a_topic_goes_with_its_last_user() -> None:
     participant = Participant(0, Owner(1))
-    participant.use("light", "Light")
-    participant.use("light", "")
+    participant.topic("light", "Light")
+    participant.topic("light", "")
     participant.release("light")
     assert "light" in participant.topics
     participant.release("light")
-    assert participant.use("light", "Lamp") == Topic("light", "Lamp", 0)
+    assert participant.topic("light", "Lamp") == Topic("light", "Lamp", 0)
 
 
 @pytest.mark.parametrize(("asked", "domain"), [(0, 0), (42, 42), (255, 3)])

@@ -144,8 +144,8 @@ def test_a_gate_may_end_other_sessions_when_one_leaves() -> None:
     class Chain(StrictGate):
         agent: Agent
 
-        def left(self, client: ClientInfo, reason: str) -> None:
-            super().left(client, reason)
+        def session_ended(self, client: ClientInfo, reason: str) -> None:
+            super().session_ended(client, reason)
             for key in (1, 2, 3):
                 self.agent.disconnect(key, "with the others")
 

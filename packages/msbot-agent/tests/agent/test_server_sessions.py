@@ -259,8 +259,8 @@ def test_a_peer_that_is_back_goes_on_where_it_was() -> None:
 
 def test_the_gate_decides_what_a_client_that_is_gone_leaves_behind() -> None:
     class Leaving(StrictGate):
-        def left(self, client: ClientInfo, reason: str) -> None:
-            super().left(client, reason)
+        def session_ended(self, client: ClientInfo, reason: str) -> None:
+            super().session_ended(client, reason)
             self.barred.add((client.key, "light"))
 
         def joined(self, client: ClientInfo) -> None:

@@ -27,7 +27,7 @@ class Places(OpenGate):
     def is_settled(self, client: ClientInfo) -> bool:
         return client.key in self.settled
 
-    def left(self, client: ClientInfo, reason: str) -> None:
+    def session_ended(self, client: ClientInfo, reason: str) -> None:
         self.left_with[client.key] = reason
 
 

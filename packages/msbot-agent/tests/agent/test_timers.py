@@ -54,7 +54,7 @@ def test_forgotten_owners_leave_nothing_behind_however_far_away_their_time_was()
         heap.forget(owner)
         assert len(heap) <= 4 + MOST_STALE
     heap.schedule(-2, 7.0)
-    heap.rest(-2)
+    heap.suspend(-2)
     for at in range(10_000):
         heap.schedule(-3, 1e6 - at)
     assert len(heap) <= 6 + MOST_STALE
@@ -65,16 +65,16 @@ def test_forgotten_owners_leave_nothing_behind_however_far_away_their_time_was()
 def test_an_owner_that_rests_does_not_fire_until_it_is_scheduled_again() -> None:
     heap: TimerHeap[str] = TimerHeap()
     heap.schedule("part", 1.0)
-    heap.rest("part")
-    heap.rest("part")
-    heap.rest("stranger")
+    heap.suspend("part")
+    heap.suspend("part")
+    heap.suspend("stranger")
     heap.schedule("other", 3.0)
     heap.schedule("part", 2.0)
     assert heap.next_at() == 1.0, "earlier than needed: one look"
-    heap.rest("part")
+    heap.suspend("part")
     assert heap.next_at() == 3.0
     heap.schedule("part", 2.0)
-    heap.rest("part")
+    heap.suspend("part")
     heap.schedule("part", 0.5)
     assert list(heap.pop_due(2.9)) == ["part"]
     assert len(heap) == 1
@@ -84,7 +84,7 @@ def test_resting_and_waking_a_thousand_times_needs_one_entry() -> None:
     heap: TimerHeap[str] = TimerHeap()
     for number in range(1000):
         heap.schedule("part", 10.0 + number)
-        heap.rest("part")
+        heap.suspend("part")
     assert len(heap) == 1
     assert heap.next_at() is None
     assert len(heap) == 0

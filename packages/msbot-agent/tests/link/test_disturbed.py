@@ -53,10 +53,10 @@ class Script:
         self.now: Sequence[float] = (0.0,)
         self.free: dict[Peer, float] = {}
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
+    def applies_to(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
         return self.inward in (None, inward)
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         return self.now
 
     def free_at(self, peer: Peer, now: float) -> float:
@@ -245,4 +245,4 @@ class Dice(Random):
     ],
 )
 def test_a_chance_is_taken_below_its_probability(thrown: float, chances: dict[str, float], waits: list[float]) -> None:
-    assert list(Disturbance(Dice(thrown), **chances).waits("peer", 1.0, inward=True)) == waits
+    assert list(Disturbance(Dice(thrown), **chances).delays("peer", 1.0, inward=True)) == waits

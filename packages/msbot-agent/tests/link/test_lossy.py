@@ -143,6 +143,6 @@ def test_a_link_without_a_handler_drops_what_it_gets() -> None:
 def test_a_disturbance_that_is_told_nothing_does_nothing(packets: list[bytes], seed: int) -> None:
     disturbance = Disturbance(Random(seed))
     for packet in packets:
-        assert disturbance.concerns(1, packet, inward=True)
-        assert list(disturbance.waits(1, 5.0, inward=False)) == [0.0]
+        assert disturbance.applies_to(1, packet, inward=True)
+        assert list(disturbance.delays(1, 5.0, inward=False)) == [0.0]
         assert disturbance.free_at(1, 5.0) == 5.0

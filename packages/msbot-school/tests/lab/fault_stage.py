@@ -138,7 +138,7 @@ def fault_scene(
                 clock=clock,
                 ignored=lambda _: False,
                 bus=seen.bus,
-                planted=operations.faults.told,
+                planted=operations.faults.visible_faults,
             )
             stage = FaultStage(robot, operations, lab, registry, page)
             operations.faults.on_change(stage.changes.append)
@@ -146,7 +146,7 @@ def fault_scene(
                 running = [tasks.create_task(work) for work in (robot.run(), lab.run())]
                 await robot.master.ready.wait()
                 await asyncio.sleep(3)
-                page.look()
+                page.poll()
                 assert {page.slot(name).state for name in names} == {"active"}
                 await scene(stage)
                 running[1].cancel()
@@ -160,7 +160,7 @@ def fault_scene(
 def give_keys(robot: DemoRobot, registry: Registry) -> None:
     """All parts of the demo have the key that the robot knows."""
     for plug in robot._plugs.values():
-        registry.keys.keep(plug.uid, KEY, "Ada")
+        registry.keys.store(plug.uid, KEY, "Ada")
         plug.make = partial(_with_key, plug.make)  # type: ignore[method-assign]
 
 

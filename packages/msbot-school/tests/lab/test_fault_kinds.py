@@ -53,7 +53,7 @@ async def watch(stage: FaultStage, kind: str) -> Seen:
     states, values = set(), []
     for _ in range(round(seconds / 0.1)):
         await stage.turn(0.1)
-        stage.page.look()
+        stage.page.poll()
         states.add(stage.card(slot).state)
         value = stage.value("knob", "level")
         values.append(value)

@@ -73,7 +73,7 @@ def ticks(check: LessonCheck, without: Condition | None) -> bool:
         # What is not so comes last: it may concern what another one has set.
         for condition in sorted(check.conditions, key=lambda one: one is without):
             let(robot, condition, phase, is_so=condition is not without)
-        if run.look(robot, phase * LOOK_S):
+        if run.evaluate(robot, phase * LOOK_S):
             return True
     return False
 

@@ -25,27 +25,27 @@ def run(*steps: tuple[LessonCheck, ...], hint_after_s: float = 60.0) -> LessonRu
 
 def test_a_check_ticks_after_its_time_and_stays() -> None:
     done, robot = run((check("1.1", "fan is active", for_s=2.0),)), Robot({"fan": "active"})
-    assert done.look(robot, 0.0) == []
+    assert done.evaluate(robot, 0.0) == []
     robot.states["fan"] = "late"
-    assert done.look(robot, 1.0) == []
+    assert done.evaluate(robot, 1.0) == []
     robot.states["fan"] = "active"
-    assert done.look(robot, 1.5) == []
-    assert done.look(robot, 3.4) == []
-    assert [one.check.name for one in done.look(robot, 3.5)] == ["1.1"]
+    assert done.evaluate(robot, 1.5) == []
+    assert done.evaluate(robot, 3.4) == []
+    assert [one.check.name for one in done.evaluate(robot, 3.5)] == ["1.1"]
     robot.states["fan"] = "lost"
-    assert done.look(robot, 9.0) == []
+    assert done.evaluate(robot, 9.0) == []
     assert done.ticked == {"1.1": 3.5}
     assert done.is_done
 
 
 def test_a_step_waits_for_the_one_before_it_and_what_was_before_does_not_count() -> None:
     done, robot = run((check("1.1", "knob is active"),), (check("2.1", "knob was lost"),)), Robot({"knob": "lost"})
-    done.look(robot, 0.0)
+    done.evaluate(robot, 0.0)
     robot.states["knob"] = "active"
-    assert [one.check.name for one in done.look(robot, 1.0)] == ["1.1"]
-    assert done.look(robot, 2.0) == []  # it was lost before the step began
+    assert [one.check.name for one in done.evaluate(robot, 1.0)] == ["1.1"]
+    assert done.evaluate(robot, 2.0) == []  # it was lost before the step began
     robot.states["knob"] = "lost"
-    assert [one.check.name for one in done.look(robot, 3.0)] == ["2.1"]
+    assert [one.check.name for one in done.evaluate(robot, 3.0)] == ["2.1"]
 
 
 @pytest.mark.parametrize(
@@ -77,23 +77,23 @@ def test_a_step_waits_for_the_one_before_it_and_what_was_before_does_not_count()
 def test_each_condition_holds_for_what_is_right_only(text: str, wrong: Robot, right: Robot) -> None:
     done = run((check("1.1", text),))
     if text != "type LED exists":
-        assert done.look(wrong, 0.0) == []
+        assert done.evaluate(wrong, 0.0) == []
         missing = done.missing(wrong)
         assert missing is not None
         assert missing.seen
-    assert [one.check.name for one in done.look(right, 1.0)] == ["1.1"]
+    assert [one.check.name for one in done.evaluate(right, 1.0)] == ["1.1"]
 
 
 def test_turning_counts_beyond_north_and_to_one_side_only() -> None:
     done, robot = run((check("1.1", "compass.heading turns 300"),)), Robot()
     for heading in (350.0, 10.0, 350.0, 80.0, 350.0, 240.0, 110.0):  # to and fro, through north, and on to the left
         robot.numbers["compass.heading"] = heading
-        assert done.look(robot, 0.0) == []
+        assert done.evaluate(robot, 0.0) == []
     missing = done.missing(robot)
     assert missing is not None
     assert missing.seen == "compass.heading has turned by 240"
     robot.numbers["compass.heading"] = 50.0
-    assert [one.check.name for one in done.look(robot, 1.0)] == ["1.1"]
+    assert [one.check.name for one in done.evaluate(robot, 1.0)] == ["1.1"]
 
 
 def test_a_question_is_answered_in_its_turn() -> None:
@@ -104,9 +104,9 @@ def test_a_question_is_answered_in_its_turn() -> None:
     assert done.answer("1.2", "3.0", 2.0) is True
     with pytest.raises(ConfigError, match=r"no open question 1\.2 now"):
         done.answer("1.2", "3", 3.0)
-    assert done.look(robot, 3.0) == []  # the second step waits for STOP
+    assert done.evaluate(robot, 3.0) == []  # the second step waits for STOP
     robot.is_stopped = True
-    assert len(done.look(robot, 4.0)) == 1
+    assert len(done.evaluate(robot, 4.0)) == 1
     assert not done.is_done
 
 
@@ -115,16 +115,16 @@ def test_a_hint_comes_when_nothing_has_ticked_for_long() -> None:
         run((check("1.1", "fan is active"), check("1.2", "stopped")), hint_after_s=30.0),
         Robot({"fan": "late"}),
     )
-    done.look(robot, 29.0)
+    done.evaluate(robot, 29.0)
     assert done.hint(robot, 29.0) is None
     hint = done.hint(robot, 30.0)
     assert hint is not None
     assert (hint.check, hint.seen, hint.look) == ("1.1", "fan is late", "look")
     robot.states["fan"] = "active"
-    done.look(robot, 31.0)
+    done.evaluate(robot, 31.0)
     assert done.hint(robot, 60.0) is None
     robot.is_stopped = True
-    done.look(robot, 61.0)
+    done.evaluate(robot, 61.0)
     assert done.hint(robot, 500.0) is None
 
 
@@ -135,7 +135,7 @@ def test_ticks_only_grow_and_go_by_steps(states: list[str]) -> None:
     before: dict[str, float] = {}
     for now, state in enumerate(states):
         robot.states["f"] = state
-        done.look(robot, float(now))
+        done.evaluate(robot, float(now))
         ticked = dict(done.ticked)
         assert before.items() <= ticked.items()
         assert list(ticked) == ["1.1", "2.1", "3.1"][: len(ticked)]

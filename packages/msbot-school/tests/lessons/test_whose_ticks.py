@@ -25,45 +25,45 @@ PROMISE = "What ticks in a lesson belongs to the person who did it"
 @pytest.mark.promise(PROMISE)
 def test_what_somebody_else_did_ticks_only_when_one_has_done_it_oneself() -> None:
     done, robot = run((check("1.1", "knob is active"),)), Robot({"knob": "active"})
-    assert done.look(robot, 0.0, lambda _: BEN) == []
+    assert done.evaluate(robot, 0.0, lambda _: BEN) == []
     assert done.done_by_others("1.1") == "Ben"
-    assert done.look(robot, 1.0, lambda _: ADA) == [], "a touch is not yet the deed"
+    assert done.evaluate(robot, 1.0, lambda _: ADA) == [], "a touch is not yet the deed"
     robot.states["knob"] = "lost"
-    assert done.look(robot, 2.0, lambda _: ADA) == []
+    assert done.evaluate(robot, 2.0, lambda _: ADA) == []
     robot.states["knob"] = "active"
-    assert [one.by for one in done.look(robot, 3.0, lambda _: ADA)] == [ADA]
+    assert [one.by for one in done.evaluate(robot, 3.0, lambda _: ADA)] == [ADA]
     assert done.done_by_others("1.1") == ""
 
 
 @pytest.mark.promise(PROMISE)
 def test_what_others_have_moved_is_not_remembered() -> None:
     done, robot = run((check("1.1", "knob.level spans 50"),)), Robot(numbers={"knob.level": 0.0})
-    done.look(robot, 0.0, lambda _: NOBODY)
+    done.evaluate(robot, 0.0, lambda _: NOBODY)
     for level in (60.0, 5.0, 90.0):
         robot.numbers["knob.level"] = level
-        assert done.look(robot, 1.0, lambda _: BEN) == []
+        assert done.evaluate(robot, 1.0, lambda _: BEN) == []
     robot.numbers["knob.level"] = 60.0
-    assert done.look(robot, 2.0, lambda _: ADA) == []
+    assert done.evaluate(robot, 2.0, lambda _: ADA) == []
     robot.numbers["knob.level"] = 5.0
-    assert [one.by for one in done.look(robot, 3.0, lambda _: ADA)] == [ADA]
+    assert [one.by for one in done.evaluate(robot, 3.0, lambda _: ADA)] == [ADA]
 
 
 @pytest.mark.promise(PROMISE)
 def test_who_comes_after_something_held_by_anothers_hand_does_not_get_it() -> None:
     done, robot = run((check("1.1", "knob was lost"),)), Robot({"knob": "lost"})
-    assert done.look(robot, 0.0, lambda _: BEN) == []
+    assert done.evaluate(robot, 0.0, lambda _: BEN) == []
     robot.states["knob"] = "active"
-    assert done.look(robot, 1.0, lambda _: ADA) == [], "it was Ben who had it lost"
+    assert done.evaluate(robot, 1.0, lambda _: ADA) == [], "it was Ben who had it lost"
 
 
 def test_a_question_waits_for_the_robot_only() -> None:
     lesson = LessonCatalog().get("first_part")
     robot = Robot({"fan": "active", "knob": "empty"})
     done = LessonRun(lesson, 0.0)
-    assert [one.check.name for one in done.look(robot, 0.0)] == ["1.1"]
+    assert [one.check.name for one in done.evaluate(robot, 0.0)] == ["1.1"]
     robot.states["knob"] = "active"
-    done.look(robot, 1.0)
-    assert [one.check.name for one in done.look(robot, 5.0)] == ["2.1"]
+    done.evaluate(robot, 1.0)
+    assert [one.check.name for one in done.evaluate(robot, 5.0)] == ["2.1"]
     assert done.answer("1.2", "ten", 6.0)
     assert done.ticked == {"1.1": 0.0, "1.2": 6.0, "2.1": 5.0}
 

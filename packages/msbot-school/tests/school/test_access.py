@@ -18,11 +18,11 @@ ONE = RemoteAccess("http://10.0.0.2:8080", "msbot_secret", "ROVER", "X2")
 def test_an_access_is_kept_replaced_and_taken_away(tmp_path: Path) -> None:
     book = RemoteAccessFile(tmp_path / "new")
     assert book.all() == []
-    book.keep(ONE)
+    book.add(ONE)
     other = RemoteAccess("https://10.0.0.1:443", "msbot_b", "ROVER", "X1", "PEM")
-    book.keep(other)
+    book.add(other)
     again = RemoteAccess(ONE.address, "msbot_c", "ROVER", "X2")
-    book.keep(again)
+    book.add(again)
     assert book.all() == [again, other]
     if os.name == "posix":
         assert book.path.stat().st_mode & 0o077 == 0
@@ -34,7 +34,7 @@ def test_an_access_is_kept_replaced_and_taken_away(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="this system has no such rights")
 def test_a_file_that_others_can_read_is_not_used(tmp_path: Path) -> None:
     book = RemoteAccessFile(tmp_path)
-    book.keep(ONE)
+    book.add(ONE)
     book.path.chmod(0o640)
     with pytest.raises(ConfigError, match="others can read it: chmod 600"):
         book.all()
@@ -43,7 +43,7 @@ def test_a_file_that_others_can_read_is_not_used(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["{", "{}", "[1]", '[{"address": "x"}]', json.dumps([{"address": 1}]), "[[]]", "7"])
 def test_a_file_that_makes_no_sense_is_one_sentence(text: str, tmp_path: Path) -> None:
     book = RemoteAccessFile(tmp_path)
-    book.keep(ONE)
+    book.add(ONE)
     book.path.write_text(text)
     if text == "{}":
         assert book.all() == []
@@ -55,9 +55,9 @@ def test_a_file_that_makes_no_sense_is_one_sentence(text: str, tmp_path: Path) -
 def test_accesses_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "MOST", 1)
     book = RemoteAccessFile(tmp_path)
-    book.keep(ONE)
+    book.add(ONE)
     with pytest.raises(ConfigError, match="at most 1 robots"):
-        book.keep(RemoteAccess("http://10.0.0.3:8080", "t", "R", "1"))
+        book.add(RemoteAccess("http://10.0.0.3:8080", "t", "R", "1"))
 
 
 @pytest.mark.parametrize(

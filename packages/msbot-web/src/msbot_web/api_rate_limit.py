@@ -112,6 +112,6 @@ async def _refuse(scope: Scope, send: Send, wait_s: float, pace: SteadyRate, who
         )
     )
     headers = [(b"content-type", b"application/json"), (b"retry-after", str(seconds).encode())]
-    body = json.dumps({"error": language_of(HTTPConnection(scope)).say(words)}).encode()
+    body = json.dumps({"error": language_of(HTTPConnection(scope)).translate(words)}).encode()
     await send({"type": "http.response.start", "status": 429, "headers": headers})
     await send({"type": "http.response.body", "body": body})

@@ -107,11 +107,11 @@ class ArenaView:
                     found.append(PartReadings(name, slot, values))
         return found
 
-    def words(self) -> list[str]:
+    def describe(self) -> list[str]:
         """Where the robots are and what is near them, in words, for those who do not see the picture."""
         return [self._described(name, robot, roughly=False) for name, robot in self._world.arena.robots.items()]
 
-    def told(self) -> list[str]:
+    def spoken_summary(self) -> list[str]:
         """The same so roughly that it stays the same for a while: to be read out."""
         return [self._described(name, robot, roughly=True) for name, robot in self._world.arena.robots.items()]
 

@@ -124,8 +124,8 @@ class RobotPages:
             bench=seen.bench or SimulatedPartControls(operations.stand_ins),
             clock=clock,
             ignored=operations.showing.is_ignored,
-            by_hand=operations.by_hand.said,
-            planted=operations.faults.told,
+            by_hand=operations.by_hand.sent_values,
+            planted=operations.faults.visible_faults,
             bus=seen.bus,
             stop=lambda: stop_state(master.stop),
         )
@@ -169,7 +169,7 @@ class RobotPages:
         )
         self.server = WebServer(self.service, settings)
         master.add_link(self.server.parts)
-        self._sessions = session_file(accounts, self.server.mark)
+        self._sessions = session_file(accounts, self.server.page_id)
 
     def _patient(self, master: Master, database: Database | None) -> Examined:
         """Whom the doctor of the page examines; it asks the running masters, so it belongs in a thread."""
@@ -186,7 +186,7 @@ class RobotPages:
         """Look part numbers and messages up in this library from now on."""
         self._views.use_library(library)
         classes = (message_class(message) for message in library.messages.values())
-        self._frames.know(classes, partial(known_object, self._master), library.units)
+        self._frames.learn(classes, partial(known_object, self._master), library.units)
 
     def _read_figures(self) -> MomentFigures:
         self._is_noting.set()  # from the first question on
@@ -218,7 +218,7 @@ class RobotPages:
                 tasks.create_task(self._views.curves.measure())
                 tasks.create_task(self.server.run())
         finally:
-            await asyncio.shield(self._sessions.keep())
+            await asyncio.shield(self._sessions.save())
 
     async def _keep_sessions(self) -> None:
         """Follow what other programs change about people, and keep the sessions."""
@@ -227,11 +227,11 @@ class RobotPages:
             await asyncio.sleep(SESSIONS_S)
             self._accounts.load(self._users.users())
             self._accounts.sessions.end_old()
-            await self._sessions.keep()
+            await self._sessions.save()
 
     async def _keep_looking(self) -> None:
         while True:
-            self._views.look()
+            self._views.poll()
             await asyncio.sleep(LOOK_S)
 
 
@@ -259,7 +259,7 @@ def _describer(master: Master, operations: InProcessOperations) -> Callable[[], 
             trouble="",
             slots=[],
             arrivals=0,
-            faults=list(operations.faults.told("")),
+            faults=list(operations.faults.visible_faults("")),
         )
 
     return describe

@@ -354,7 +354,7 @@ class ClassController:
         name, source, is_open = await self.program(session, pupil)
         if is_open:
             check_program(name, source)
-            await self._shelf.keep(pupil, name, source)
+            await self._shelf.store(pupil, name, source)
         return ChangeResult(words="")
 
     def show(self, session: Session, pupil: str, name: str, text: str) -> None:
@@ -382,7 +382,7 @@ class ClassController:
         blocks = await self._blocks_of(pupil, name) if screen is None else screen.program()[1].blocks
         source = ProgramSource(text, with_view(blocks, PYTHON))
         check_program(name, source)
-        number = await self._shelf.keep(pupil, name, source)
+        number = await self._shelf.store(pupil, name, source)
         return ChangeResult(
             words=said("{name} of {pupil} is kept, version {number}", name=name, pupil=pupil, number=number)
         )

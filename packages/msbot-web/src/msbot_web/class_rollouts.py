@@ -135,7 +135,7 @@ class ClassRollOuts:
         (found,) = await self._chosen([robot])
         self._accounts.require(session, self._right(found))
         toml = await self._aside(blueprint_of, found, self._reader())
-        return ChosenBlueprint(found.words, await self._records.parse(toml), robot)
+        return ChosenBlueprint(found.describe, await self._records.parse(toml), robot)
 
     async def plan(self, session: Session, pattern: ChosenBlueprint, robots: Collection[RobotKey]) -> list[RollOutPlan]:
         """What it would change in each of these robots; nothing is changed.

@@ -61,7 +61,7 @@ class FrameRing:
         self._decoded = 0
         self._listener = FrameListener(ids=self._ids)
 
-    def know(
+    def learn(
         self,
         types: Iterable[type[Message]],
         objects: Callable[[Hashable, int], KnownObject | None] | None = None,
@@ -120,7 +120,7 @@ class FrameRing:
         number = self.total - new
         for at, sender, frame in islice(self._ring, len(self._ring) - new, None):
             number += 1
-            words = self._listener.hear(frame, at)
+            words = self._listener.explain_frame(frame, at)
             node, _ = node_of(frame, self._ids) or (0, False)
             text = show_frame(frame)
             row = FrameRow(

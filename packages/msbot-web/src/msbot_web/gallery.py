@@ -107,7 +107,7 @@ class Gallery:
         """Whether to offer a change: only a demo can, and only teachers may."""
         return self._place is not None and session.may(Right.DESIGN)
 
-    def ends(self, choice: DemoChoice | None = None, lesson: str = "") -> list[str]:
+    def what_ends(self, choice: DemoChoice | None = None, lesson: str = "") -> list[str]:
         """What ends when the robot is changed, a sentence each; nothing of it: it can be changed unasked."""
         stays = self._stays(choice, lesson)
         found: list[str] = []
@@ -166,7 +166,7 @@ class Gallery:
                 )
             if self._operations.stopping.status.stopped:
                 raise ConfigError(said("STOP holds: a lesson begins after GO"))
-        ends = self.ends(choice, lesson)
+        ends = self.what_ends(choice, lesson)
         if ends and not agreed:
             raise AskFirst(said("ask first: {ends}", ends=joined("; ", ends)))
         if self._is_changing:

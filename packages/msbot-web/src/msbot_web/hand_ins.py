@@ -74,7 +74,7 @@ class HandInActions:
         began_ns = now_ns - round(1e9 * self._learning.seconds_of(session))
         work = HandIn(session.name, run.lesson.name, now_ns, began_ns, program, text, note, dict(run.answers))
         kept, registry = self._kept()
-        number = await registry.storage.in_time(kept.keep, work)
+        number = await registry.storage.in_time(kept.store, work)
         self._lessons.note(said("hands in {title!r}", title=run.lesson.title), session.name)
         return number
 

@@ -57,6 +57,8 @@ def make_installed(robot: str) -> APIRouter:
 
     def _shell(request: Request) -> str:
         language = language_of(request)
-        return render("no_robot", language=language, say=language.say, title=language.say("No robot"), robot="MsBOT")
+        return render(
+            "no_robot", language=language, say=language.translate, title=language.translate("No robot"), robot="MsBOT"
+        )
 
     return router

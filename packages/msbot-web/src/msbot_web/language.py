@@ -52,7 +52,7 @@ class Language:
     thousands: str = ","
     """What stands between groups of three digits."""
 
-    def say(self, text: str, /, **values: object) -> str:
+    def translate(self, text: str, /, **values: object) -> str:
         """The text in this language; `{name}` is replaced by the value of that name.
 
         A `Sentence` brings its own values, which are also put into this language.
@@ -63,7 +63,7 @@ class Language:
 
     def count(self, number: int, one: str, many: str, /, **values: object) -> str:
         """A text about a number of things: `one` for a single one, else `many`; both may hold `{count}`."""
-        return self.say(one if number == 1 else many, count=number, **values)
+        return self.translate(one if number == 1 else many, count=number, **values)
 
     def number(self, value: float, form: str = "") -> str:
         """A number as it is written here, with `form` as in `format`: 49,9 for 49.9 in German."""
@@ -127,7 +127,7 @@ class _Formatter(Formatter):
     def format_field(self, value: Any, format_spec: str) -> Any:  # noqa: ANN401 - as the class it extends
         """A value in this language."""
         if isinstance(value, Sentence):
-            return format(self._language.say(value), format_spec)
+            return format(self._language.translate(value), format_spec)
         words = format(value, format_spec)
         return self._language.digits(words) if isinstance(value, float) or "," in format_spec else words
 

@@ -30,5 +30,5 @@ def seen_of_links(links: Sequence[Link]) -> PageSources:
     meter = LinkMeter([end.bus_info for end in ends], asyncio.get_running_loop().time)
     for end in ends:
         end.on_frame(frames.tap)
-    meter.hear(ends)
+    meter.listen_to(ends)
     return PageSources(frames, meter)

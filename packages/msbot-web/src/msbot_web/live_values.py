@@ -199,7 +199,7 @@ class LiveValues:
         curve = self._curve(name, field)
         return [] if curve is None else list(curve.points)
 
-    def newer(self, name: str, field: str, after: float) -> list[tuple[float, float]]:
+    def points_after(self, name: str, field: str, after: float) -> list[tuple[float, float]]:
         """As `series`, of what came after a time of the robot's clock only."""
         curve = self._curve(name, field)
         found = [] if curve is None else list(takewhile(lambda point: point[0] > after, reversed(curve.points)))
@@ -219,7 +219,7 @@ class LiveValues:
             del self._curves[key]
         return curve
 
-    def spark(self, watch: TopicWatch, field: str) -> list[float]:
+    def sparkline(self, watch: TopicWatch, field: str) -> list[float]:
         """A few values of the last minute, oldest first: for the small curve on a card."""
         curve = self._sparks.setdefault((watch.name, field), _Curve())
         self._follow(curve, watch, field, watch.sparks)

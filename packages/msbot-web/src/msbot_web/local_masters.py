@@ -74,7 +74,7 @@ class LocalMasters:
         """The masters of a STOP group; empty: all."""
         return LocalMasters(lambda request: ask_masters(request, group=group()))
 
-    async def look(self) -> Sequence[LocalMaster]:
+    async def find(self) -> Sequence[LocalMaster]:
         """Those that answer."""
         answers, _ = await asyncio.to_thread(self._ask, {"do": "status", "who": "page"})
         return [_neighbour(answer) for answer in answers]

@@ -44,12 +44,12 @@ def page_in(played: PlayedMission, code: str) -> str:
 def report_page(played: PlayedMission, language: Language) -> str:
     """A whole HTML page that needs nothing else."""
     body = report_body(played, language, heading="h1")
-    return render("mission_page", code=language.code, title=language.say(played.mission.title), body=body)
+    return render("mission_page", code=language.code, title=language.translate(played.mission.title), body=body)
 
 
 def report_body(played: PlayedMission, language: Language, *, heading: str = "h2") -> Markup:
     """The report for a page that is there already; `heading` is the element of its title."""
-    found, say = played.grade(), language.say
+    found, say = played.grade(), language.translate
     return render(
         "mission_report",
         heading=heading,
@@ -69,7 +69,7 @@ def report_body(played: PlayedMission, language: Language, *, heading: str = "h2
 
 
 def _fault(one: FaultGrade, language: Language) -> Mapping[str, object]:
-    say = language.say
+    say = language.translate
     kind = said("{kind}: {words}", kind=one.fault.kind, words=KINDS[one.fault.kind].words)
     what = say(place_words(kind, one.fault.at))
     if one.began_s is None:
@@ -102,7 +102,7 @@ def _steps(facts: Sequence[MissionEvent], language: Language) -> list[tuple[str,
     for fact in facts:
         words = _step(fact)
         if words:
-            found.append((language.number(fact.at_s, ".0f"), language.say(fact.who), language.say(words)))
+            found.append((language.number(fact.at_s, ".0f"), language.translate(fact.who), language.translate(words)))
     return found
 
 
@@ -141,12 +141,12 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
             "x": x(begin_s),
             "width": max(x(end_s) - x(begin_s), 2),
             "colour": colour,
-            "words": language.say(words),
+            "words": language.translate(words),
         }
 
     lanes: list[Mapping[str, object]] = [
         {
-            "name": language.say("fault {number}", number=one.fault.number),
+            "name": language.translate("fault {number}", number=one.fault.number),
             "marks": [],
             "bars": []
             if one.began_s is None
@@ -167,19 +167,19 @@ def _picture(played: PlayedMission, found: Grade, language: Language) -> Markup:
             "x": x(fact.at_s),
             "colour": _MARKS[fact.what][0],
             "letter": _MARKS[fact.what][1],
-            "words": language.say(_step(fact)),
+            "words": language.translate(_step(fact)),
         }
         for fact in played.facts
         if fact.what in _MARKS
     ]
-    lanes.append({"name": language.say("people"), "bars": [], "marks": marks})
+    lanes.append({"name": language.translate("people"), "bars": [], "marks": marks})
     step_s = next((one for one in _STEPS_S if span_s / one <= _TICKS), _STEPS_S[-1])
     ticks = [
         (x(step_s * number), language.number(step_s * number, ".0f")) for number in range(int(span_s / step_s) + 1)
     ]
     return render(
         "mission_picture",
-        say=language.say,
+        say=language.translate,
         width=_WIDTH,
         left=_LEFT,
         height=34 + _ROW * len(lanes),

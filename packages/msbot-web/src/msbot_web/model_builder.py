@@ -131,11 +131,11 @@ class ModelBuilder:
         """From now on these part types hold."""
         self.library = self._cards.library = library
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Observe what only polling shows (beat intervals, bound topics); call it a few times a second."""
-        self._timeline.look(self._master.inventory.view(self._clock()), self._clock())
+        self._timeline.poll(self._master.inventory.view(self._clock()), self._clock())
         self.live.watch(self._blueprint().topics())
-        self.curves.look()
+        self.curves.sample()
 
     # Slots and parts
 
@@ -150,7 +150,7 @@ class ModelBuilder:
             NotThere: there is no such slot.
         """
         self.check_slot(name)
-        return self._cards.one(name)
+        return self._cards.card(name)
 
     def check_slot(self, name: str) -> None:
         """Refuse a slot that is not there.
@@ -251,7 +251,7 @@ class ModelBuilder:
         """All bound topics."""
         return topic_lines(self._blueprint(), self.live, self._clock())
 
-    def mark(self) -> object:
+    def version_mark(self) -> object:
         """A mark that is a new object whenever somebody has changed the robot's slots, wires or settings."""
         return self._blueprint()
 
@@ -272,7 +272,7 @@ class ModelBuilder:
         """The units of a message type's fields, by field."""
         return self.library.units(type_name)
 
-    def spark(self, topic: str) -> list[float]:
+    def sparkline(self, topic: str) -> list[float]:
         """The first number on a topic over the last minute, oldest first."""
         return spark_of(self.live, topic)
 

@@ -51,13 +51,13 @@ class PartWebSocket:
         session: Session = socket.scope["state"]["session"]
         pupil = self._accounts.guests.pupil_behind(session)
         may_stay = self._condition(session, socket, pupil)
-        tell = language_of(socket).say
+        tell = language_of(socket).translate
         await socket.accept()
         if not may_stay():
             why = said(
                 "{role} may not run parts; {least} may",
-                role=said(session.role.one),
-                least=said(Right.JOIN.least.one),
+                role=said(session.role.with_article),
+                least=said(Right.JOIN.least.with_article),
             )
             await socket.close(REFUSED, _short(tell(why)))
             return
@@ -74,7 +74,7 @@ class PartWebSocket:
         try:
             words = await self._carry(socket, peer, may_stay)
         finally:
-            peer.gone(words)
+            peer.connection_ended(words)
 
     async def _carry(self, socket: WebSocket, peer: SocketPeer, may_stay: Callable[[], bool]) -> str:
         """Carry packets until the connection ends; returns why it did."""
@@ -90,7 +90,7 @@ class PartWebSocket:
         code, words = done.pop().result()
         if code:
             with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went by itself meanwhile
-                await socket.close(code, _short(language_of(socket).say(words)))
+                await socket.close(code, _short(language_of(socket).translate(words)))
         return f"connection closed: {words}"
 
     def _condition(self, session: Session, socket: WebSocket, pupil: str) -> Callable[[], bool]:
@@ -130,11 +130,11 @@ async def _read(socket: WebSocket, peer: SocketPeer) -> tuple[int, str]:
         if packet is None:
             return WRONG, peer.took_text()
         try:
-            pause_s, sentence = peer.took(packet, loop.time())
+            pause_s, sentence = peer.receive(packet, loop.time())
         except ValueError as error:
             return WRONG, str(error)
         if sentence:
-            await socket.send_text(language_of(socket).say(sentence))
+            await socket.send_text(language_of(socket).translate(sentence))
         if pause_s:
             await asyncio.sleep(pause_s)
 

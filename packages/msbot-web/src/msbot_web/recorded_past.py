@@ -66,7 +66,7 @@ class RecordedPast:
         except TooMuchWork:
             raise ConfigError(said("so much of the past takes too long to read: choose a shorter time")) from None
 
-    async def moment(self, at_s: float) -> RecordedSnapshot:
+    async def snapshot_at(self, at_s: float) -> RecordedSnapshot:
         """The whole robot at a time, seconds since 1970; whoever else looks at it gets the same.
 
         Raises:
@@ -136,7 +136,7 @@ def read_moment(folder: str, at_s: float, library: Library, endpoints: Sequence[
     latest_ns = max((one.at_ns for one in present if one.at_ns <= at_ns and not one.is_repeated), default=0)
     if at_ns - latest_ns > SILENCE_S * NS:
         raise ConfigError(said("nothing was recorded at that time: the recorder or the robot did not run"))
-    return SnapshotBuilder(at_ns, present, earlier, library, endpoints).moment()
+    return SnapshotBuilder(at_ns, present, earlier, library, endpoints).snapshot()
 
 
 _remembered: OrderedDict[Path, tuple[int, Sequence[RecordedMessage]]] = OrderedDict()

@@ -91,7 +91,7 @@ def spark_of(live: LiveValues, topic: str) -> list[float]:
     fields = live.fields(watch)
     numbers = (name for name, value in fields.items() if not isinstance(value, str))
     field = min(numbers, key=lambda name: isinstance(fields[name], bool), default=None)
-    return [] if field is None else live.spark(watch, field)
+    return [] if field is None else live.sparkline(watch, field)
 
 
 def frame_line_of(row: FrameRow, now: float) -> FrameLine:
@@ -200,7 +200,7 @@ class SnapshotBuilder:
         self._frames = [one for one in (*earlier, *known) if one.topic.startswith(FRAMES)][-MOST_FRAMES:]
         self._ring = self._read_frames(endpoints)
 
-    def moment(self) -> RecordedSnapshot:
+    def snapshot(self) -> RecordedSnapshot:
         """All that pages show."""
         return RecordedSnapshot(
             at_s=self._at_s,
@@ -385,7 +385,7 @@ class SnapshotBuilder:
         objects = {(one.node, one.object_id): one.known for one in endpoints if one.client_key in present}
         ring = FrameRing()
         classes = (message_class(message) for message in self._library.messages.values())
-        ring.know(classes, lambda node, object_id: objects.get((node, object_id)), self._library.units)
+        ring.learn(classes, lambda node, object_id: objects.get((node, object_id)), self._library.units)
         for message in self._frames:
             frame = frame_of(message)
             if frame is not None:

@@ -61,7 +61,7 @@ class RemoteRobots:
         self._still: set[str] = set()
         """Addresses whose names were still being looked up when the last look was over."""
 
-    async def look(self) -> Sequence[ClassRobot]:
+    async def snapshot(self) -> Sequence[ClassRobot]:
         """The robots as they were seen last; who asks first waits until all have answered, 3 s at most.
 
         Raises:

@@ -36,7 +36,7 @@ class RobotView(Protocol):
     def ports(self) -> list[WirePort]:
         """All ports of all slots, with the topics they are wired to."""
 
-    def spark(self, topic: str) -> list[float]:
+    def sparkline(self, topic: str) -> list[float]:
         """The first number on a topic over the minute before, oldest first."""
 
     def bus(self) -> BusFigures:
@@ -64,7 +64,7 @@ class LiveRobotView:
         self.slot = views.slot
         self.topics = views.topics
         self.ports = views.ports
-        self.spark = views.spark
+        self.sparkline = views.sparkline
         self.bus = views.bus
         self.frame_lines = views.frame_lines
         self.frame_line = views.frame_line
@@ -101,8 +101,8 @@ class PastRobotView:
         """See `RobotView.ports`."""
         return self._moment.ports
 
-    def spark(self, topic: str) -> list[float]:
-        """See `RobotView.spark`."""
+    def sparkline(self, topic: str) -> list[float]:
+        """See `RobotView.sparkline`."""
         return self._moment.sparks.get(topic, [])
 
     def bus(self) -> BusFigures:

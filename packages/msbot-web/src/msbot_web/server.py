@@ -151,7 +151,7 @@ class WebServer:
             raise
 
     @property
-    def mark(self) -> str:
+    def page_id(self) -> str:
         """Distinguishes this robot's page from others on this computer: eight hexadecimal digits."""
         whose = self._place or self._service.robot_id
         return hashlib.sha256(f"{whose}\n{self.port}".encode()).hexdigest()[:8]
@@ -224,7 +224,7 @@ class WebServer:
     def _config(self, settings: WebSettings) -> uvicorn.Config:
         service = self._service
         app = FastAPI(title="MsBOT", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
-        cookies = cookie_names(self.mark)
+        cookies = cookie_names(self.page_id)
         app.include_router(make_forms(service.accounts, service.robot_name, cookies, service.pupils.passes))
         app.include_router(make_stop_api(service))
         app.include_router(make_installed(service.robot_name))

@@ -330,7 +330,7 @@ class Service:
         self._need(session, Right.ARRANGE)
         return await self._the_doctor().examine(anew=anew)
 
-    async def mend(self, session: Session, finding: Finding) -> ChangeResult:
+    async def repair(self, session: Session, finding: Finding) -> ChangeResult:
         """Mend what the doctor has found, where that can be taken back or only adds a file."""
         mending = finding.mending
         if mending is None:
@@ -374,7 +374,7 @@ class Service:
         """Give a user another role."""
         self._need(session, Right.ADMINISTER)
         await self.accounts.change_role(name, role, who=session.name)
-        return ChangeResult(words=said("{name} is {role} now", name=name, role=role_named(role).one))
+        return ChangeResult(words=said("{name} is {role} now", name=name, role=role_named(role).with_article))
 
     async def change_password(self, session: Session, name: str, password: str, old: str | None) -> ChangeResult:
         """Give a user another password; everybody may change their own, and has to say the old one.

@@ -108,7 +108,7 @@ class SlotCards:
         look = self._look()
         return [self._card(slot, look) for slot in self._slots.values()]
 
-    def one(self, name: str) -> SlotCard:
+    def card(self, name: str) -> SlotCard:
         """The slot of that name, which there is."""
         look = self._look()
         return self._card(self._slots[name], look)

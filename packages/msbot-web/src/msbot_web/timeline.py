@@ -64,9 +64,9 @@ class Timeline:
         if len(self._spans) > KEPT_SPANS:
             del self._spans[next(iter(self._spans))]
 
-    def look(self, infos: Iterable[PartInfo], now: float) -> None:
+    def poll(self, infos: Iterable[PartInfo], now: float) -> None:
         """Derive the intervals between beats from the inventory; to be called a few times a second."""
-        for slot, at, seconds in self._beats.look(infos, now):
+        for slot, at, seconds in self._beats.sample(infos, now):
             self._intervals.setdefault(slot, deque(maxlen=KEPT_BEATS)).append((at, seconds))
 
     def lanes(self) -> dict[str, tuple[Span, ...]]:
@@ -165,7 +165,7 @@ class LiveCurves:
         """Measure how late the event loop is, until cancelled."""
         await self._lateness.run()
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """Note what is so now; to be called a few times a second."""
         now = self._clock()
         self._look_at_settings(now)
@@ -176,7 +176,7 @@ class LiveCurves:
             latency_ms = self._latency.take_ms()
             if latency_ms is not None:
                 self._note(LATENCY, now, latency_ms)
-            for slot, ms in self._acks.look(self._master.inventory.view(now)):
+            for slot, ms in self._acks.sample(self._master.inventory.view(now)):
                 self._note(ack_curve(slot), now, ms)
             for name in [name for name, points in self._measured.items() if now - points[-1][0] > HISTORY_S]:
                 del self._measured[name]  # of a slot that is empty or gone
@@ -191,13 +191,13 @@ class LiveCurves:
             self._known = (now, dict(self._all()))
         return self._known[1]
 
-    def newer(self, name: str, after: float) -> list[Point]:
+    def points_after(self, name: str, after: float) -> list[Point]:
         """The points of a curve that are later than a time of the robot's clock, oldest first.
 
         Of a setting also the one before, which still held then.
         """
         if name in self._fields:
-            return self._live.newer(*self._fields[name], after)
+            return self._live.points_after(*self._fields[name], after)
         if name.startswith(BEAT):
             return _later(self._timeline.beats(name.removeprefix(BEAT)), after)
         if name in self._settings:

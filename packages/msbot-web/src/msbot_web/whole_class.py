@@ -96,7 +96,7 @@ class WholeClass:
             slots=slots,
             active=active,
             stopped=stop.stopped,
-            told=stop.told,
+            told=stop.told_count,
             not_confirmed=len(stop.silent),
             silent=list(stop.silent[:MOST_SILENT]),
             trouble=self._records.trouble(),
@@ -109,10 +109,10 @@ class WholeClass:
         """
         async with self._looking_around:
             if self._seen is None or self._clock() - self._seen[0] >= CLASS_S:
-                found = await self._neighbours.look()
+                found = await self._neighbours.find()
                 tiles = with_neighbours(await self._stored(), found, self._records.database)
                 try:
-                    far, self.trouble = await self._far.look(), ""
+                    far, self.trouble = await self._far.snapshot(), ""
                 except ConfigError as error:
                     far, self.trouble = (), str(error)
                 tiles = with_far(tiles, far, self._records.database)
@@ -131,7 +131,7 @@ class WholeClass:
             return await self._neighbours.stop_all(who, reason, robot, None if group else self._records.database)
         status = self._operations.stopping.status
         waiting = (f"{robot} ({', '.join(status.silent)})",) if status.silent else ()
-        return StopForAll((robot,), len(status.confirmed), status.told, 0, waiting)
+        return StopForAll((robot,), len(status.confirmed), status.told_count, 0, waiting)
 
     @property
     def _mark(self) -> str:

@@ -63,7 +63,7 @@ class ToyBench:
             raise ConfigError(f"{slot} has no control {control!r}")
         self.turned[slot] = value
 
-    def rest(self, slot: str, control: str) -> Scalar | None:
+    def rest_value(self, slot: str, control: str) -> Scalar | None:
         return 0
 
     def readings(self, slot: str) -> Mapping[str, Scalar]:
@@ -73,14 +73,14 @@ class ToyBench:
 class Alone(LocalMasters):
     """No other master is on this computer; a thread that looks for them would know nothing of virtual time."""
 
-    async def look(self) -> Sequence[LocalMaster]:
+    async def find(self) -> Sequence[LocalMaster]:
         return ()
 
 
 class NobodyElsewhere(RemoteRobots):
     """There is no access to a robot elsewhere."""
 
-    async def look(self) -> Sequence[ClassRobot]:
+    async def snapshot(self) -> Sequence[ClassRobot]:
         return ()
 
     async def stop_all(self, reason: str, group: str = "") -> list[RemoteStop]:
@@ -108,7 +108,7 @@ class Rig:
             bench=bench,
             clock=clock,
             ignored=stage.operations.showing.is_ignored,
-            by_hand=stage.operations.by_hand.said,
+            by_hand=stage.operations.by_hand.sent_values,
         )
         people = [user(role.word, role, PASSWORD) for role in (Role.VIEWER, Role.STUDENT, Role.TEACHER)]
         users = MemoryUsers(user("ada", Role.ADMINISTRATOR, PASSWORD), *people)
@@ -156,9 +156,9 @@ class Rig:
     async def look(self, seconds: float) -> None:
         """Let time pass while the room looks at the robot."""
         for _ in range(round(seconds / 0.25)):
-            self.views.look()
+            self.views.poll()
             await asyncio.sleep(0.25)
-        self.views.look()
+        self.views.poll()
 
 
 def show(
@@ -172,7 +172,7 @@ def show(
 
     async def on_stage(stage: Stage) -> None:
         rig = Rig(stage, folder, bench or ToyBench())
-        rig.views.look()
+        rig.views.poll()
         await scene(rig)
 
     play(folder, on_stage, *changes, parts=parts)

@@ -47,7 +47,7 @@ class Room:
                 text = SAMPLE_ROBOT_TOML.replace(serial, f'serial_number = "X{number}"')
                 registry.robots.apply_blueprint(parse_blueprint(text, self.library), self.library)
         accesses = RemoteAccessFile(folder)
-        accesses.keep(RemoteAccess(self.away, "msbot_x", NAME, "X9"))
+        accesses.add(RemoteAccess(self.away, "msbot_x", NAME, "X9"))
         self.book = RollOutLog(folder)
         users = MemoryUsers(*(user(role.word, role) for role in Role))
         self.accounts = Accounts(users, clock=time.monotonic, hasher=PlainHasher())

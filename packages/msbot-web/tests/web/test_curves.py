@@ -31,19 +31,19 @@ def test_ports_and_beats_are_curves_and_only_what_is_new_is_given(tmp_path: Path
         said, heard = "AA.out.index", "BB.in.index"
         assert {said, heard} <= set(known)
         assert "AA.out.message" not in known, "a text is no curve, whatever is in it"
-        points = curves.newer(said, 0.0)
-        assert points == curves.newer(heard, 0.0)
+        points = curves.points_after(said, 0.0)
+        assert points == curves.points_after(heard, 0.0)
         assert [value for _, value in points] == list(range(20))
-        assert curves.newer(said, points[-2][0]) == points[-1:]
-        assert curves.newer(said, points[-1][0]) == []
-        beats = curves.newer("@beat.AA", 0.0)
+        assert curves.points_after(said, points[-2][0]) == points[-1:]
+        assert curves.points_after(said, points[-1][0]) == []
+        beats = curves.points_after("@beat.AA", 0.0)
         assert known["@beat.AA"].unit == "s"
         assert [seconds for _, seconds in beats[1:]] == pytest.approx([1.0] * len(beats[1:]), abs=0.1)
         assert known[LATE].unit == "ms"
         assert known["@latency"].unit == known["@ack.AA"].unit == "ms"
-        assert all(0 <= ms < 1000 for name in ("@latency", "@ack.AA") for _, ms in curves.newer(name, 0.0))
+        assert all(0 <= ms < 1000 for name in ("@latency", "@ack.AA") for _, ms in curves.points_after(name, 0.0))
         assert FRAMES not in known, "this robot has no bus"
-        assert curves.newer("no.such.curve", 0.0) == []
+        assert curves.points_after("no.such.curve", 0.0) == []
 
     show(tmp_path, scene)
 
@@ -55,12 +55,12 @@ def test_a_setting_holds_until_it_is_changed(tmp_path: Path) -> None:
         name = "AA:period_s"
         assert curves.known()[name].holds
         assert curves.known()[name].unit == "s"
-        (first,) = curves.newer(name, 0.0)
+        (first,) = curves.points_after(name, 0.0)
         await rig.stage.operations.do("set", slot="AA", name="period_s", value=0.5, who="ada")
         await rig.look(2)
         now = rig.service.now()
-        assert [value for _, value in curves.newer(name, 0.0)] == [first[1], 0.5]
-        assert [value for _, value in curves.newer(name, now)] == [0.5], "what holds is told, however old"
+        assert [value for _, value in curves.points_after(name, 0.0)] == [first[1], 0.5]
+        assert [value for _, value in curves.points_after(name, now)] == [0.5], "what holds is told, however old"
 
     show(tmp_path, scene, AA_IS_A_DIAL, parts=("AA=DIAL",))
 

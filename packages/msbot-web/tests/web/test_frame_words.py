@@ -32,7 +32,7 @@ def heard_late(tmp_path: Path) -> FrameRing:
                 running = tasks.create_task(robot.run())
                 await robot.master.ready.wait()
                 await asyncio.sleep(75.0)
-                ring.know((), partial(known_object, robot.master))
+                ring.learn((), partial(known_object, robot.master))
                 robot.on_frame(ring.tap)
                 await asyncio.sleep(4.0)
                 ring.rows()

@@ -51,7 +51,7 @@ def test_only_teachers_change_the_robot_and_are_told_first_what_ends(tmp_path: P
             wish = partial(gallery.change, rig.session(role), LINE, agreed=True)
             assert isinstance(await refusal(wish), NotAllowed)
         teacher = rig.session(Role.TEACHER)
-        assert "programs and parts of people stop: " in gallery.ends()[0]
+        assert "programs and parts of people stop: " in gallery.what_ends()[0]
         await rig.act(teacher, "stop", reason="")
         said = await refusal(lambda: gallery.change(teacher, LINE))
         assert isinstance(said, AskFirst)

@@ -50,8 +50,8 @@ def test_handed_in_opened_commented_and_returned(tmp_path: Path) -> None:
         await asyncio.sleep(8)
         await stage.refused("answer_lesson", "Ben", check="1.2", answer="nine")
         await stage.do("answer_lesson", "Ada", check="1.2", answer="ten slots")
-        stage.registry.programs.keep("Ada", "lamp.py", ProgramSource("print(1)\n"))
-        stage.registry.programs.keep("Ben", "mine.py", ProgramSource("print(2)\n"))
+        stage.registry.programs.store("Ada", "lamp.py", ProgramSource("print(1)\n"))
+        stage.registry.programs.store("Ben", "mine.py", ProgramSource("print(2)\n"))
         number = await work.hand_in(ada, "lamp.py", "ready")
         assert "no program 'mine.py'" in str(await refusal(lambda: work.hand_in(ada, "mine.py", "")))
         assert "at most" in str(await refusal(lambda: work.hand_in(ada, "", "x" * (MOST_NOTE + 1))))
@@ -85,9 +85,9 @@ def test_a_program_that_changes_afterwards_stays_as_it_was_handed_in(tmp_path: P
         desk = Desk(stage)
         await stage.do("start_lesson", "Ms Novak", lesson="first_part")
         await stage.do("join_lesson", "Ada")
-        stage.registry.programs.keep("Ada", "lamp.py", ProgramSource("print(1)\n"))
+        stage.registry.programs.store("Ada", "lamp.py", ProgramSource("print(1)\n"))
         number = await desk.work.hand_in(desk.of("Ada"), "lamp.py", "")
-        stage.registry.programs.keep("Ada", "lamp.py", ProgramSource("print(2)\n"))
+        stage.registry.programs.store("Ada", "lamp.py", ProgramSource("print(2)\n"))
         assert (await desk.work.opened(desk.of("Ms Novak"), number)).text == "print(1)\n"
 
     lesson_scene(tmp_path, scene)

@@ -68,7 +68,7 @@ def test_every_reason_for_a_lost_packet_is_translated(code: str) -> None:
 def test_why_packets_were_lost_is_told_in_german_too() -> None:
     (found,) = check_robot(replace(ROBOT, lost_packets={"still waiting when the peer's address ended": 22}))
     assert isinstance(found, Finding)
-    german = languages()["de"].say(found.saw)
+    german = languages()["de"].translate(found.saw)
     assert german == "22 Pakete gingen verloren: warteten noch, als die Adresse der Gegenseite endete"
 
 
@@ -94,7 +94,7 @@ def test_a_language_is_one_file_that_translators_tools_read(
     made.save()
     french = read_catalogue(tmp_path / "fr.po")
     assert (french.code, french.name, french.number(0.5)) == ("fr", "Fran\u00e7ais", "0,5")
-    assert (french.say("Arrivals"), french.say("Library")) == ("Arriv\u00e9es", "Library")
+    assert (french.translate("Arrivals"), french.translate("Library")) == ("Arriv\u00e9es", "Library")
     catalogue.main()
     assert "    Library\n" in capsys.readouterr().out, "what is new is shown to the translator"
     assert read_catalogue(tmp_path / "fr.po").texts == {"Arrivals": "Arriv\u00e9es"}, (
@@ -136,8 +136,8 @@ def test_the_language_follows_choice_then_browser_then_english(accept: str, chos
 
 def test_what_is_not_translated_shows_in_english() -> None:
     german = languages()["de"]
-    assert german.say("not in the catalogue {n}", n=3) == "not in the catalogue 3"
-    assert german.say("Unplug {name}", name="BB") == "BB ausstecken"
+    assert german.translate("not in the catalogue {n}", n=3) == "not in the catalogue 3"
+    assert german.translate("Unplug {name}", name="BB") == "BB ausstecken"
 
 
 def test_a_sentence_is_said_with_its_values() -> None:
@@ -148,8 +148,8 @@ def test_a_sentence_is_said_with_its_values() -> None:
         state=said("lost"),
         reason=said("no beat for {seconds:.1f} s", seconds=5.04),
     )
-    assert german.say(sentence) == "AA ist verloren (kein Herzschlag seit 5,0 s)"
-    assert languages()["en"].say(sentence) == sentence == "AA is lost (no beat for 5.0 s)"
+    assert german.translate(sentence) == "AA ist verloren (kein Herzschlag seit 5,0 s)"
+    assert languages()["en"].translate(sentence) == sentence == "AA is lost (no beat for 5.0 s)"
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_a_sentence_is_said_with_its_values() -> None:
 )
 def test_a_number_of_things_has_its_own_form(number: int, words: str) -> None:
     told = counted(number, "{count} person can sign in", "{count} people can sign in")
-    assert languages()["de"].say(told) == f"{words} sich anmelden"
+    assert languages()["de"].translate(told) == f"{words} sich anmelden"
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_mistakes_in_a_blueprint_and_differences_are_told_in_german_too() -> Non
     german, library = languages()["de"], load_library()
     with pytest.raises(ConfigError) as caught:
         parse_blueprint('[robot]\nname = "R"\nlife = 3\n[[slot]]\nname = "A"\npart = "KY-O37"\n', library)
-    assert german.say(str(caught.value)) == (
+    assert german.translate(str(caught.value)) == (
         "2 Fehler wurden gefunden:\n"
         '  robot.toml, Zeile 3, robot.life: diesen Schlüssel gibt es hier nicht; bekannt: "manufacturer", "name", '
         '"released", "serial_number", "stop_group", "version"\n'
@@ -192,13 +192,13 @@ def test_mistakes_in_a_blueprint_and_differences_are_told_in_german_too() -> Non
     before = parse_blueprint(SAMPLES["rover"], library)
     knob, *others = before.slots
     after = replace(before, slots=(replace(knob, part_number="KY-040"), *others))
-    told = [german.say(str(one)) for one in differences(before, after)]
+    told = [german.translate(str(one)) for one in differences(before, after)]
     assert "~ Platz knob, Teil: POT-10K -> KY-040 (ein Teil darin, das nicht mehr passt, wird ausgetragen)" in told, (
         told
     )
     with pytest.raises(ConfigError) as caught:
         parse_blueprint("[robot]\nname = AA\n", library)
-    assert german.say(str(caught.value)).startswith(
+    assert german.translate(str(caught.value)).startswith(
         "robot.toml, Zeile 2: Spalte 8: das ist kein Wert; Text braucht Anführungszeichen"
     )
 
@@ -221,7 +221,7 @@ def test_mistakes_in_a_blueprint_and_differences_are_told_in_german_too() -> Non
 def test_mistakes_in_the_wiring_of_a_board_are_told_in_german_too(texts: tuple[str, ...], words: str) -> None:
     with pytest.raises(ConfigError) as error:
         wired_parts({f"part_{at}": text for at, text in enumerate(texts, 1)}, load_library())
-    assert languages()["de"].say(str(error.value)).startswith(words)
+    assert languages()["de"].translate(str(error.value)).startswith(words)
 
 
 def test_what_a_process_with_limits_says_of_a_backup_is_told_in_german_too(tmp_path: Path) -> None:
@@ -229,7 +229,7 @@ def test_what_a_process_with_limits_says_of_a_backup_is_told_in_german_too(tmp_p
     path.write_bytes(b"no backup")
     with pytest.raises(RegistryError) as caught:
         check_backup(path, needs_administrator=True)
-    said_in_german = languages()["de"].say(str(caught.value))
+    said_in_german = languages()["de"].translate(str(caught.value))
     assert said_in_german == "diese Sicherung wird nicht benutzt: sie ist keine Datenbank"
 
 
@@ -243,5 +243,5 @@ def test_the_name_of_a_part_is_no_word_to_translate() -> None:
         )
         for part in ("hand", "newcomer")
     ]
-    shown = render("journal", say=languages()["de"].say, error="", heads=[], lines=lines)
+    shown = render("journal", say=languages()["de"].translate, error="", heads=[], lines=lines)
     assert re.findall("<b>(.*?)</b>", shown) == ["hand", languages()["de"].texts["newcomer"]]

@@ -138,7 +138,7 @@ def test_what_a_lesson_tells_to_press_is_on_a_button_in_that_language(folder: st
         )
     )
     shown = {one for pair in english for one in pair if one} | BLOCK_WORDS | {entry.title for entry in MENU}
-    wanted = {german.say(one) for one in shown} if code == "de" else shown
+    wanted = {german.translate(one) for one in shown} if code == "de" else shown
     assert words_pressed(folder) <= wanted
 
 

@@ -183,7 +183,7 @@ def test_the_small_curve_is_the_last_minute() -> None:
     watch = rig.live.topic("a")
     assert watch is not None
     assert watch.period_s == pytest.approx(0.1)
-    values = rig.live.spark(watch, "index")
+    values = rig.live.sparkline(watch, "index")
     assert SPARK_POINTS - 2 <= len(values) <= SPARK_POINTS
     assert values == sorted(values)
     assert values[0] >= 380

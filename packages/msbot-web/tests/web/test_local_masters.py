@@ -84,7 +84,7 @@ def test_what_a_master_says_of_itself_is_taken_as_far_as_it_makes_sense() -> Non
     def ask(_: Mapping[str, object]) -> tuple[list[dict[str, object]], Sequence[SilentMaster]]:
         return [{"robot": "A", "serial_number": "7", "slots": "3", "active": "x", "stopped": "yes"}], []
 
-    assert asyncio.run(LocalMasters(ask).look()) == [LocalMaster("A", "7", "", 3, 0, stopped=False)]
+    assert asyncio.run(LocalMasters(ask).find()) == [LocalMaster("A", "7", "", 3, 0, stopped=False)]
 
 
 def test_a_page_for_every_network_is_linked_by_the_name_that_the_visitor_came_by() -> None:

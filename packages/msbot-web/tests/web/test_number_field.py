@@ -49,7 +49,7 @@ def test_a_comma_is_a_point(code: str, text: str, number: float) -> None:
 def test_what_is_no_number_is_refused(text: str) -> None:
     with pytest.raises(ConfigError) as refused:
         languages()["de"].read_number(text)
-    words = languages()["de"].say(str(refused.value))
+    words = languages()["de"].translate(str(refused.value))
     assert words.endswith("ist keine Zahl: schreibe 12 oder 0,1")
     assert len(words) < 120
 
@@ -66,7 +66,7 @@ def test_what_is_no_number_is_refused(text: str) -> None:
 def test_what_may_be_a_thousand_or_one_is_asked_for(code: str, text: str, words: str, is_whole: bool) -> None:
     with pytest.raises(ConfigError) as refused:
         languages()[code].read_number(text, is_whole=is_whole)
-    assert languages()[code].say(str(refused.value)) == words
+    assert languages()[code].translate(str(refused.value)) == words
 
 
 @pytest.mark.parametrize("code", ["en", "de"])

@@ -56,14 +56,14 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Seen]]:
             bench=NoSimulatedControls(),
             clock=loop.time,
             ignored=lambda _: False,
-            by_hand=operations.by_hand.said,
-            planted=operations.faults.told,
+            by_hand=operations.by_hand.sent_values,
+            planted=operations.faults.visible_faults,
             stop=lambda: stop_state(robot.master.stop),
         )
 
         async def look(seconds: float) -> None:
             for _ in range(round(seconds * 4)):
-                views.look()
+                views.poll()
                 await asyncio.sleep(0.25)
             seen.append(Seen(loop.time(), views.slots(), views.topics(), views.ports()))
             await asyncio.sleep(0.01)
@@ -88,7 +88,7 @@ def class_of(type_name: str) -> type[Message] | None:
 
 
 def moment_of(recording: Path, at: float) -> RecordedSnapshot:
-    return SnapshotBuilder(BEGAN_NS + round(at * NS), messages(recording), (), LIBRARY).moment()
+    return SnapshotBuilder(BEGAN_NS + round(at * NS), messages(recording), (), LIBRARY).snapshot()
 
 
 def told(card: SlotCard) -> object:

@@ -53,7 +53,7 @@ class Shelf(NoProgramStore):
     async def source(self, owner: str, name: str, number: int | None = None) -> ProgramSource:  # type: ignore[override]
         return self.kept[name]
 
-    async def keep(self, owner: str, name: str, source: ProgramSource) -> int:  # type: ignore[override]
+    async def store(self, owner: str, name: str, source: ProgramSource) -> int:  # type: ignore[override]
         self.kept[name] = source
         return 1
 
@@ -160,7 +160,7 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         desk = ClassController(rig.accounts, service.operations, service.pupils.passes, shelf, service.learning)
         programs = ProgramActions(shelf, rig.accounts, desk.check_writing)
         assert "no program yet" in str(await refusal(lambda: desk.program(teacher, name)))
-        await programs.keep(pupil, "x.py", ProgramSource("x = 0", BLOCKS))
+        await programs.store(pupil, "x.py", ProgramSource("x = 0", BLOCKS))
         assert await desk.program(teacher, name) == ("x.py", ProgramSource("x = 0", BLOCKS), False)
         screen = Screen()
         closed = desk.opened(name, screen)
@@ -183,7 +183,7 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         assert "has y.py open now, not x.py" in str(await refusal(lambda: desk.write(teacher, name, "x.py", "x = 3")))
         assert "at most 64 kB" in str(await refusal(lambda: desk.show(teacher, name, "y.py", "x" * 70_000)))
         assert (screen.text, shelf.kept["x.py"].text) == ("x = 2", "x = 2")
-        assert "taken over" in str(await refusal(lambda: programs.keep(pupil, "x.py", ProgramSource("x = 3"))))
+        assert "taken over" in str(await refusal(lambda: programs.store(pupil, "x.py", ProgramSource("x = 3"))))
         assert "taken over" in str(await refusal(lambda: programs.remove(pupil, "x.py")))
         desk.steer(teacher, name, run=True)
         desk.steer(teacher, name, run=False)
@@ -195,7 +195,7 @@ def test_a_program_is_looked_at_taken_over_and_steered(tmp_path: Path) -> None:
         with pytest.raises(MsbotError, match="no page Program open"):
             desk.steer(teacher, name, run=True)
         await rig.act(teacher, "hand_back", pupil=name)
-        await programs.keep(pupil, "x.py", ProgramSource("x = 3"))
+        await programs.store(pupil, "x.py", ProgramSource("x = 3"))
 
     show(tmp_path, scene)
 

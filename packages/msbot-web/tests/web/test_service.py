@@ -41,7 +41,7 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "compare": (Role.TEACHER, lambda do, who: do.blueprint_diff(who, "x")),
     "blueprint": (Role.TEACHER, lambda do, who: do.apply_blueprint(who, "x")),
     "examine": (Role.TEACHER, lambda do, who: do.examine(who, anew=False)),
-    "mend": (Role.TEACHER, lambda do, who: do.mend(who, FINDING)),
+    "mend": (Role.TEACHER, lambda do, who: do.repair(who, FINDING)),
     "users": (Role.ADMINISTRATOR, lambda do, who: do.users(who)),
     "add user": (Role.ADMINISTRATOR, lambda do, who: do.add_user(who, "x", "viewer", "short")),
     "another's password": (Role.ADMINISTRATOR, lambda do, who: do.change_password(who, "nobody", PASSWORD, None)),
@@ -52,7 +52,7 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "another's token": (Role.ADMINISTRATOR, lambda do, who: do.new_token(who, "nobody", "x")),
     "remove another's token": (Role.ADMINISTRATOR, lambda do, who: do.remove_token(who, "nobody", "x")),
     "backup": (Role.ADMINISTRATOR, lambda do, who: do.backup(who)),
-    "back up": (Role.ADMINISTRATOR, lambda do, who: do.mend(who, replace(FINDING, mending=doctor.Mending("backup")))),
+    "back up": (Role.ADMINISTRATOR, lambda do, who: do.repair(who, replace(FINDING, mending=doctor.Mending("backup")))),
     "restore": (Role.ADMINISTRATOR, lambda do, who: do.restore(who, chunks(b"no backup"))),
 }
 LEAST = {

@@ -60,33 +60,33 @@ def test_beats_are_timed_by_when_they_came_not_by_when_they_were_looked_at() -> 
     for step in range(1, 41):  # looks every 0.25 s, a beat every second at .1
         now = step * 0.25
         beats = int(now + 0.9)
-        timeline.look([replace(INFO, beats=beats, beat_age_s=now - (beats - 0.9))], now)
+        timeline.poll([replace(INFO, beats=beats, beat_age_s=now - (beats - 0.9))], now)
     assert timeline.beat_intervals("AA") == pytest.approx([1.0] * len(timeline.beat_intervals("AA")))
     assert len(timeline.beat_intervals("AA")) == 9
 
 
 def test_beats_between_two_looks_share_the_time() -> None:
     timeline = Timeline()
-    timeline.look([replace(INFO, beats=1)], 1.0)
-    timeline.look([replace(INFO, beats=5)], 3.0)
+    timeline.poll([replace(INFO, beats=1)], 1.0)
+    timeline.poll([replace(INFO, beats=5)], 3.0)
     assert timeline.beat_intervals("AA") == (0.5,)
 
 
 def test_a_new_session_in_the_slot_does_not_count_the_gap_as_a_beat() -> None:
     timeline = Timeline()
-    timeline.look([replace(INFO, beats=7)], 1.0)
-    timeline.look([replace(INFO, client_key=2, beats=1)], 60.0)
-    timeline.look([replace(INFO, client_key=2, beats=2)], 61.0)
+    timeline.poll([replace(INFO, beats=7)], 1.0)
+    timeline.poll([replace(INFO, client_key=2, beats=1)], 60.0)
+    timeline.poll([replace(INFO, client_key=2, beats=2)], 61.0)
     assert timeline.beat_intervals("AA") == (1.0,)
 
 
 def test_parts_without_a_slot_or_a_beat_are_left_out_and_the_rest_is_bounded() -> None:
     timeline = Timeline()
     for number in range(KEPT_BEATS + 20):
-        timeline.look(
+        timeline.poll(
             [replace(INFO, beats=number), replace(INFO, slot=None, client_key=3, beats=number)], float(number)
         )
-        timeline.look([replace(INFO, slot="BB", client_key=4, beat_age_s=None)], float(number) + 0.1)
-        timeline.look([replace(INFO, beats=number)], float(number) + 0.2)
+        timeline.poll([replace(INFO, slot="BB", client_key=4, beat_age_s=None)], float(number) + 0.1)
+        timeline.poll([replace(INFO, beats=number)], float(number) + 0.2)
     assert len(timeline.beat_intervals("AA")) <= KEPT_BEATS
     assert timeline.beat_intervals("BB") == timeline.beat_intervals("") == ()

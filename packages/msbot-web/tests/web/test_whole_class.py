@@ -95,25 +95,25 @@ def test_a_look_is_shared_and_a_file_that_cannot_be_used_is_told(tmp_path: Path)
 
 def look_at_one_that_is_away(folder: Path, address: str) -> None:
     book, now = RemoteAccessFile(folder), 0.0
-    book.keep(RemoteAccess(address, "t", "R", "1"))
+    book.add(RemoteAccess(address, "t", "R", "1"))
 
     async def scene() -> None:
         nonlocal now
         looking = RemoteRobots(lambda: now, book)
-        first = await looking.look()
+        first = await looking.snapshot()
         assert [one.far and one.far.trouble for one in first] == [f"{address}: Connection refused"]
-        assert await looking.look() is first, "a moment later nobody is asked again"
+        assert await looking.snapshot() is first, "a moment later nobody is asked again"
         (stop,) = await looking.stop_all("")
         assert (stop.robot, stop.answer, stop.trouble) == ("R 1", None, f"{address}: Connection refused")
         book.path.write_text("{")
         now += remote_robots.AGAIN_S
-        assert await looking.look() is first, "nobody waits for the next look"
+        assert await looking.snapshot() is first, "nobody waits for the next look"
         assert looking._looking is not None
         await asyncio.wait([looking._looking])
         with pytest.raises(ConfigError, match="move it away"):
-            await looking.look()
+            await looking.snapshot()
         with pytest.raises(ConfigError, match="move it away"):
-            await looking.look()
+            await looking.snapshot()
 
     asyncio.run(scene())
 
@@ -157,7 +157,7 @@ async def test_a_master_that_answers_nonsense_breaks_neither_the_class_nor_its_s
     for name in SAID:
         answer = read_program_json(json.dumps({**usual, name: "ODD"}).encode().replace(b'"ODD"', odd))
         masters = LocalMasters(answering(answer))
-        tiles = with_neighbours([], await masters.look(), DATABASE)
+        tiles = with_neighbours([], await masters.find(), DATABASE)
         known = RemoteRobot(RemoteAccess(PAGE, "t", "R", "1"), answer)
         tiles = with_far(tiles, [ClassRobot("R", "1", "2", PAGE, None, far=known)], DATABASE)
         shown = TypeAdapter(list[RobotTile]).dump_json(tiles)

@@ -215,7 +215,7 @@ def _info(info: Info) -> str:
         words += ": takes clients" if info.availability > 0 else ": takes no clients"
         words += ", knows your session" if info.implementation_status == 1 else ", does not know you"
     for locator in info.locators:
-        words += f", at {locator.words}"
+        words += f", at {locator.describe}"
     return words
 
 

@@ -88,7 +88,7 @@ def beside(wanted: list[WantedService]) -> list[str]:
     done = list[str]()
 
     async def main() -> None:
-        await asyncio.gather(*(one for service in wanted for one in service.beside(done)))
+        await asyncio.gather(*(one for service in wanted for one in service.coroutines(done)))
 
     asyncio.run(main())
     return done

@@ -427,7 +427,7 @@ def test_it_is_refused_where_samples_are_sealed_and_the_journal_says_why(firmwar
 
 
 def give_key(robot: Robot, uid: bytes, key: bytes) -> None:
-    robot.registry.keys.keep(uid, key, "test")
+    robot.registry.keys.store(uid, key, "test")
 
 
 @given(key=st.binary(min_size=16, max_size=64), text=st.binary(max_size=200))

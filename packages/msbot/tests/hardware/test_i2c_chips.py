@@ -85,10 +85,10 @@ class Deaf:
 
     until = 0.0
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
+    def applies_to(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
         return not inward
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> tuple[float, ...]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> tuple[float, ...]:
         return () if now < self.until else (0.0,)
 
     def free_at(self, peer: Peer, now: float) -> float:

@@ -26,7 +26,7 @@ def test_every_driver_fits_its_type(part_type: Any) -> None:
     made = driver_class(part_type)
     assert made.samples or made.drives
     wiring = make_wiring(part_type)
-    assert wiring.words() or part_type.number == "DS18B20"
+    assert wiring.describe() or part_type.number == "DS18B20"
     assert from_json(as_json(wiring)) == wiring
     assert bus_of(part_type, wiring, "x")
     published = [port for port in part_type.ports if port.direction.value == "publish"]
@@ -45,7 +45,7 @@ def test_pins_by_name() -> None:
     assert dict(make_wiring(sonar).pins) == {"trigger": 23, "echo": 24}
     assert dict(make_wiring(sonar, pins="trigger=5, echo=GPIO6").pins) == {"trigger": 5, "echo": 6}
     assert dict(make_wiring(sonar, pins={"echo": 7}).pins) == {"trigger": 23, "echo": 7}
-    assert make_wiring(sonar).words() == "trigger = GPIO 23, echo = GPIO 24"
+    assert make_wiring(sonar).describe() == "trigger = GPIO 23, echo = GPIO 24"
 
 
 def test_i2c_channels_devices_and_options() -> None:

@@ -113,7 +113,7 @@ def test_its_model_says_what_that_of_a_computer_says(number: str, seed: int) -> 
             seconds = _eighths(parameter.least or 0.25)
             theirs.set(parameter.name, seconds, 0.0)
             texts[parameter.name] = str(seconds)
-    theirs.look()
+    theirs.note_changes()
     ours.settings(texts, 0)
     for _ in range(20):
         now += random.choice([125, 125, 250, 1000])
@@ -141,11 +141,13 @@ def test_its_model_says_what_that_of_a_computer_says(number: str, seed: int) -> 
                 value = int(value) if parameter.kind is ParameterKind.INT else value
             texts[parameter.name] = str(value).lower()
             theirs.set(parameter.name, value, now / 1000)
-            theirs.look()
+            theirs.note_changes()
             ours.settings(texts, now)
         theirs.advance(now / 1000)
         ours.advance(now)
-        said: list[Any] = [(port, values) for port, values in theirs.say(now / 1000) if port in document["ports"]]
+        said: list[Any] = [
+            (port, values) for port, values in theirs.due_messages(now / 1000) if port in document["ports"]
+        ]
         assert [(port, pytest.approx(values)) for port, values in ours.say(now)] == said
         for source in spec.sources:
             assert ours.values[source] == pytest.approx(theirs.values[source], abs=1e-6), source

@@ -50,7 +50,7 @@ def test_what_it_knows_beforehand_is_what_everybody_knows() -> None:
     compact = micro.load("compact")
     assert micro.load("squeeze").DICTIONARY == DICTIONARY
     assert compact.FIXED == FIXED
-    assert tuple(refusal.words for refusal in Refusal) == micro.load("words").REFUSALS
+    assert tuple(refusal.describe for refusal in Refusal) == micro.load("words").REFUSALS
 
 
 def test_recorded_messages_come_out_as_they_went_in_whoever_shortened_them() -> None:

@@ -238,13 +238,13 @@ class PagePeer:
     def bring(self, packet: bytes) -> None:
         """A packet for the master; nobody hears it while it is dead."""
         if self._peer is not None and self._link.has_room(self._peer):
-            self._peer.took(packet, asyncio.get_running_loop().time())
+            self._peer.receive(packet, asyncio.get_running_loop().time())
 
     def pull(self) -> None:
         """The connection is torn off."""
         self._task.cancel()
         if self._peer is not None:
-            self._peer.gone("torn off")
+            self._peer.connection_ended("torn off")
 
     def close(self) -> None:
         """It is over."""

@@ -31,7 +31,7 @@ def kept(keeper: StopStore, record: StopRecord) -> str:
         found.append(trouble)
         done.set()
 
-    keeper.keep(record, tell)
+    keeper.store(record, tell)
     assert done.wait(30)
     return found[0]
 

@@ -169,7 +169,7 @@ def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last
 
     def look(now: float, beats: int, last_at: float) -> None:
         inventory.infos = [SimpleNamespace(beat_age_s=now - last_at, beats=beats, client_key=1)]
-        noting.look(now)
+        noting.sample(now)
 
     look(10.0, 5, 9.5)
     assert noting.beats == 0, "those before the first look are not ours"
@@ -181,7 +181,7 @@ def test_intervals_between_beats_are_noted_also_when_several_came_since_the_last
     assert found["1.0"] == 1
     assert found["1.2"] == 3, "two beats in 2.3 s"
     inventory.infos = []
-    noting.look(14.0)
+    noting.sample(14.0)
     look(15.0, 1, 14.9)
     assert noting.beats == 3, "a part that comes anew begins anew"
 

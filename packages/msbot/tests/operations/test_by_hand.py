@@ -22,13 +22,13 @@ def test_a_person_drives_a_port_in_place_of_its_wire_and_lets_go(tmp_path: Path)
         assert done.words == "BB.in: index 7, message turn-on, for 5 s"
         await asyncio.sleep(1.0)
         assert stage.heard["BB"][-1] == "turn-on"
-        assert stage.operations.by_hand.held() == {("BB", "in"): "ann"}
+        assert stage.operations.by_hand.held_ports() == {("BB", "in"): "ann"}
         await stage.do.publish("BB.in", ["index=8", "message=again"], who="ann")
         await asyncio.sleep(0.2)
         assert stage.heard["BB"][-1] == "again"
         await stage.do.let_go("BB.in", who="ann")
         await asyncio.sleep(1.0)
-        assert stage.operations.by_hand.held() == {}
+        assert stage.operations.by_hand.held_ports() == {}
         stage.parts["AA"].publish("out", stage.message("from the wire"))
         await asyncio.sleep(0.3)
         assert stage.heard["BB"][-1] == "from the wire"
@@ -52,9 +52,9 @@ def test_when_nobody_renews_it_the_port_follows_its_wire_again(tmp_path: Path) -
     async def scene(stage: Stage) -> None:
         await stage.do.publish("BB.in", ["1", "by hand"], seconds=2.0, who="ann")
         await asyncio.sleep(1.5)
-        assert stage.operations.by_hand.held()
+        assert stage.operations.by_hand.held_ports()
         await asyncio.sleep(2.0)
-        assert not stage.operations.by_hand.held()
+        assert not stage.operations.by_hand.held_ports()
         stage.parts["AA"].publish("out", stage.message("from the wire"))
         await asyncio.sleep(0.3)
         assert stage.heard["BB"][-1] == "from the wire"
@@ -67,7 +67,7 @@ def test_stop_ends_it_and_nothing_is_driven_until_go(tmp_path: Path) -> None:
         await stage.do.publish("BB.in", ["1", "by hand"], who="ann")
         await asyncio.sleep(0.7)  # between two repetitions
         await stage.do.stop(who="bob")
-        assert stage.operations.by_hand.held() == {}
+        assert stage.operations.by_hand.held_ports() == {}
         stage.heard["BB"].clear()
         await asyncio.sleep(2.0)
         assert "by hand" not in stage.heard["BB"]
@@ -109,7 +109,7 @@ def test_mistakes_are_told_with_what_would_be_right(
         port, values = wish
         said = await stage.refusal(stage.do.publish(port, list(values), who="ann"))
         assert said.startswith(words)
-        assert stage.operations.by_hand.held() == {}
+        assert stage.operations.by_hand.held_ports() == {}
 
     play(tmp_path, scene, parts=RING)
 
@@ -154,7 +154,7 @@ def test_a_value_outside_the_declared_range_is_refused_in_one_sentence(tmp_path:
         for value in ("1", "10"):
             with pytest.raises(ConfigError, match=rf"^AA.in: index must be from 2 to 9; it is {value}$"):
                 await stage.do.publish("AA.in", [value, "x"], who="ann")
-        assert stage.operations.by_hand.held() == {}
+        assert stage.operations.by_hand.held_ports() == {}
         for value in ("2", "9"):
             await stage.do.publish("AA.in", [value, "x"], who="ann")
 

@@ -75,7 +75,7 @@ def test_what_a_pupil_drives_by_hand_is_let_go_when_the_class_is_frozen(tmp_path
         await do("publish", who="novak", port="CC.in", values=["1", "on"], seconds=60)
         assert (await stage.do.freeze("look", who="novak")).words.startswith("the class is frozen")
         await asyncio.sleep(1.0)
-        assert set(stage.operations.by_hand.held().values()) == {"novak"}
+        assert set(stage.operations.by_hand.held_ports().values()) == {"novak"}
         for name, arguments in (
             ("publish", {"port": "BB.in", "values": ["1", "on"]}),
             ("set", {"slot": "AA", "name": "period_s", "value": 2}),
@@ -104,7 +104,7 @@ def test_a_freeze_ends_what_a_pupil_drives_however_many_have_driven(tmp_path: Pa
         await do("publish", who=pupil("ben"), port="CC.in", values=["1", "on"], seconds=3600)
         assert len(control._drivers) <= MOST_PUPILS
         await stage.do.freeze("look", who="novak")
-        assert stage.operations.by_hand.held() == {}
+        assert stage.operations.by_hand.held_ports() == {}
 
     play(tmp_path, scene, AA_IS_A_DIAL, parts=RING)
 
@@ -112,7 +112,7 @@ def test_a_freeze_ends_what_a_pupil_drives_however_many_have_driven(tmp_path: Pa
 @pytest.mark.promise("A pupil leaves neither group, freeze nor take-over, by whatever door")
 def test_what_somebody_drives_by_hand_ends_with_the_right_to_it(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        do, held = stage.operations.do, stage.operations.by_hand.held
+        do, held = stage.operations.do, stage.operations.by_hand.held_ports
         for who, port in (("ada", "BB.in"), ("zed", "CC.in")):
             await do("publish", who=pupil(who), port=port, values=["1", "on"], seconds=3600)
         await stage.do.group("Green", ["ben"], ["BB"], who="novak")  # ada's slot is another group's now

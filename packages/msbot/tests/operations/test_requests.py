@@ -53,7 +53,7 @@ class Tape:
         file, self.file = self.file, ""
         return file
 
-    async def ended(self, file: str) -> Sequence[str] | None:
+    async def wait_until_complete(self, file: str) -> Sequence[str] | None:
         return {"lost.mcap": None, "bag.mcap": ["/strange"] * 31}.get(Path(file).name, [])
 
     def as_json(self) -> Mapping[str, object]:
@@ -69,10 +69,10 @@ async def called(stage: Stage) -> dict[str, object]:
 
 def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
-        stage.operations.recording.use(Tape())
+        stage.operations.recording.attach(Tape())
         MissionLab(stage.operations, FaultLab(stage.operations))
         LessonController(stage.operations, LessonCatalog())
-        stage.operations.worlds.use(RunningArena(Arena(open_world("line"))))
+        stage.operations.worlds.attach(RunningArena(Arena(open_world("line"))))
         done = {
             "swap": await ask(stage, "swap", slot="BB", to="DD"),
             "release": await ask(stage, "release", slot="CC"),
@@ -232,7 +232,7 @@ def test_the_reference_lists_the_operations() -> None:
 def test_the_end_of_a_recording_tells_what_is_not_in_it(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         tape = Tape()
-        stage.operations.recording.use(tape)
+        stage.operations.recording.attach(tape)
         bag, lost, last = (str(tmp_path / f"{name}.mcap") for name in ("bag", "lost", "last"))
         begun = await ask(stage, "record", file=bag, ros2=True)
         assert (begun["words"], tape.is_bag) == (f"what ROS 2 can read is recorded in {bag} from now on", True)

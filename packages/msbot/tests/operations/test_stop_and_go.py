@@ -19,7 +19,7 @@ def test_stop_reaches_every_part_and_its_latency_is_measured(tmp_path: Path) -> 
         await asyncio.sleep(0.2)
         assert [stage.parts[name].stopped for name in ("AA", "BB", "CC")] == [True] * 3
         report = stage.operations.stopping.status
-        assert (report.by, report.reason, report.told, report.silent) == ("ann", "hand in the gear", 3, ())
+        assert (report.by, report.reason, report.told_count, report.silent) == ("ann", "hand in the gear", 3, ())
         assert len(report.confirmed) == 3
         assert report.latency_ms is not None
         assert report.latency_ms < 100
@@ -33,7 +33,7 @@ def test_a_part_that_does_not_answer_is_counted_as_such(tmp_path: Path) -> None:
         await asyncio.sleep(0.1)
         await stage.do.stop(who="ann")
         report = stage.operations.stopping.status
-        assert (report.told, report.confirmed, report.latency_ms) == (2, (), None)
+        assert (report.told_count, report.confirmed, report.latency_ms) == (2, (), None)
         assert len(report.silent) == 2
         await asyncio.sleep(0.2)
         assert len(stage.operations.stopping.status.confirmed) == 2

@@ -187,11 +187,11 @@ def test_a_refusal_is_told_with_its_reason_and_every_new_reason_too(caplog: pyte
         room.master.refuse = Refusal.DUPLICATE
         room.plug(make_part())
         await asyncio.sleep(1.0)
-        assert f"is refused: {Refusal.DUPLICATE.words}" in caplog.text
+        assert f"is refused: {Refusal.DUPLICATE.describe}" in caplog.text
         room.master.refuse = Refusal.NO_SLOT
         await asyncio.sleep(3.0)
-        assert f"is standby: {Refusal.NO_SLOT.words}" in caplog.text, "a spare that waits, as the master calls it"
-        assert caplog.text.count(Refusal.NO_SLOT.words) == 1
+        assert f"is standby: {Refusal.NO_SLOT.describe}" in caplog.text, "a spare that waits, as the master calls it"
+        assert caplog.text.count(Refusal.NO_SLOT.describe) == 1
 
     play(scenario)
 

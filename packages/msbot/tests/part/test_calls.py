@@ -59,7 +59,7 @@ def test_a_refusal_is_a_sentence(status: ReplyStatus) -> None:
     calls, outcomes = OpenCalls(), Outcomes()
     calls.open(1, "ask", 0.5, 0.0, outcomes.append)
     calls.replied(1, encode_reply(status, "the lid is open"))
-    assert outcomes.words == [f"call of ask: {status.words}: the lid is open"]
+    assert outcomes.words == [f"call of ask: {status.describe}: the lid is open"]
 
 
 @pytest.mark.parametrize("octets", [b"", b"\x08", b"\xff text"])

@@ -197,7 +197,7 @@ def test_a_refusal_is_told_in_words() -> None:
         room.plug(part)
         await asyncio.sleep(0.1)
         assert part.state is JoinState.REFUSED
-        assert part.reason == Refusal.BLOCKED.words
+        assert part.reason == Refusal.BLOCKED.describe
         room.master.refuse = None
         await asyncio.sleep(2.1)
         assert part.state.value == "active"

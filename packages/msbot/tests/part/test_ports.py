@@ -67,7 +67,7 @@ def test_ports_that_are_gone_take_their_objects_along() -> None:
     ports.bind([])
     assert kinds(client) == [ObjectKind.PUBLISHER]
     assert ports.binding("in") is None
-    assert ports.words == "this robot binds no port of the part"
+    assert ports.describe == "this robot binds no port of the part"
     ports.bind([publishes("out", "T")])
     ports.unbind_all()
     assert kinds(client) == []

@@ -107,7 +107,7 @@ def test_logging_in_again_voids_all_rights_until_the_next_claim() -> None:
 def test_a_session_replaced_by_its_own_client_keeps_its_slot() -> None:
     door = Door()
     door.let_in()
-    door.access.left(PART, "replaced by a new session of the same key")
+    door.access.session_ended(PART, "replaced by a new session of the same key")
     door.access.joined(PART)
     assert door.rig.changes(KEY) == ["new", "checking", "active", "checking"]
     assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
@@ -119,7 +119,7 @@ def test_a_session_replaced_by_its_own_client_keeps_its_slot() -> None:
 def test_goodbye_is_told_from_vanishing(reason: str, state: PartState) -> None:
     door = Door()
     door.let_in()
-    door.access.left(PART, reason)
+    door.access.session_ended(PART, reason)
     assert (door.rig.events[-1].to_state, door.rig.events[-1].reason) == (state, reason)
     assert door.open_to(PART, RING_TOPICS) == ["", "", ""]
 
@@ -147,7 +147,7 @@ def test_asking_for_the_profile_begins_step_1() -> None:
 def test_the_robots_own_services_are_not_shown_as_parts() -> None:
     door = Door()
     door.access.joined(SERVICE)
-    door.access.left(SERVICE, "session deleted")
+    door.access.session_ended(SERVICE, "session deleted")
     assert door.rig.inventory.view(door.rig.now) == []
 
 
@@ -159,7 +159,7 @@ def test_a_key_that_is_in_use_on_one_link_opens_nothing_on_another() -> None:
     assert not door.access.may_join(replace(PART, link="udp:0.0.0.0:8888"))
     assert door.access.may_join(replace(PART, peer=8, address="CAN node 8"))
     assert door.access.denied == {"client key in use on another link": 2}
-    door.access.left(PART, "silent")
+    door.access.session_ended(PART, "silent")
     assert door.access.may_join(replace(PART, link="udp:0.0.0.0:8888"))
 
 
@@ -237,7 +237,7 @@ def test_an_agent_may_what_its_parts_may_and_every_end_is_told() -> None:
         ["", "wr", "", *asks],
     ]
     for client, reason in zip(clients, ("session deleted", "silent", "replaced by itself"), strict=True):
-        door.access.left(client, reason)
+        door.access.session_ended(client, reason)
     assert left == [0xA1, 0xA2]
 
 
@@ -274,7 +274,7 @@ def test_a_flood_is_noted_once_a_minute_and_anew_for_who_comes_back() -> None:
         )
         door.rig.events.clear()
         if at == 200.0:
-            door.access.left(PART, "silent")
+            door.access.session_ended(PART, "silent")
             door.let_in()
             door.rig.events.clear()
     assert noted == [100.0, 160.0, 219.9]

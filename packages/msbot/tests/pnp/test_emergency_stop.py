@@ -22,7 +22,13 @@ def said(*parts: tuple[bytes, str]) -> EmergencyStop:
 
 def test_before_anybody_says_stop_there_is_nothing() -> None:
     status = EmergencyStop().status()
-    assert (status.stopped, status.number, status.told, status.since_ns, status.latency_ms) == (False, 0, 0, None, None)
+    assert (status.stopped, status.number, status.told_count, status.since_ns, status.latency_ms) == (
+        False,
+        0,
+        0,
+        None,
+        None,
+    )
 
 
 def test_who_confirmed_and_in_how_many_ms_and_who_did_not() -> None:
@@ -32,7 +38,7 @@ def test_who_confirmed_and_in_how_many_ms_and_who_did_not() -> None:
     status = stop.status()
     assert [(one.part, round(one.ms, 3)) for one in status.confirmed] == [("AA", 4.0), ("CC", 250.0)]
     assert status.silent == ("BB",)
-    assert status.told == 3
+    assert status.told_count == 3
     assert status.latency_ms is None, "one has not confirmed"
     assert stop.confirm(b"BB", 1, 10.5)
     assert stop.status().latency_ms == 500.0
@@ -51,32 +57,32 @@ def test_the_number_of_another_stop_confirms_nothing() -> None:
 def test_a_number_counts_by_its_lowest_16_bits() -> None:
     stop = EmergencyStop(StopRecord(0x1_FFFF, False))
     stop.say("ann", "", [AA], 0.0, 0)
-    assert stop.number == 0x2_0001, "those bits are never all 0"
+    assert stop.stop_number == 0x2_0001, "those bits are never all 0"
     assert not stop.confirm(b"AA", 0, 0.1)
     assert stop.confirm(b"AA", 1, 0.1)
 
 
 def test_a_part_says_stop_with_0_or_with_a_number_that_was_never_counted_to() -> None:
     stop = EmergencyStop(StopRecord(5, False))
-    assert stop.hear(*AA, 0)
-    assert stop.hear(*AA, 6)
-    assert not stop.hear(*AA, 5), "it has not heard of GO"
-    assert not stop.hear(*AA, 1)
-    assert not stop.hear(*AA, None)
+    assert stop.handle_beat(*AA, 0)
+    assert stop.handle_beat(*AA, 6)
+    assert not stop.handle_beat(*AA, 5), "it has not heard of GO"
+    assert not stop.handle_beat(*AA, 1)
+    assert not stop.handle_beat(*AA, None)
     wrapped = EmergencyStop(StopRecord(0x1_0003, False))
-    assert not wrapped.hear(*AA, 0xFFFE)
-    assert wrapped.hear(*AA, 4)
-    assert EmergencyStop().hear(*AA, 57), "a new database"
-    assert not said(AA).hear(*AA, 0), "one holds already"
+    assert not wrapped.handle_beat(*AA, 0xFFFE)
+    assert wrapped.handle_beat(*AA, 4)
+    assert EmergencyStop().handle_beat(*AA, 57), "a new database"
+    assert not said(AA).handle_beat(*AA, 0), "one holds already"
 
 
 def test_who_still_says_stop_is_known_until_another_beat_or_none() -> None:
     stop = said(AA, BB)
     for identity, name in (AA, BB, CC):
-        stop.hear(identity, name, 0)
+        stop.handle_beat(identity, name, 0)
     assert stop.sayers == ("AA", "BB", "CC")
-    stop.hear(*AA, 1)
-    stop.hear(*BB, None)
+    stop.handle_beat(*AA, 1)
+    stop.handle_beat(*BB, None)
     stop.fall_silent(b"CC")
     assert not stop.sayers
     stop.hear(*AA, 0)
@@ -121,19 +127,19 @@ def test_whoever_says_stop_again_says_nothing_new_and_the_stop_has_a_number_of_i
     assert not stop.say("ann", "", [AA], 1.1, 2)
     assert stop.say("bob", "", [AA], 1.2, 3)
     assert not stop.say("bob", "", [AA], 1.3, 4)
-    assert (stop.latest, stop.number) == (4, 1)
+    assert (stop.latest, stop.stop_number) == (4, 1)
     stop.go("ann")
     stop.say("ann", "", [AA], 2.0, 5)
-    assert (stop.latest, stop.number) == (5, 5)
+    assert (stop.latest, stop.stop_number) == (5, 5)
 
 
 def test_go_ends_it_and_the_next_one_has_another_number() -> None:
     stop = said(AA)
     assert stop.go("bob") == 1
     assert not stop.status().stopped
-    assert stop.status().told == 0
+    assert stop.status().told_count == 0
     stop.say("ann", "", [AA], 1.0, 1)
-    assert stop.number == 2
+    assert stop.stop_number == 2
 
 
 def test_a_stop_from_before_goes_on() -> None:
@@ -155,7 +161,7 @@ def test_a_number_that_was_said_while_stop_held_is_not_used_again_after_a_restar
     stop = said(AA)
     stop.say("bob", "", [AA], 1.0, 1)
     after = EmergencyStop(stop.record)
-    assert after.latest == after.number == 3
+    assert after.latest == after.stop_number == 3
     stop.go("ann")
     after = EmergencyStop(stop.record)
     after.say("ann", "", [AA], 1.0, 1)

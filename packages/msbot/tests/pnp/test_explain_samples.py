@@ -231,7 +231,7 @@ def test_a_session_that_began_before_anybody_listened_is_understood_by_what_the_
     header = Header(0x81, STREAM_BEST_EFFORT, 1)
 
     def hear(submessage: Submessage, peer: int, *, up: bool) -> PacketWords:
-        return listener.hear(encode_message(header, [submessage], pad_end=False), peer, up=up)
+        return listener.explain_packet(encode_message(header, [submessage], pad_end=False), peer, up=up)
 
     value = Level(percent=49.9).encode()
     heard = hear(WriteData(7, 0x15, value), 7, up=True)
@@ -259,19 +259,19 @@ def test_a_session_that_was_heard_from_its_beginning_says_itself_whose_it_is() -
     value = Level(percent=49.9).encode()
 
     def said() -> list[str]:
-        up = listener.hear(packet(WriteData(20, 0x0015, value)), 1, up=True).plain
-        return [*up, *listener.hear(packet(Data(20, 0x0016, value)), 1, up=False).plain]
+        up = listener.explain_packet(packet(WriteData(20, 0x0015, value)), 1, up=True).plain
+        return [*up, *listener.explain_packet(packet(Data(20, 0x0016, value)), 1, up=False).plain]
 
-    listener.hear(service(INVENTORY_SERVICE), 1, up=True)
-    listener.hear(endpoints, 1, up=True)
+    listener.explain_packet(service(INVENTORY_SERVICE), 1, up=True)
+    listener.explain_packet(endpoints, 1, up=True)
     assert said() == [], "nobody was told whose these topics are"
-    listener.hear(packet(Data(20, 0x0017, bytes(4) + told[:-3])), 1, up=False)
+    listener.explain_packet(packet(Data(20, 0x0017, bytes(4) + told[:-3])), 1, up=False)
     assert said() == [], "nonsense tells nothing"
-    listener.hear(packet(Data(20, 0x0017, bytes(4) + told)), 1, up=False)
+    listener.explain_packet(packet(Data(20, 0x0017, bytes(4) + told)), 1, up=False)
     assert said() == ["knob says level 49.9 %", "knob hears echo 49.9 %"]
     login = encode_message(Header(0x80, 0, 0), [CreateClient(0xAABBCCDD, 0x81, 512)], pad_end=False)
-    listener.hear(login, 1, up=True)
-    listener.hear(endpoints, 1, up=True)
+    listener.explain_packet(login, 1, up=True)
+    listener.explain_packet(endpoints, 1, up=True)
     assert said() == [], "another session may be another part's"
 
 
@@ -344,7 +344,7 @@ def test_a_conversation_from_its_beginning_packet_by_packet() -> None:
         (True, packet(WriteData(20, 0x0017, beat)), "", f"node 7 {unknown}", "node 7", 2),
     ]
     for number, (up, octets, plain, about, part, count) in enumerate(steps):
-        heard = listener.hear(octets, 7, up=up)
+        heard = listener.explain_packet(octets, 7, up=up)
         assert ("; ".join(heard.plain), "; ".join(heard.about)) == (plain, about), number
         assert (listener.part_at(7), listener.unknown) == (part, count), number
 
@@ -353,7 +353,11 @@ def test_a_conversation_from_its_beginning_packet_by_packet() -> None:
 def test_a_peer_of_whom_nothing_is_known_has_a_number_on_a_bus_only(peer: int | str, name: str) -> None:
     listener = SessionListener()
     assert listener.part_at(peer) == name
-    assert listener.hear(packet(WriteData(20, 0x0015, SAMPLE)), peer, up=True).about[0].startswith(f"{name} says ")
+    assert (
+        listener.explain_packet(packet(WriteData(20, 0x0015, SAMPLE)), peer, up=True)
+        .about[0]
+        .startswith(f"{name} says ")
+    )
     assert listener.part_at(peer) == name
 
 
@@ -390,7 +394,7 @@ def test_who_listens_late_understands_every_kind_of_object(
 
     listener = SessionListener(know=know)
     kind = WriteData if up else Data
-    heard = listener.hear(packet(kind(20, object_id, payload)), 7, up=up)
+    heard = listener.explain_packet(packet(kind(20, object_id, payload)), 7, up=up)
     assert (heard.plain, heard.about) == (plain, about)
     assert (listener.part_at(7), listener.unknown) == ("knob", 0)
 

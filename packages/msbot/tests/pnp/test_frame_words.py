@@ -40,14 +40,14 @@ def test_a_packet_in_pieces_is_told_by_its_last_frame(ids: CanIds | None, up: bo
     assert before
     piece = "a piece of what node 7 sends" if up else "a piece of what the master sends to node 7"
     for frame in before:
-        told = listener.hear(frame, 1.0)
+        told = listener.explain_frame(frame, 1.0)
         assert (told.plain, told.about, len(told.protocol)) == ((), (piece,), 1)
-    told = listener.hear(last, 1.0)
+    told = listener.explain_frame(last, 1.0)
     assert (told.plain, told.about) == ((f"knob {'says' if up else 'hears'} 50 %",), ())
     assert any("dial: " in line for line in told.protocol[1:])
     assert listener.unknown == 0
     frames = [Frame(can_id, octets) for octets in split(packet(unknown), len(before) + 1, False)]
-    about = [listener.hear(frame, 1.0).about for frame in frames]
+    about = [listener.explain_frame(frame, 1.0).about for frame in frames]
     of_knob = "a piece of what knob sends" if up else "a piece of what the master sends to knob"
     assert about[:-1] == [(of_knob,)] * (len(frames) - 1), "now it is known who that is"
     assert about[-1] == (f"knob {'says' if up else 'hears'} something on a topic that is not known here",)
@@ -58,7 +58,7 @@ def test_frames_of_the_bus_itself_are_told_by_their_kind() -> None:
     for ids in (CanIds(), OTHER_IDS):
         listener = FrameListener(ids=ids)
         for frame in (beacon_frame(Beacon(0, 5, 7), ids), assign_frame(Assign(b"uid.0001", 7, 5, 0), ids)):
-            told = listener.hear(frame, 1.0)
+            told = listener.explain_frame(frame, 1.0)
             assert (told.plain, told.about) == ((), (frame_sentence(frame, ids),))
             assert len(told.protocol) == 1
 
@@ -67,7 +67,7 @@ def test_frames_of_the_bus_itself_are_told_by_their_kind() -> None:
 @pytest.mark.parametrize("extended", [False, True])
 def test_on_a_bus_of_the_thesis_two_identifiers_carry_packets(can_id: int, extended: bool) -> None:
     frame = Frame(can_id, b"\x81\x01", extended=extended)
-    told: FrameWords = FrameListener(overhearer(), legacy=True).hear(frame, 1.0)
+    told: FrameWords = FrameListener(overhearer(), legacy=True).explain_frame(frame, 1.0)
     pieces = {UP: "a piece of what a part sends", DOWN: "a piece of what the master sends to a part"}
     expected = frame_sentence(frame, CanIds()) if extended else pieces.get(can_id, frame_sentence(frame, CanIds()))
     assert (told.plain, told.about) == ((), (expected,))

@@ -21,13 +21,13 @@ WIRED = Configuration(
 
 
 def test_nothing_changes_while_nobody_holds_anything() -> None:
-    assert HandControl().over(WIRED) is WIRED
+    assert HandControl().apply_to(WIRED) is WIRED
 
 
 def test_a_held_port_hears_the_master_and_nobody_else() -> None:
     hand = HandControl()
     held = hand.take("fan", "power", "Level")
-    now = hand.over(WIRED)
+    now = hand.apply_to(WIRED)
     assert {binding.port: binding.topic for binding in now.bindings} == {"speed": "fan_speed", "power": held.topic}
     assert now.version != WIRED.version
 
@@ -35,15 +35,15 @@ def test_a_held_port_hears_the_master_and_nobody_else() -> None:
 def test_a_port_without_a_wire_can_be_held() -> None:
     hand = HandControl()
     hand.take("fan", "swing", "Switch")
-    assert [binding.port for binding in hand.over(WIRED).bindings] == ["power", "speed", "swing"]
+    assert [binding.port for binding in hand.apply_to(WIRED).bindings] == ["power", "speed", "swing"]
 
 
 def test_a_port_that_is_let_go_is_bound_to_its_wire_again() -> None:
     hand = HandControl()
     hand.take("fan", "power", "Level")
-    before = hand.over(WIRED).version
+    before = hand.apply_to(WIRED).version
     hand.let_go("fan", "power")
-    after = hand.over(WIRED)
+    after = hand.apply_to(WIRED)
     assert after.bindings == WIRED.bindings
     assert after.version not in (before, WIRED.version)
 
@@ -52,7 +52,7 @@ def test_a_port_that_is_let_go_is_bound_to_its_wire_again() -> None:
 def test_every_change_gives_a_version_that_the_part_has_not_just_had(deeds: list[str]) -> None:
     hand, version, last = HandControl(), 1, None
     for deed in deeds:
-        before = hand.over(Configuration(version=version, slot="fan", bindings=WIRED.bindings))
+        before = hand.apply_to(Configuration(version=version, slot="fan", bindings=WIRED.bindings))
         match deed:
             case "take":
                 hand.take("fan", "power", "Level")
@@ -62,7 +62,7 @@ def test_every_change_gives_a_version_that_the_part_has_not_just_had(deeds: list
                 hand.let_go("fan", "power")
             case _:
                 version += 1
-        last = hand.over(Configuration(version=version, slot="fan", bindings=WIRED.bindings))
+        last = hand.apply_to(Configuration(version=version, slot="fan", bindings=WIRED.bindings))
         assert (last.version == before.version) == (last.bindings == before.bindings and deed != "changed")
         assert 1 <= last.version < 1 << 32
 
@@ -72,15 +72,17 @@ def test_the_whole_configuration_of_a_slot_while_ports_are_held_and_after() -> N
     held = hand.take("fan", "power", "Level")
     by_hand = SlotBinding("power", "msbot_hand_fan_power", "Level", publishes=False)
     assert held.topic == by_hand.topic
-    assert hand.over(WIRED) == replace(WIRED, version=0x1_0003, bindings=(WIRED.bindings[1], by_hand))
+    assert hand.apply_to(WIRED) == replace(WIRED, version=0x1_0003, bindings=(WIRED.bindings[1], by_hand))
     assert hand.take("fan", "power", "Level") == held
-    assert hand.over(WIRED).version == 0x1_0003, "it was held before"
+    assert hand.apply_to(WIRED).version == 0x1_0003, "it was held before"
     hand.let_go("fan", "power")
     hand.let_go("fan", "power")
-    assert hand.over(WIRED) == replace(WIRED, version=0x2_0003)
-    assert hand.over(replace(WIRED, version=0x5_FFFF)).version == 0x2_FFFF, "of a version only the lower half is left"
+    assert hand.apply_to(WIRED) == replace(WIRED, version=0x2_0003)
+    assert hand.apply_to(replace(WIRED, version=0x5_FFFF)).version == 0x2_FFFF, (
+        "of a version only the lower half is left"
+    )
     other = replace(WIRED, slot="other")
-    assert hand.over(other) is other
+    assert hand.apply_to(other) is other
 
 
 def test_after_65535_changes_of_a_slot_the_count_begins_anew_and_never_at_0() -> None:
@@ -88,11 +90,11 @@ def test_after_65535_changes_of_a_slot_the_count_begins_anew_and_never_at_0() ->
     for _ in range(0xFFFE // 2):
         hand.take("fan", "power", "Level")
         hand.let_go("fan", "power")
-    assert hand.over(WIRED).version == 0xFFFE_0003
+    assert hand.apply_to(WIRED).version == 0xFFFE_0003
     versions = []
     for _ in range(2):
         hand.take("fan", "power", "Level")
-        versions.append(hand.over(WIRED).version)
+        versions.append(hand.apply_to(WIRED).version)
         hand.let_go("fan", "power")
-        versions.append(hand.over(WIRED).version)
+        versions.append(hand.apply_to(WIRED).version)
     assert versions == [0xFFFF_0003, 0x1_0003, 0x2_0003, 0x3_0003]

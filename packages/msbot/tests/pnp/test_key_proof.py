@@ -97,8 +97,8 @@ def test_a_wrong_key_is_refused_and_journalled(explain: bool) -> None:
     else:
         assert answer is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
-    assert Refusal.WRONG_KEY.words in counter.why()
-    assert counter.rig.store.events[-1].reason == f"{Refusal.WRONG_KEY.words} (the proof does not fit the question)"
+    assert Refusal.WRONG_KEY.describe in counter.why()
+    assert counter.rig.store.events[-1].reason == f"{Refusal.WRONG_KEY.describe} (the proof does not fit the question)"
 
 
 def test_the_right_key_after_a_wrong_one_is_let_in() -> None:
@@ -128,7 +128,7 @@ def test_a_recorded_proof_is_refused_as_replayed_in_another_session() -> None:
     counter.question(key=thief)
     assert counter.show(recorded, thief) is None
     assert counter.rig.state(thief) is PartState.REFUSED
-    assert counter.last == f"{Refusal.REPLAYED.words} (it was good once, for another question)"
+    assert counter.last == f"{Refusal.REPLAYED.describe} (it was good once, for another question)"
     assert counter.rig.state(SESSION) is PartState.ACTIVE
     assert counter.rig.part(SESSION).slot == "AA"
 
@@ -137,7 +137,7 @@ def test_a_proof_without_a_question_is_refused_as_replayed() -> None:
     counter = Counter()
     assert counter.show(bytes(16)) is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
-    assert counter.last == f"{Refusal.REPLAYED.words} (nothing was asked)"
+    assert counter.last == f"{Refusal.REPLAYED.describe} (nothing was asked)"
 
 
 def test_a_proof_that_comes_too_late_is_refused() -> None:
@@ -145,7 +145,7 @@ def test_a_proof_that_comes_too_late_is_refused() -> None:
     nonce = counter.question()
     counter.rig.now += GOOD_FOR_S + 0.5
     assert counter.show(answer_to(nonce)) is None
-    assert counter.last == f"{Refusal.REPLAYED.words} (it was asked 10.5 s ago)"
+    assert counter.last == f"{Refusal.REPLAYED.describe} (it was asked 10.5 s ago)"
 
 
 def test_a_proof_that_is_repeated_gets_the_same_lease_and_disturbs_nobody() -> None:
@@ -203,20 +203,20 @@ def test_replays_against_a_part_that_is_in_are_noted_and_it_stays_in() -> None:
     counter.join()
     for _ in range(3):
         assert counter.show(bytes(16)) is None
-    notes = [event for event in counter.rig.events if Refusal.REPLAYED.words in event.reason]
+    notes = [event for event in counter.rig.events if Refusal.REPLAYED.describe in event.reason]
     assert [(event.from_state, event.to_state) for event in notes] == [(PartState.ACTIVE, PartState.ACTIVE)]
     assert counter.rig.part(SESSION).slot == "AA"
-    assert Refusal.REPLAYED.words in counter.why()
+    assert Refusal.REPLAYED.describe in counter.why()
 
 
 def test_a_part_without_a_key_on_file_is_refused_without_a_question() -> None:
     counter = Counter()
     assert counter.claim(serial=2) is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
-    assert counter.last.startswith(f"{Refusal.NO_KEY.words} (none is on file for UID 0000000000000002")
+    assert counter.last.startswith(f"{Refusal.NO_KEY.describe} (none is on file for UID 0000000000000002")
     counter.rig.join(5)
     assert counter.claim(serial=0, key=5) is None
-    assert counter.last == f"{Refusal.NO_KEY.words} (the part has no UID, so it can have no key)"
+    assert counter.last == f"{Refusal.NO_KEY.describe} (the part has no UID, so it can have no key)"
 
 
 def test_the_claim_of_open_mode_is_a_downgrade_and_refused_after_a_while() -> None:
@@ -225,7 +225,7 @@ def test_the_claim_of_open_mode_is_a_downgrade_and_refused_after_a_while() -> No
     counter.rig.now += UNANSWERED_S
     counter.question()
     assert counter.rig.state(SESSION) is PartState.REFUSED
-    assert counter.last == f"{Refusal.KEY_NEEDED.words} (asked 5.0 s ago, it claims again and proves nothing)"
+    assert counter.last == f"{Refusal.KEY_NEEDED.describe} (asked 5.0 s ago, it claims again and proves nothing)"
     before = len(counter.rig.events)
     counter.question()
     assert len(counter.rig.events) == before
@@ -237,7 +237,7 @@ def test_the_programs_of_the_thesis_are_refused_in_a_robot_with_keys() -> None:
     counter = Counter()
     assert counter.requests.compat(thesis_messages.encode_request("ABCD", "eye"), SESSION, counter.rig.now) is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
-    assert counter.last == f"{Refusal.KEY_NEEDED.words} (the programs of the thesis know no keys)"
+    assert counter.last == f"{Refusal.KEY_NEEDED.describe} (the programs of the thesis know no keys)"
 
 
 def test_nobody_is_pushed_out_by_a_claim_that_is_not_proved() -> None:
@@ -275,12 +275,12 @@ def test_a_registry_that_cannot_be_read_or_a_key_that_is_removed_lets_nobody_in(
     nonce = counter.question()
     del counter.rig.store.keys[uid(1)]
     assert counter.show(answer_to(nonce)) is None
-    assert counter.last.startswith(Refusal.NO_KEY.words)
+    assert counter.last.startswith(Refusal.NO_KEY.describe)
     counter.rig.store.keys[uid(1)] = KEY
     nonce = counter.question()
     monkeypatch.setattr(counter.rig.store, "key_of", broken)
     assert counter.show(answer_to(nonce)) is None
-    assert counter.last == f"{Refusal.NOT_READY.words} (the disk is gone)"
+    assert counter.last == f"{Refusal.NOT_READY.describe} (the disk is gone)"
     assert counter.claim() is None
     assert counter.rig.state(SESSION) is PartState.REFUSED
 

@@ -72,8 +72,8 @@ def test_registered_are_active_and_late_and_over_are_lost_and_left() -> None:
 
 def test_refusals_have_the_codes_of_the_wire_and_words() -> None:
     assert [refusal.value for refusal in Refusal] == list(range(1, 12))
-    assert all(refusal.words for refusal in Refusal)
-    assert len({refusal.words for refusal in Refusal}) == len(Refusal)
+    assert all(refusal.describe for refusal in Refusal)
+    assert len({refusal.describe for refusal in Refusal}) == len(Refusal)
 
 
 def test_an_event_is_a_sentence_and_its_evidence() -> None:

@@ -39,7 +39,7 @@ def test_every_sample_of_a_robot_is_read(sealed: bool, heard: str) -> None:
             if heard == "from the middle" and place == beginning:
                 lines.clear()
                 _forget_how_it_began(listener)
-            said = listener.hear(packet, 1, up=up)
+            said = listener.explain_packet(packet, 1, up=up)
             sentences += said.plain
             lines += said.protocol
         text = "\n".join(lines)

@@ -172,5 +172,5 @@ def test_who_was_there_before_and_reads_is_told_what_has_changed_within_a_turn(t
             for key, use in uses.items()
             if use.reads(topic) and before[key].is_there
         ]
-        assert sorted(partners.settle()) == sorted(told)
+        assert sorted(partners.refresh()) == sorted(told)
         assert {topic for topic in "abc" if partners.has_publisher(topic)} == has

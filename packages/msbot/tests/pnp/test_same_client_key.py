@@ -181,7 +181,7 @@ def test_a_twin_that_walks_through_both_steps_is_a_duplicate_while_the_part_live
         await asyncio.sleep(8.0)
         assert scene.holder() == first
         assert twin.joined_at == []
-        assert Refusal.DUPLICATE.words in twin.part.reason
+        assert Refusal.DUPLICATE.describe in twin.part.reason
         assert scene.bb.longest_silence() < 0.3
         assert "AA lost" not in scene.changes
 
@@ -199,7 +199,7 @@ def test_without_the_key_nobody_takes_the_place_of_a_part_that_is_held_up() -> N
         await asyncio.sleep(5.0)
         assert scene.holder() == first
         assert thief.joined_at == []
-        assert thief.part.reason == Refusal.WRONG_KEY.words
+        assert thief.part.reason == Refusal.WRONG_KEY.describe
         assert "AA lost" not in scene.changes
 
     tell(story, keyed=True)

@@ -286,7 +286,7 @@ def test_a_part_that_answers_like_one_that_cannot_seal_is_refused() -> None:
 def test_another_key_is_refused_with_its_reason() -> None:
     async def story(scene: Story) -> None:
         assert scene.bb.state is JoinState.REFUSED
-        assert scene.bb.reason == Refusal.WRONG_KEY.words
+        assert scene.bb.reason == Refusal.WRONG_KEY.describe
         assert scene.aa.state is JoinState.ACTIVE
 
     tell(story, keys=(KEY, bytes(16)))

@@ -182,7 +182,7 @@ def test_what_nobody_asked_for_is_counted_by_reason_and_noted_once() -> None:
     inventory.on_event(lambda event: noted.append(event.reason) if event.from_state is event.to_state else None)
     no_claim, unasked = "description of a client that has not claimed", "description that nobody asked for"
     note = "it says what it is, and was not asked: the library's entry of its number counts"
-    inventory.descriptions.said(KEY + 1, WORDS, desk.rig.now)  # no session
+    inventory.descriptions.receive_description(KEY + 1, WORDS, desk.rig.now)  # no session
     desk.says()  # nothing claimed
     assert (inventory.dropped, noted) == ({no_claim: 2}, [])
     inventory.profile_asked(KEY, desk.rig.now)

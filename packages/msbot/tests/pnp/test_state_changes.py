@@ -77,7 +77,7 @@ def test_what_a_handler_does_is_told_after_what_it_was_told() -> None:
 
 def test_what_is_told_later_comes_after_rights_and_events() -> None:
     scene = Scene()
-    scene.changes.later(lambda: scene.told.append("later"))
+    scene.changes.after_events(lambda: scene.told.append("later"))
     record = scene.changes.appear(scene.session, 0.0)
     scene.changes.move(record, PartState.CHECKING, 1.0, "claims")
     scene.changes.seat(record, scene.store.configuration("AA"), 2.0, "found")

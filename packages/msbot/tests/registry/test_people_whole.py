@@ -105,7 +105,7 @@ class School:
                 )
             case "key":
                 uid, key = bytes([random.choice((0, 1, 2, 1, 2, 1, 2))]) * 8, bytes([random.randrange(256)]) * 16
-                self.both(lambda: self.keys.keep(uid, key, who).words, lambda: self.keep_key(uid, key, who, now))
+                self.both(lambda: self.keys.store(uid, key, who).words, lambda: self.keep_key(uid, key, who, now))
             case "no key":
                 uid = bytes([random.randrange(1, 3)]) * 8
                 self.both(lambda: self.keys.remove(uid, who).words, lambda: self.remove_key(uid, who, now))
@@ -113,7 +113,7 @@ class School:
                 who = random.choice(PEOPLE[:2])
                 source = ProgramSource(random.choice(("a", "bb", "ccc")), random.choice(("", "{}")))
                 self.both(
-                    lambda: self.programs.keep(who, name, source), lambda: self.keep_program(who, name, source, now)
+                    lambda: self.programs.store(who, name, source), lambda: self.keep_program(who, name, source, now)
                 )
             case "delete":
                 self.both(lambda: self.programs.remove(who, name), lambda: self.program(who, name, is_removed=True))
@@ -135,7 +135,7 @@ class School:
                     if random.random() < 0.7
                 ]
                 self.both(
-                    lambda: self.groups.keep(self.robots[index], reversed(groups)),
+                    lambda: self.groups.replace(self.robots[index], reversed(groups)),
                     lambda: plain["groups"].update({index: groups}),
                 )
         return who
@@ -336,6 +336,6 @@ def test_what_a_class_leaves_is_what_the_plain_lists_have(
         school.compare([school.step()])
     school.compare()
     school.plain["groups"][0] = []
-    school.groups.keep(school.robots[0], [])
+    school.groups.replace(school.robots[0], [])
     school.compare()
     assert {row.kind for row in connection.execute(select(group_rows))} <= {class_groups.PUPIL, class_groups.SLOT}

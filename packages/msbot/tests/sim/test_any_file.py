@@ -74,14 +74,14 @@ def play_with(part_type: PartType) -> None:
             for value in values_of(control):
                 now += pause_s
                 world.set(control.name, value, now)
-                world.look()
+                world.note_changes()
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.message is not None:
                 zero = {name: kind.zero for name, kind in port.message.fields.items()}
                 for fields in (zero, dict(port.safe or {})):
                     world.receive(port.name, fields, now)
         world.advance(now)
-        heard += world.say(now)
+        heard += world.due_messages(now)
     for port_name, fields in heard:
         found = part_type.port(port_name)
         assert found is not None

@@ -46,7 +46,7 @@ def played(part_type: PartType, settings: dict[str, Scalar]) -> list[object]:
         if step % 7 == 0:
             play_once(part_type, world, random, now)
         world.advance(now)
-        seen.append((dict(world.readings()), world.say(now)))
+        seen.append((dict(world.readings()), world.due_messages(now)))
     return seen
 
 
@@ -91,7 +91,7 @@ def said(world: PartModel, until: float, begin: float = 0.0) -> list[float]:
     for step in range(1, round((until - begin) / STEP_S) + 1):
         now = round(begin + step * STEP_S, 6)
         world.advance(now)
-        values += [fields["percent"] for _, fields in world.say(now)]
+        values += [fields["percent"] for _, fields in world.due_messages(now)]
     return [value for value in values if isinstance(value, float)]
 
 

@@ -41,7 +41,7 @@ def world(*outputs: Output, ports: tuple[Port, ...] = (OUT, IN), readings: tuple
 def said(found: PartModel, now: float) -> list[Scalar]:
     """The one field of everything that is said at that moment."""
     found.advance(now)
-    return [next(iter(fields.values())) for _, fields in found.say(now)]
+    return [next(iter(fields.values())) for _, fields in found.due_messages(now)]
 
 
 def test_a_period_is_kept_without_drift_and_missed_ones_are_not_made_up_for() -> None:
@@ -74,7 +74,7 @@ def test_a_change_is_said_once_and_even_when_it_is_over_again() -> None:
     assert said(found, 1.0) == []
     for value in (True, False):
         found.set("press", value, 1.1)
-        found.look()
+        found.note_changes()
     assert said(found, 2.0) == [True, False]
 
 
@@ -83,7 +83,7 @@ def test_too_many_changes_drop_the_oldest_and_are_counted() -> None:
     found.join(0.0)
     for value in range(MOST_WAITING + 3):
         found.set("knob", float(value), 0.0)
-        found.look()
+        found.note_changes()
     assert found.forgotten == 3
     assert said(found, 0.0) == [float(value) for value in range(3, MOST_WAITING + 3)]
 
@@ -123,7 +123,7 @@ def test_the_number_of_a_message_counts_from_one_and_texts_have_sources_in_them(
     heard = []
     for now in (0.0, 1.0):
         found.advance(now)
-        heard += found.say(now)
+        heard += found.due_messages(now)
     assert heard == [
         ("out", {"index": 1, "message": "knob 10.0"}),
         ("out", {"index": 2, "message": "knob 10.0"}),
@@ -181,4 +181,4 @@ def test_a_part_without_a_simulator_is_a_quiet_world() -> None:
     found.receive("in", {"a": 1}, 0.0)
     found.advance(1.0)
     assert found.readings() == {}
-    assert found.say(1.0) == []
+    assert found.due_messages(1.0) == []

@@ -17,7 +17,7 @@ class RequestShape:
 
     is_filter = False
 
-    def wants(self, sample: Sample) -> bool:  # noqa: ARG002 - the protocol's signature
+    def accepts(self, sample: Sample) -> bool:  # noqa: ARG002 - the protocol's signature
         """Every request."""
         return True
 
@@ -44,7 +44,7 @@ class ReplyShape:
         self.guid: Guid | None = None
         """GUID of the writer that carries the requests now."""
 
-    def wants(self, sample: Sample) -> bool:
+    def accepts(self, sample: Sample) -> bool:
         """Whether the sample answers an open request of this requester, or is an unsolicited message to it."""
         related = sample.related
         if related is None or related[0] != self.guid:
@@ -70,7 +70,7 @@ class NoEchoShape:
     def __init__(self, is_own: Callable[[Guid], bool]) -> None:
         self._is_own = is_own
 
-    def wants(self, sample: Sample) -> bool:
+    def accepts(self, sample: Sample) -> bool:
         """Whether somebody else wrote it."""
         return not self._is_own(sample.writer)
 

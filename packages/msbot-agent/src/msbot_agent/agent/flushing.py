@@ -70,7 +70,7 @@ class TimerHeap(Generic[Owner]):
         if len(self._heap) > 2 * len(due) + MOST_STALE:
             self._heap = sorted(due.values())
 
-    def rest(self, owner: Owner) -> None:
+    def suspend(self, owner: Owner) -> None:
         """Do not fire for that owner until it is scheduled again; cheap, for owners that soon will be."""
         entry = self._due.get(owner)
         if entry is not None:
@@ -130,7 +130,7 @@ class Flusher:
         self._alarm: asyncio.TimerHandle | None = None
         self._alarm_at = math.inf
 
-    def mark(self, proxy: Proxy) -> None:
+    def schedule(self, proxy: Proxy) -> None:
         """Serve the client at the end of the burst or turn."""
         if proxy.is_marked:
             return
@@ -153,7 +153,7 @@ class Flusher:
             if not proxy.is_over:
                 self._serve(proxy, now)
         if self._transit.booked:
-            self._transit.settle()
+            self._transit.mark_sent()
 
     def room_gained(self, port: ServedLink, peer: Peer | None) -> None:
         """The link has room for that peer again, or for all."""
@@ -162,7 +162,7 @@ class Flusher:
             if peer is None or port.members[proxy] == peer:
                 self._serve(proxy, now)
         if self._transit.booked:
-            self._transit.settle()
+            self._transit.mark_sent()
 
     def watch_life(self, proxy: Proxy, when: float) -> None:
         """Check at that time whether the client is still alive."""
@@ -210,12 +210,12 @@ class Flusher:
     def _serve(self, proxy: Proxy, now: float) -> None:
         """Send for a client, and work out when to look at it again."""
         if proxy.is_at_rest():
-            self._timers.rest(proxy)
+            self._timers.suspend(proxy)
             return
         self.send(proxy, now)
         when = proxy.timer()
         if when is None:
-            self._timers.rest(proxy)
+            self._timers.suspend(proxy)
         else:
             self._timers.schedule(proxy, when)
             if when < self._alarm_at:

@@ -80,7 +80,7 @@ class Gate(Protocol):
     def joined(self, client: ClientInfo) -> None:
         """A session was opened or opened again (also from another address): earlier grants are void."""
 
-    def left(self, client: ClientInfo, reason: str) -> None:
+    def session_ended(self, client: ClientInfo, reason: str) -> None:
         """The session has ended; `reason` in words ("session deleted", "replaced", "silent", ...)."""
 
     def is_latched(self, topic: str) -> bool:
@@ -128,7 +128,7 @@ class OpenGate:
     def joined(self, client: ClientInfo) -> None:
         """Nothing to remember."""
 
-    def left(self, client: ClientInfo, reason: str) -> None:
+    def session_ended(self, client: ClientInfo, reason: str) -> None:
         """Nothing to forget."""
 
     def is_latched(self, topic: str) -> bool:  # noqa: ARG002 - the protocol's signature

@@ -37,7 +37,7 @@ class Participant:
     owner: Owner
     topics: dict[str, tuple[Topic, int]] = field(default_factory=dict)
 
-    def use(self, name: str, type_name: str) -> Topic:
+    def topic(self, name: str, type_name: str) -> Topic:
         """Make the topic or use the existing one of that name, whose type then counts."""
         known = self.topics.get(name)
         topic, users = (_topic(name, type_name, self.domain), 0) if known is None else known
@@ -135,7 +135,7 @@ class Creator:
         participant: Participant,
         topics: dict[int, ClientObject],  # noqa: ARG002 - one signature for all
     ) -> ClientObject:
-        return ClientObject(definition, participant, participant.use(definition.name, definition.type_name))
+        return ClientObject(definition, participant, participant.topic(definition.name, definition.type_name))
 
     def _make_writer(
         self,
@@ -197,11 +197,11 @@ class Creator:
             entity = topics.get((definition.topic_id & 0xFFF0) | _TOPIC)
             if entity is None or entity.topic is None or entity.participant is not participant:
                 raise NoSuchTopic(f"topic {definition.topic_id:04X}")
-            return participant.use(entity.topic.name, entity.topic.type_name)
+            return participant.topic(entity.topic.name, entity.topic.type_name)
         name = definition.topic_name
         if name is None or name not in participant.topics:
             raise NoSuchTopic(f"topic {name!r}")
-        return participant.use(name, "")
+        return participant.topic(name, "")
 
     def _make_qos(self, definition: WriterDef | ReaderDef) -> Qos:
         settings = self._settings

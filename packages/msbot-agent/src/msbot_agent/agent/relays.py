@@ -186,7 +186,7 @@ class PeersOfAgent:
         self._places: dict[Hashable, None] = {}
 
     @property
-    def strangers(self) -> int:
+    def stranger_count(self) -> int:
         """See `KnownPeers`."""
         return self._port.outside + self._relays.from_strangers
 
@@ -210,7 +210,7 @@ class PeersOfAgent:
             del self._places[next(iter(self._places))]
         self._places[origin] = None
 
-    def first(self, most: int) -> Iterable[Peer]:
+    def preferred_peers(self, most: int) -> Iterable[Peer]:
         """See `KnownPeers`: relays, then clients with a place, then those that came last."""
         members = self._port.members
         settled = [peer for proxy, peer in members.items() if self._gate.is_settled(proxy.info)]

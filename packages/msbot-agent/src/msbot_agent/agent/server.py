@@ -106,7 +106,7 @@ class Agent:
             settings=settings,
             clock=self._now,
             agent_id=agent_id or os.urandom(8),
-            mark=self._flusher.mark,
+            mark=self._flusher.schedule,
             replies=ReplyExchange(space),
             transit=self.latency.transit,
             references=references,
@@ -370,7 +370,7 @@ class Agent:
         self._clients.set_gone(proxy)
         proxy.leave(reason, now)
         self._flusher.watch_life(proxy, proxy.next_life_check(now) or now)
-        self._gate.left(proxy.info, reason)
+        self._gate.session_ended(proxy.info, reason)
         proxy.recheck()
 
     def _peer_back(self, proxy: Proxy, port: ServedLink, peer: Peer) -> None:
@@ -392,7 +392,7 @@ class Agent:
         proxy.close()
         logger.info("client %08X on %s has left: %s", proxy.info.key, proxy.info.link, reason)
         if proxy.gone is None:  # otherwise the gate was told when it went
-            self._gate.left(proxy.info, reason)
+            self._gate.session_ended(proxy.info, reason)
 
     def _call_at(self, when: float, function: Callable[[], None]) -> object:
         return asyncio.get_running_loop().call_at(when, function)

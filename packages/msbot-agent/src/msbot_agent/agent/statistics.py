@@ -188,12 +188,12 @@ class Transit:
         timed.began = self._clock()
         return timed
 
-    def book(self, payload: TimestampedPayload, reader_since: float) -> None:
+    def mark_queued(self, payload: TimestampedPayload, reader_since: float) -> None:
         """A marked sample was booked for a reader's link."""
         if payload.began >= reader_since and len(self.booked) < MOST_READERS:
             self.booked.append(payload.began)
 
-    def settle(self) -> None:
+    def mark_sent(self) -> None:
         """What was booked has been given to the links."""
         now = self._clock()
         booked, self.booked = self.booked, []
@@ -259,7 +259,7 @@ class Acknowledgements:
     def __init__(self) -> None:
         self._counts: dict[int, int] = {}
 
-    def look(self, measured: Iterable[tuple[int, int, float]]) -> Iterator[tuple[int, float]]:
+    def newest(self, measured: Iterable[tuple[int, int, float]]) -> Iterator[tuple[int, float]]:
         """`(client key, seconds)` for each client with news: the latest of what was measured since.
 
         Args:

@@ -294,7 +294,7 @@ class ReadSide:
         if not self.is_waiting:
             if self._offer(sample):
                 return True
-        elif shape is not None and not shape.wants(sample):
+        elif shape is not None and not shape.accepts(sample):
             return True
         self.is_waiting = True
         if shape is None or not shape.is_filter:
@@ -351,7 +351,7 @@ class ReadSide:
         payload = sample.payload
         shape = self._shape
         if shape is not None:
-            if not shape.wants(sample):
+            if not shape.accepts(sample):
                 return True
             payload = shape.payload(sample)
         read = self.read
@@ -362,7 +362,7 @@ class ReadSide:
         if shape is not None:
             shape.sent(sample)
         if type(sample.payload) is TimestampedPayload:
-            self._host.transit.book(sample.payload, self._since)
+            self._host.transit.mark_queued(sample.payload, self._since)
         if read.limited:
             self._account(read, len(payload))
         self.delivered += 1
@@ -392,7 +392,7 @@ class Shape(Protocol):
     is_filter: bool
     """Whether some samples do not concern it."""
 
-    def wants(self, sample: Sample) -> bool:
+    def accepts(self, sample: Sample) -> bool:
         """Whether the sample is for this client; if not, it is silently consumed."""
 
     def payload(self, sample: Sample) -> bytes:

@@ -5,8 +5,8 @@ A package names a `CommandService` by an entry point, for a master in the group 
 
 1. their `options` are added to its own, when its command line is read or its help is printed;
 2. `check` reads what was given, before a database or link is opened, and says whether the service is wanted;
-3. `prepare` loads what takes long, while a master waits for its turn (`--standby`);
-4. `beside`, in the event loop, makes the coroutines that run as long as the master or agent does.
+3. `preload` loads what takes long, while a master waits for its turn (`--standby`);
+4. `coroutines`, in the event loop, makes the coroutines that run as long as the master or agent does.
 
 Services that a service names in `after` come before it, so that it finds what these offer. A service of a stranger
 that fails is left out, and the robot runs on; one of MsBOT's own ends the command as any mistake does.
@@ -59,10 +59,10 @@ class CommandService(Generic[W, C]):
         """
         raise NotImplementedError
 
-    def prepare(self, wanted: W) -> None:
+    def preload(self, wanted: W) -> None:
         """Load what takes long to load; called where there is time for it, and perhaps not at all."""
 
-    def beside(self, wanted: W, context: C) -> Iterable[Beside]:  # noqa: ARG002 - for those that need them
+    def coroutines(self, wanted: W, context: C) -> Iterable[Beside]:  # noqa: ARG002 - for those that need them
         """What runs beside the master or agent, until cancelled.
 
         Args:
@@ -85,13 +85,13 @@ class WantedService:
     extension: Extension
     left_out: Callable[[Extension, str], None]
 
-    def prepare(self) -> None:
-        """See `CommandService.prepare`."""
-        self.attempt(partial(self.service.prepare, self.wanted), None)
+    def preload(self) -> None:
+        """See `CommandService.preload`."""
+        self.attempt(partial(self.service.preload, self.wanted), None)
 
-    def beside(self, context: object) -> list[Beside]:
-        """See `CommandService.beside`."""
-        found = self.attempt(lambda: list(self.service.beside(self.wanted, context)), list[Beside]())
+    def coroutines(self, context: object) -> list[Beside]:
+        """See `CommandService.coroutines`."""
+        found = self.attempt(lambda: list(self.service.coroutines(self.wanted, context)), list[Beside]())
         return found if self.extension.is_own else [self._run(one) for one in found]
 
     def attempt(self, action: Callable[[], T], otherwise: T) -> T:

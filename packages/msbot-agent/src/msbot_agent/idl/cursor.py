@@ -66,7 +66,7 @@ def scan(text: str, file: str, conditions: Conditions) -> Iterator[Word]:
     while offset < len(text):
         place = SourceLocation(file, line, offset - start + 1)
         found = _WORDS.match(text, offset)
-        if not conditions.counts and text[offset] not in "# \t\r\f\v\n":
+        if not conditions.is_active and text[offset] not in "# \t\r\f\v\n":
             found = _SKIPPED.match(text, offset)
             assert found is not None
             offset = found.end()
@@ -122,7 +122,7 @@ class Cursor:
         self._next: Word | None = None
 
     @property
-    def word(self) -> Word:
+    def peek(self) -> Word:
         """The word that comes next."""
         if self._next is None:
             self._next = next(self._words)
@@ -130,53 +130,53 @@ class Cursor:
 
     def take(self) -> Word:
         """Take the next word; at the end of the file this returns the end again."""
-        word = self.word
+        word = self.peek
         if word.kind is not TokenKind.END:
             self._next = None
         return word
 
     def has(self, text: str) -> bool:
         """Whether that sign or name comes next."""
-        return self.word.text == text and self.word.kind in (TokenKind.SIGN, TokenKind.NAME)
+        return self.peek.text == text and self.peek.kind in (TokenKind.SIGN, TokenKind.NAME)
 
-    def took(self, text: str) -> bool:
+    def take_if(self, text: str) -> bool:
         """Take that sign or name if it comes next; returns whether it did."""
         if self.has(text):
             self.take()
             return True
         return False
 
-    def need(self, text: str) -> Word:
+    def expect(self, text: str) -> Word:
         """Take that sign or name, which must come next."""
         if not self.has(text):
-            raise self.word.place.error(f"{text} is missing before {self.shown()}")
+            raise self.peek.place.error(f"{text} is missing before {self.shown()}")
         return self.take()
 
     def need_name(self, what: str) -> Word:
         """Take a name, which must come next."""
-        if self.word.kind is not TokenKind.NAME:
-            raise self.word.place.error(f"the name of {what} is missing before {self.shown()}")
+        if self.peek.kind is not TokenKind.NAME:
+            raise self.peek.place.error(f"the name of {what} is missing before {self.shown()}")
         return self.take()
 
     def scoped_name(self) -> tuple[Name, SourceLocation]:
         """Take a name with its modules: `geometry_msgs::msg::Twist`."""
-        place = self.word.place
-        self.took("::")
+        place = self.peek.place
+        self.take_if("::")
         parts = [self.need_name("a type").text]
-        while self.took("::"):
+        while self.take_if("::"):
             parts.append(self.need_name("a type").text)
         return tuple(parts), place
 
     def close_bracket(self) -> None:
         """Take a `>`, also the first half of a `>>` that closes two brackets: `sequence<string<8>>`."""
         if self.has(">>"):
-            self._next = Word(TokenKind.SIGN, ">", self.word.place)
+            self._next = Word(TokenKind.SIGN, ">", self.peek.place)
         else:
-            self.need(">")
+            self.expect(">")
 
     def shown(self) -> str:
         """The next word for a person."""
-        return self.word.text or TokenKind.END.value
+        return self.peek.text or TokenKind.END.value
 
 
 class Expressions:
@@ -197,8 +197,8 @@ class Expressions:
         if level == len(_BINARY):
             return self._unary(shifts=shifts)
         value = self.number(level + 1, shifts=shifts)
-        while self._words.word.kind is TokenKind.SIGN and self._words.word.text in _BINARY[level]:
-            if self._words.word.text in ("<<", ">>") and not shifts:
+        while self._words.peek.kind is TokenKind.SIGN and self._words.peek.text in _BINARY[level]:
+            if self._words.peek.text in ("<<", ">>") and not shifts:
                 break
             word = self._words.take()
             other = self.number(level + 1, shifts=shifts)
@@ -212,7 +212,7 @@ class Expressions:
     def _unary(self, *, shifts: bool) -> int:
         self._depth += 1
         if self._depth > DEEPEST:
-            raise self._words.word.place.error(f"an expression is nested more than {DEEPEST} deep")
+            raise self._words.peek.place.error(f"an expression is nested more than {DEEPEST} deep")
         try:
             return self._operand(shifts=shifts)
         finally:
@@ -220,17 +220,17 @@ class Expressions:
 
     def _operand(self, *, shifts: bool) -> int:
         words = self._words
-        if words.took("-"):
+        if words.take_if("-"):
             return -self._unary(shifts=shifts)
-        if words.took("~"):
+        if words.take_if("~"):
             return ~self._unary(shifts=shifts)
-        if words.took("+"):
+        if words.take_if("+"):
             return self._unary(shifts=shifts)
-        if words.took("("):
+        if words.take_if("("):
             value = self.number()
-            words.need(")")
+            words.expect(")")
             return value
-        word = words.word
+        word = words.peek
         if word.kind is TokenKind.NUMBER:
             words.take()
             try:

@@ -44,7 +44,7 @@ class Conditions:
         self._open: list[_Branch] = []
 
     @property
-    def counts(self) -> bool:
+    def is_active(self) -> bool:
         """Whether the line that comes next counts."""
         return not self._open or self._open[-1].counts
 
@@ -57,11 +57,11 @@ class Conditions:
         words = _REMARK.sub(" ", directive[1:].replace("\\\n", " ")).split(None, 1) or [""]
         verb, rest = words[0], words[1].strip() if len(words) > 1 else ""
         if verb in ("if", "ifdef", "ifndef"):
-            counts = self.counts and self._holds(verb, rest, place)
-            self._open.append(_Branch(place, self.counts, counts, counts))
+            counts = self.is_active and self._holds(verb, rest, place)
+            self._open.append(_Branch(place, self.is_active, counts, counts))
         elif verb in ("elif", "else", "endif"):
             self._go_on(verb, rest, place)
-        elif not self.counts or verb in (*IGNORED, ""):
+        elif not self.is_active or verb in (*IGNORED, ""):
             return False
         elif verb == "define":
             self._define(rest, place)

@@ -112,28 +112,28 @@ class _Reader:
     def read(self) -> None:
         seen = Path(self._file)
         self._seen.add(seen)
-        while self._words.word.kind is not TokenKind.END:
+        while self._words.peek.kind is not TokenKind.END:
             self._definition()
 
     # Definitions
 
     def _definition(self) -> None:
-        word = self._words.word
+        word = self._words.peek
         if word.kind is TokenKind.DIRECTIVE:
             self._directive()
         elif self._annotations():
             return
-        elif self._words.took("module"):
+        elif self._words.take_if("module"):
             self._module()
-        elif self._words.took("struct"):
+        elif self._words.take_if("struct"):
             self._struct(word.comment)
-        elif self._words.took("enum"):
+        elif self._words.take_if("enum"):
             self._enum(word.comment)
-        elif self._words.took("typedef"):
+        elif self._words.take_if("typedef"):
             self._typedef()
-        elif self._words.took("const"):
+        elif self._words.take_if("const"):
             self._constant(word.comment)
-        elif not self._words.took(";"):
+        elif not self._words.take_if(";"):
             what = _NOT_SUPPORTED.get(word.text)
             if what is not None:
                 raise word.place.error(f"{what} is not supported; use a struct, an enum or a typedef")
@@ -166,48 +166,48 @@ class _Reader:
 
     def _annotations(self) -> bool:
         """Skip annotations; True when nothing follows."""
-        while self._words.took("@"):
+        while self._words.take_if("@"):
             name = self._words.need_name("an annotation")
             if name.text == "optional":
                 raise name.place.error("@optional is not supported: classic CDR has no form for it")
-            if self._words.took("("):
+            if self._words.take_if("("):
                 depth = 1
                 while depth:
                     word = self._words.take()
                     if word.kind is TokenKind.END:
                         raise word.place.error(f") is missing: the annotation @{name.text} is never closed")
                     depth += {"(": 1, ")": -1}.get(word.text, 0)
-        return self._words.word.kind is TokenKind.END
+        return self._words.peek.kind is TokenKind.END
 
     def _module(self) -> None:
         name = self._words.need_name("the module")
         if len(self._scope) >= DEEPEST:
             raise name.place.error(f"modules are nested more than {DEEPEST} deep")
-        self._words.need("{")
+        self._words.expect("{")
         self._scope = (*self._scope, name.text)
-        while not self._words.took("}"):
-            if self._words.word.kind is TokenKind.END:
-                raise self._words.word.place.error(f"}} is missing: module {name.text} is never closed")
+        while not self._words.take_if("}"):
+            if self._words.peek.kind is TokenKind.END:
+                raise self._words.peek.place.error(f"}} is missing: module {name.text} is never closed")
             self._definition()
         self._scope = self._scope[:-1]
-        self._words.took(";")
+        self._words.take_if(";")
 
     def _struct(self, comment: str) -> None:
         name = self._words.need_name("the struct")
-        if self._words.took(";"):
+        if self._words.take_if(";"):
             return  # only a forward declaration
         members: list[Member] = []
-        if self._words.took(":"):
+        if self._words.take_if(":"):
             base = self._type()
             if not isinstance(base, Reference) or base.name not in self._into.structs:
                 raise name.place.error(f"{name.text} can only be derived from a struct")
             members += self._into.structs[base.name].members
-        self._words.need("{")
-        while not self._words.took("}"):
-            if self._words.word.kind is TokenKind.END:
-                raise self._words.word.place.error(f"}} is missing: struct {name.text} is never closed")
+        self._words.expect("{")
+        while not self._words.take_if("}"):
+            if self._words.peek.kind is TokenKind.END:
+                raise self._words.peek.place.error(f"}} is missing: struct {name.text} is never closed")
             members += self._member(members)
-        self._words.need(";")
+        self._words.expect(";")
         if not members:
             raise name.place.error(f"struct {name.text} has no members: DDS needs at least one")
         full = (*self._scope, name.text)
@@ -215,7 +215,7 @@ class _Reader:
 
     def _member(self, others: list[Member]) -> list[Member]:
         self._annotations()
-        comment = self._words.word.comment
+        comment = self._words.peek.comment
         base = self._type()
         found: list[Member] = []
         while True:
@@ -223,14 +223,14 @@ class _Reader:
             if name.text in {member.name for member in (*others, *found)}:
                 raise name.place.error(f"there is a member {name.text} already")
             found.append(Member(name.text, self._dimensions(base), comment))
-            if not self._words.took(","):
+            if not self._words.take_if(","):
                 break
-        self._words.need(";")
+        self._words.expect(";")
         return found
 
     def _enum(self, comment: str) -> None:
         name = self._words.need_name("the enum")
-        self._words.need("{")
+        self._words.expect("{")
         members: dict[str, int] = {}
         number = 0
         while True:
@@ -243,18 +243,18 @@ class _Reader:
                 raise member.place.error(f"two members of {name.text} have the number {number}")
             members[member.text] = number
             number += 1
-            if not self._words.took(","):
+            if not self._words.take_if(","):
                 break
-        self._words.need("}")
-        self._words.need(";")
+        self._words.expect("}")
+        self._words.expect(";")
         self._into.add(Enum((*self._scope, name.text), tuple(members.items()), comment), name.place)
 
     def _value_annotation(self, number: int) -> int:
-        self._words.need("@")
+        self._words.expect("@")
         name = self._words.need_name("an annotation")
-        self._words.need("(")
+        self._words.expect("(")
         value = self._expressions.number()
-        self._words.need(")")
+        self._words.expect(")")
         if name.text == "value":
             if not 0 <= value < 1 << 32:
                 raise name.place.error("the number of a member must be 0 to 4294967295")
@@ -269,18 +269,18 @@ class _Reader:
             if full in self._typedefs:
                 raise name.place.error(f"{name.text} is defined twice")
             self._typedefs[full] = self._dimensions(base)
-            if not self._words.took(","):
+            if not self._words.take_if(","):
                 break
-        self._words.need(";")
+        self._words.expect(";")
 
     def _constant(self, comment: str) -> None:
         kind = self._type()
         name = self._words.need_name("the constant")
-        self._words.need("=")
+        self._words.expect("=")
         value: Value
         if isinstance(kind, StringType):
-            if self._words.word.kind is not TokenKind.TEXT:
-                raise self._words.word.place.error(f'a text in "quotes" is missing before {self._words.shown()}')
+            if self._words.peek.kind is not TokenKind.TEXT:
+                raise self._words.peek.place.error(f'a text in "quotes" is missing before {self._words.shown()}')
             value = self._words.take().text[1:-1]
         elif kind == Basic("bool"):
             word = self._words.need_name("TRUE or FALSE")
@@ -293,22 +293,22 @@ class _Reader:
             value = self._expressions.number()
         else:
             raise name.place.error("a constant is a number, a boolean or a text")
-        self._words.need(";")
+        self._words.expect(";")
         self._into.add(Constant((*self._scope, name.text), kind, value, comment), name.place)
 
     # Types
 
     def _type(self, depth: int = 0) -> Type:
-        word = self._words.word
+        word = self._words.peek
         if depth > DEEPEST:
             raise word.place.error(f"types are nested more than {DEEPEST} deep")
         if word.kind is not TokenKind.NAME and not self._words.has("::"):
             raise word.place.error(f"a type is missing before {self._words.shown()}")
-        if self._words.took("sequence"):
+        if self._words.take_if("sequence"):
             return self._sequence(depth)
-        if self._words.took("string"):
+        if self._words.take_if("string"):
             bound = None
-            if self._words.took("<"):
+            if self._words.take_if("<"):
                 bound = self._bound()
                 self._words.close_bracket()
             return StringType(bound)
@@ -319,16 +319,16 @@ class _Reader:
         return self._named()
 
     def _sequence(self, depth: int) -> Type:
-        self._words.need("<")
+        self._words.expect("<")
         element = self._type(depth + 1)
-        bound = self._bound() if self._words.took(",") else None
+        bound = self._bound() if self._words.take_if(",") else None
         self._words.close_bracket()
         return Sequence(element, bound)
 
     def _basic(self) -> Type:
-        first = self._words.word
+        first = self._words.peek
         words: list[str] = []
-        while self._words.word.kind is TokenKind.NAME and (*words, self._words.word.text) in {
+        while self._words.peek.kind is TokenKind.NAME and (*words, self._words.peek.text) in {
             known[: len(words) + 1] for known in _WORDS_OF_TYPES
         }:
             words.append(self._words.take().text)
@@ -361,15 +361,15 @@ class _Reader:
 
     def _dimensions(self, base: Type) -> Type:
         lengths = []
-        while self._words.took("["):
+        while self._words.take_if("["):
             lengths.append(self._bound())
-            self._words.need("]")
+            self._words.expect("]")
         for length in reversed(lengths):
             base = Array(base, length)
         return base
 
     def _bound(self) -> int:
-        place = self._words.word.place
+        place = self._words.peek.place
         number = self._expressions.number(shifts=False)
         if not 1 <= number <= LARGEST_ARRAY:
             raise place.error(f"a bound must be 1 to {LARGEST_ARRAY}, not {number}")
@@ -378,7 +378,7 @@ class _Reader:
     # Values
 
     def _float(self) -> float:
-        sign = -1.0 if self._words.took("-") else 1.0
+        sign = -1.0 if self._words.take_if("-") else 1.0
         word = self._words.take()
         if word.kind is not TokenKind.NUMBER:
             raise word.place.error(f"a number is missing before {word.text or TokenKind.END.value}")

@@ -81,7 +81,7 @@ class KnownPeers(Protocol):
     """Whom a link's owner knows, for a link that must choose during a flood of packets."""
 
     @property
-    def strangers(self) -> int:
+    def stranger_count(self) -> int:
         """How many packets of peers without a session the owner has had so far."""
 
     def knows(self, peer: Peer) -> bool:
@@ -90,7 +90,7 @@ class KnownPeers(Protocol):
     def has_a_part(self, origin: Hashable) -> bool:
         """Whether a peer with a place in the robot is, or was lately, at that origin (`Link.origin`)."""
 
-    def first(self, most: int) -> Iterable[Peer]:
+    def preferred_peers(self, most: int) -> Iterable[Peer]:
         """The peers whose packets go before those of strangers, at most so many: those with a place in the robot
         first."""
 

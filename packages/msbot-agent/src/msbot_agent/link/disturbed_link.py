@@ -29,10 +29,10 @@ LOST: Final = "lost on purpose"
 class Treatment(Protocol):
     """Says what becomes of packets. Pure: time comes in."""
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
+    def applies_to(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
         """Whether it treats that packet, which comes from the peer (`inward`) or goes to it."""
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         """Seconds that each copy of a packet waits; none: it is lost; infinite: until the treatment ends."""
 
     def free_at(self, peer: Peer, now: float) -> float:
@@ -73,11 +73,11 @@ class Disturbance:
         self.overtaken_s = overtaken_s
         self._random = random
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:  # noqa: ARG002 - see `Treatment`
+    def applies_to(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:  # noqa: ARG002 - see `Treatment`
         """All packets."""
         return True
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
         """See `Treatment`."""
         chance = self._random.random
         if chance() < self.drop:
@@ -206,8 +206,8 @@ class DisturbedLink:
         now = asyncio.get_running_loop().time()
         waits: Sequence[float] = (0.0,)
         for treatment in self._treatments:
-            if treatment.concerns(peer, packet, inward=inward):
-                waits = [wait + more for wait in waits for more in treatment.waits(peer, now, inward=inward)]
+            if treatment.applies_to(peer, packet, inward=inward):
+                waits = [wait + more for wait in waits for more in treatment.delays(peer, now, inward=inward)]
         if not waits:
             self.counters.dropped.count(LOST)
         for wait in waits[:MOST_COPIES]:

@@ -137,7 +137,7 @@ class MemoryWriter:
         self._feedback = 0
 
     @property
-    def kept(self) -> Iterable[Sample]:
+    def history(self) -> Iterable[Sample]:
         """Samples for readers that come later, oldest first."""
         return () if self._history is None else self._history.samples
 
@@ -279,7 +279,7 @@ class _TopicEndpoints:
         """The samples that compatible writers have kept, for a reader that asks for them (DDS 1.4 §2.2.3.4)."""
         if not reader.qos.transient_local:
             return []
-        return [sample for writer in self.writers if fit(writer.qos, reader.qos) for sample in writer.kept]
+        return [sample for writer in self.writers if fit(writer.qos, reader.qos) for sample in writer.history]
 
     def troubles_of_reader(self, reader: MemoryReader) -> tuple[str, ...]:
         """The incompatible writers, by policy, and the topics of the same name with another type."""

@@ -141,7 +141,7 @@ class Document:
         """The line of every key; looked for only when something is wrong, as it takes as long as parsing."""
         return key_lines(self.text)
 
-    def place(self, path: KeyPath) -> FileLocation:
+    def location(self, path: KeyPath) -> FileLocation:
         """Where `path` is; for a key that is missing, where its table begins."""
         known = path
         while known and known not in self.lines:

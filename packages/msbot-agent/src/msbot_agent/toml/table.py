@@ -56,13 +56,13 @@ class Table:
         self._asked.append(key)
         return key in self._values
 
-    def place(self, *steps: str | int) -> FileLocation:
+    def location(self, *steps: str | int) -> FileLocation:
         """Where a key of this table is, or should be; without steps: the table itself."""
-        return self._document.place((*self.path, *steps))
+        return self._document.location((*self.path, *steps))
 
     def problem(self, sentence: str, *steps: str | int) -> None:
         """Note one mistake about a key of this table, or about the table itself."""
-        self._problems.add(self.place(*steps), sentence)
+        self._problems.add(self.location(*steps), sentence)
 
     def name(self, key: str, example: str, *, default: str | None = None, forbidden: str = "") -> str:
         """A text of 1 to 254 octets on one line, without blanks at its ends.

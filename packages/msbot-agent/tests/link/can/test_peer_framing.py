@@ -31,7 +31,7 @@ def wire(
 def test_frames_are_of_the_kind_that_was_agreed_on() -> None:
     for fd, fast, short in product((False, True), (None, 2_000_000), (False, True)):
         made = wire(CAN_FD * fd | COMPRESSION * short, data_rate=fast)
-        (frame,) = made.cut(b"!abc")
+        (frame,) = made.split(b"!abc")
         assert (frame.can_id, frame.extended, frame.fd) == (0x105, False, fd)
         assert frame.brs == (fd and fast is not None)
         assert frame.data[1:4] == (b"abc" if short else b"!ab")
@@ -46,7 +46,7 @@ def test_what_nobody_can_decompress_is_counted() -> None:
 
 def test_frames_are_counted_from_packet_to_packet_and_after_63_comes_0() -> None:
     made = wire()
-    counts = [frame.data[0] & 0x3F for size in (1, 20, 7, 400, 30, 1) for frame in made.cut(bytes(size))]
+    counts = [frame.data[0] & 0x3F for size in (1, 20, 7, 400, 30, 1) for frame in made.split(bytes(size))]
     assert counts == [number % 64 for number in range(len(counts))]
     assert len(counts) > 64
 
@@ -62,7 +62,7 @@ def test_the_bus_repeats_a_frame_within_the_time_of_64_frames_of_100_bits(
     within_s = within_s or usual
     for pause_s, is_repeated in ((within_s / 2, True), (within_s * 2, False)):
         made = wire(use, rate=rate)
-        (frame,) = made.cut(b"!abc")
+        (frame,) = made.split(b"!abc")
         first, again = made.joiner.receive(frame.data, 0.0), made.joiner.receive(frame.data, pause_s)
         assert first is not None
         assert (again is None, made._counters.dropped.get(REPEATED, 0)) == (is_repeated, int(is_repeated))
@@ -74,7 +74,7 @@ def test_the_longest_packet_has_room_for_what_compression_may_add() -> None:
             made, codec = wire(use), Codec(bytes, bytes)
             sender = wire(use, codec=codec)
             sender._counters = made._counters
-            joined = [made.joiner.receive(frame.data, 0.001 * at) for at, frame in enumerate(sender.cut(bytes(size)))]
+            joined = [made.joiner.receive(frame.data, 0.001 * at) for at, frame in enumerate(sender.split(bytes(size)))]
             assert (joined[-1] == bytes(size)) == (size == most)
 
 

@@ -28,7 +28,7 @@ def test_the_oldest_silent_one_of_the_same_address_goes_first() -> None:
     assert budget.is_full("mine")
     assert not budget.is_full("other")
     assert budget.who_makes_room("mine", 0.0) is mine[0]
-    budget.spoke(mine[0], "mine")
+    budget.first_packet_received(mine[0], "mine")
     assert budget.who_makes_room("mine", 0.0) is mine[1]
 
 
@@ -46,7 +46,7 @@ def test_who_speaks_is_put_out_only_when_idle_for_long_and_the_idlest_first() ->
     speaking = [Fake("here", heard_at=float(number)) for number in (2, 1, 3)]
     for each in speaking:
         budget.add(each, "here")
-        budget.spoke(each, "here")
+        budget.first_packet_received(each, "here")
     assert budget.who_makes_room("new", 1.0 + IDLE_S) is None
     assert budget.who_makes_room("new", 2.1 + IDLE_S) is speaking[1]
     assert budget.who_makes_room("new", 2.2 + IDLE_S) is None, "looked for once a second"
@@ -119,7 +119,7 @@ def test_whatever_comes_and_goes_the_right_one_makes_room(steps: list[tuple[str,
             if connection in plain.silent:
                 plain.silent.remove(connection)
                 plain.speaking.append(connection)
-            budget.spoke(connection, connection.address)
+            budget.first_packet_received(connection, connection.address)
             connection.heard_at = now
         if what == "remove":
             budget.remove(connection, connection.address)

@@ -32,13 +32,13 @@ def looks(watch: FloodWatch, per_s: float, seconds: float, now: float, *, is_spr
             read = int(came * share * watch.admission.chance / CHANCES)
         count += read
         now += LOOK_S
-        watch.look(read, came - read, now)
+        watch.update(read, came - read, now)
     return now, count
 
 
 def test_few_strangers_are_all_heard() -> None:
     watch = FloodWatch()
-    watch.look(0, 0, 0.0)
+    watch.update(0, 0, 0.0)
     looks(watch, FLOOD_PER_S - 10, 10.0, 0.0)
     assert watch.admission is None
 
@@ -46,7 +46,7 @@ def test_few_strangers_are_all_heard() -> None:
 @pytest.mark.parametrize("per_s", [2000, 8700, 30_000])
 def test_a_flood_from_many_addresses_is_read_in_turns_and_no_more_than_can_be(per_s: int) -> None:
     watch = FloodWatch()
-    watch.look(0, 0, 0.0)
+    watch.update(0, 0, 0.0)
     now, _ = looks(watch, per_s, 3.0, 0.0)
     assert watch.admission is not None
     assert watch.admission.turns >= 2
@@ -56,7 +56,7 @@ def test_a_flood_from_many_addresses_is_read_in_turns_and_no_more_than_can_be(pe
 
 def test_a_flood_from_one_address_takes_no_turn_but_its_own_and_only_a_part_of_that() -> None:
     watch = FloodWatch()
-    watch.look(0, 0, 0.0)
+    watch.update(0, 0, 0.0)
     now, _ = looks(watch, 50_000, 3.0, 0.0, is_spread=False)
     _, read = looks(watch, 50_000, 60.0, now, is_spread=False)
     assert read / 60.0 <= READ_PER_S
@@ -64,7 +64,7 @@ def test_a_flood_from_one_address_takes_no_turn_but_its_own_and_only_a_part_of_t
 
 def test_every_group_has_its_turn() -> None:
     watch = FloodWatch()
-    watch.look(0, 0, 0.0)
+    watch.update(0, 0, 0.0)
     now, _ = looks(watch, 20_000, 3.0, 0.0)
     assert watch.admission is not None
     turns, seen = watch.admission.turns, set()
@@ -77,7 +77,7 @@ def test_every_group_has_its_turn() -> None:
 
 def test_it_is_over_when_few_have_come_for_a_while_and_not_before() -> None:
     watch = FloodWatch()
-    watch.look(0, 0, 0.0)
+    watch.update(0, 0, 0.0)
     now, _ = looks(watch, 8700, 3.0, 0.0)
     now, _ = looks(watch, 100, CALM_S / 2, now)
     now, _ = looks(watch, 8700, LOOK_S, now)

@@ -34,7 +34,7 @@ class Known:
 
     def __init__(self, *peers: Peer) -> None:
         self.peers = peers
-        self.strangers = 0
+        self.stranger_count = 0
 
     def knows(self, peer: Peer) -> bool:
         return peer in self.peers
@@ -42,7 +42,7 @@ class Known:
     def has_a_part(self, origin: Hashable) -> bool:
         return any(isinstance(peer, tuple) and peer[0] == origin for peer in self.peers)
 
-    def first(self, most: int) -> Iterable[Peer]:
+    def preferred_peers(self, most: int) -> Iterable[Peer]:
         return islice(self.peers, most)
 
 
@@ -162,9 +162,9 @@ def test_a_flood_is_filtered_counted_and_let_in_again_when_it_is_over() -> None:
             owner, dropped = Known(part), Tally()
             one = StrangerFilter(opened, "udp:test", owner, dropped)
             now = 100.0
-            one.look(now)
-            owner.strangers += 2000
-            one.look(now := now + LOOK_S)
+            one.update(now)
+            owner.stranger_count += 2000
+            one.update(now := now + LOOK_S)
             assert one.is_on
             for host in strangers(200):
                 sent(opened, host)
@@ -174,10 +174,10 @@ def test_a_flood_is_filtered_counted_and_let_in_again_when_it_is_over() -> None:
             assert len(came) < 150
             assert [peer for peer in came if one.takes(peer, now)] == [part]
             assert dropped[NOT_ANSWERED] == len(came) - 1
-            one.look(now := now + LOOK_S)
+            one.update(now := now + LOOK_S)
             assert dropped[NOT_READ] == 200 - (len(came) - 1)
             for _ in range(20):
-                one.look(now := now + LOOK_S)
+                one.update(now := now + LOOK_S)
             assert not one.is_on
             for host in strangers(200):
                 sent(opened, host)

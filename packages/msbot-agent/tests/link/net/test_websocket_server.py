@@ -47,7 +47,7 @@ def test_packets_go_both_ways_and_who_it_is_has_a_name() -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         peer = link.join(ANN)
         assert await end.told(Signal.PEER_JOINED) == (peer, "connected")
-        assert peer.took(b"up", now()) == (0.0, "")
+        assert peer.receive(b"up", now()) == (0.0, "")
         assert end.packets.get_nowait() == (b"up", peer)
         assert (link.origin(peer), link.describe(peer)) == ("ann", "ann at 192.168.1.30")
         for packet in (b"one", b"two"):
@@ -72,13 +72,13 @@ def test_who_has_gone_is_sent_nothing_and_brings_nothing() -> None:
             with pytest.raises(LinkDown, match="there is no connection with "):
                 link.send(b"x", who)
         assert link.has_room(peer)
-        peer.gone("closed by the browser")
+        peer.connection_ended("closed by the browser")
         assert await end.told(Signal.PEER_GONE) == (peer, "closed by the browser")
         assert not link.has_room(peer)
         with pytest.raises(LinkDown, match="there is no connection with ann at 192"):
             link.send(b"x", peer)
-        peer.took(b"late", now())
-        stranger.gone("twice")
+        peer.receive(b"late", now())
+        stranger.connection_ended("twice")
         assert end.packets.empty()
         assert end.signals.empty()
 
@@ -111,12 +111,12 @@ def test_what_is_no_packet_is_refused_and_counted(size: int) -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         peer = link.join(ANN)
         with pytest.raises(ValueError, match=f"a packet has 1 to 65535 octets, not {size}"):
-            peer.took(bytes(size), now())
+            peer.receive(bytes(size), now())
         assert "no text" in peer.took_text()
         assert list(link.counters.dropped.values()) == [2]
         assert end.packets.empty()
-        peer.took(bytes(MAX_PACKET), now())
-        peer.took(b"1", now())
+        peer.receive(bytes(MAX_PACKET), now())
+        peer.receive(b"1", now())
         assert end.packets.qsize() == 2
 
     play(scene)
@@ -125,7 +125,7 @@ def test_what_is_no_packet_is_refused_and_counted(size: int) -> None:
 def test_only_who_brings_nothing_at_first_is_silent() -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         silent, speaks = link.join(ANN), link.join(ANN)
-        speaks.took(b"x", now())
+        speaks.receive(b"x", now())
         began = now()
         assert not silent.is_silent(began + FIRST_PACKET_S - 0.01)
         assert not speaks.is_silent(began + 100 * FIRST_PACKET_S)
@@ -140,17 +140,17 @@ def test_who_sends_too_much_is_read_later_and_told_so_now_and_then() -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         peer, at = link.join(ANN), now()
         for _ in range(int(PACKETS_S)):
-            assert peer.took(b"x", at) == (0.0, "")
+            assert peer.receive(b"x", at) == (0.0, "")
         words = "this part sends more than the robot takes from one part: send less often"
-        assert peer.took(b"x", at) == (1 / PACKETS_S, words)
-        assert peer.took(b"x", at) == (2 / PACKETS_S, "")
+        assert peer.receive(b"x", at) == (1 / PACKETS_S, words)
+        assert peer.receive(b"x", at) == (2 / PACKETS_S, "")
         again = at + SLOW_DOWN_AGAIN_S
         for _ in range(int(PACKETS_S)):
-            assert peer.took(b"x", again - 1) == (0.0, "")
-        pause_s, said = peer.took(b"x", again - 1)
+            assert peer.receive(b"x", again - 1) == (0.0, "")
+        pause_s, said = peer.receive(b"x", again - 1)
         assert pause_s > 0
         assert said == ""
-        told = [peer.took(b"x", again)[1] for _ in range(int(PACKETS_S))]
+        told = [peer.receive(b"x", again)[1] for _ in range(int(PACKETS_S))]
         assert sum(said == words for said in told) == 1
         assert end.packets.qsize() == link.counters.packets_in
 
@@ -185,7 +185,7 @@ def test_so_many_and_not_one_more(
         assert link.counters.dropped == {"connection refused: too many are open": 1}
         if other is not None:
             link.join(other)
-        peers[0].gone("closed")
+        peers[0].connection_ended("closed")
         link.join(visitor(most))
 
     play(scene)

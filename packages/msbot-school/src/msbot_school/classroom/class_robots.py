@@ -60,7 +60,7 @@ class ClassRobot:
     """Its master on another computer, if there is an access to it."""
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The robot, told from others of its name."""
         return f"{self.name} {self.serial_number}"
 
@@ -115,7 +115,7 @@ class ClassRobot:
 
     def fits(self, words: Sequence[str]) -> bool:
         """Whether all words are found in what is said of it."""
-        text = f"{self.words} {self.version} {self.blueprint} {self.state} {self.database} {self.msbot}"
+        text = f"{self.describe} {self.version} {self.blueprint} {self.state} {self.database} {self.msbot}"
         whole = f"{text} {self.stop_group}".casefold()
         return all(word.casefold() in whole for word in words)
 

@@ -80,7 +80,7 @@ class RemoteAccessFile:
                 )
             ) from error
 
-    def keep(self, access: RemoteAccess) -> None:
+    def add(self, access: RemoteAccess) -> None:
         """Add an access, in place of another one for that address.
 
         Raises:

@@ -140,7 +140,7 @@ class RemoteMasterConnection:
             raise _no_page(self._access.address)
         return found
 
-    def cut(self) -> None:
+    def abort(self) -> None:
         """End whatever the thread waits for."""
         sock = None if self._connection is None else self._connection.sock
         if sock is not None:
@@ -204,7 +204,7 @@ class ParallelRequest(Generic[_R]):
             with self._lock:
                 self._known.setdefault(address, _too_late(address))  # unless something is known
             if thread.is_alive():
-                self._lines[address].cut()
+                self._lines[address].abort()
         with self._lock:
             return dict(self._known)
 

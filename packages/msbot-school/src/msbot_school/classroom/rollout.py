@@ -72,9 +72,9 @@ def blueprint_of(robot: ClassRobot, read: DatabaseReader = directly) -> str:
         try:
             return ask_one(robot.far.access, lambda line: line.octets("GET", "/api/blueprint"), LOOK_S).decode()
         except UnicodeDecodeError as error:
-            raise ConfigError(said("{robot}: what it gives is no blueprint", robot=robot.words)) from error
+            raise ConfigError(said("{robot}: what it gives is no blueprint", robot=robot.describe)) from error
     if not robot.database:
-        raise ConfigError(said("{robot} runs without a database: it has no blueprint to give", robot=robot.words))
+        raise ConfigError(said("{robot} runs without a database: it has no blueprint to give", robot=robot.describe))
     return blueprint_toml(read(_stored_blueprint, robot.database, robot.name, robot.serial_number, by_hand=True))
 
 
@@ -198,7 +198,7 @@ class RollOut:
         """What is to be done at that robot."""
         robot = plan.robot
         return RobotJob(
-            robot.words, partial(self._put_in_force, plan), "" if robot.far else database_identity(robot.database)
+            robot.describe, partial(self._put_in_force, plan), "" if robot.far else database_identity(robot.database)
         )
 
     def _put_in_force(self, plan: RollOutPlan) -> RobotChange:

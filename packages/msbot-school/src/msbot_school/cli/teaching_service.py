@@ -35,7 +35,7 @@ class Teaching(CommandService["LessonCatalog", "MasterContext"]):
 
         return LessonCatalog(given["lessons"])
 
-    def beside(self, wanted: LessonCatalog, context: MasterContext) -> Iterable[Beside]:
+    def coroutines(self, wanted: LessonCatalog, context: MasterContext) -> Iterable[Beside]:
         """Faults, missions and lessons."""
         from msbot_school.faults.fault_lab import FaultLab
         from msbot_school.lessons.lesson_controller import LessonController

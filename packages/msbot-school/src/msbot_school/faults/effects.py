@@ -52,7 +52,7 @@ class Effect(ABC):
     def begin(self) -> None:
         """Do it."""
 
-    def keep(self) -> str:
+    def sustain(self) -> str:
         """Keep it up, a few times a second; why it is over, if somebody has mended it, else empty."""
         return ""
 
@@ -72,7 +72,7 @@ class UnpluggedPart(Effect):
         """See `Effect`."""
         self._parts.unplug(self._slot)
 
-    def keep(self) -> str:
+    def sustain(self) -> str:
         """See `Effect`."""
         return said("somebody has plugged it in again") if self._parts.is_plugged(self._slot) else ""
 
@@ -93,9 +93,9 @@ class CombinedEffect(Effect):
         for effect in self._effects:
             effect.begin()
 
-    def keep(self) -> str:
+    def sustain(self) -> str:
         """See `Effect`; what is mended is the whole."""
-        return next((words for effect in self._effects if (words := effect.keep())), "")
+        return next((words for effect in self._effects if (words := effect.sustain())), "")
 
     def end(self) -> None:
         """See `Effect`."""
@@ -170,9 +170,9 @@ class DistortedReadings(Effect):
 
     def begin(self) -> None:
         """See `Effect`."""
-        self.keep()
+        self.sustain()
 
-    def keep(self) -> str:
+    def sustain(self) -> str:
         """Follow the part: it is another object after it was plugged in again."""
         unit = self._parts.simulated(self._slot) if self._slot in self._parts.names else None
         if unit is not None:
@@ -212,9 +212,9 @@ class BrokenSender(Effect):
 
     def begin(self) -> None:
         """See `Effect`."""
-        self.keep()
+        self.sustain()
 
-    def keep(self) -> str:
+    def sustain(self) -> str:
         """Follow the node: it is another controller after it was plugged in again."""
         self._driver.break_sender(self._node, broken=True)
         return ""

@@ -52,7 +52,7 @@ class FaultSpec:
     """Whether only those see it who may plant faults."""
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """What it is and where, without its times."""
         amount = self.kind.amount
         strength = "" if amount is None else said(" ({amount:g} {unit})", amount=self.amount, unit=amount.unit)
@@ -146,7 +146,7 @@ class FaultEngine:
                         "one, or plant one after the other",
                         kind=spec.kind.name,
                         number=other.number,
-                        other=other.spec.words,
+                        other=other.spec.describe,
                         reason=reason,
                     )
                 )

@@ -54,7 +54,7 @@ class FaultLab:
         self._timer: asyncio.TimerHandle | None = None
         self._mission = ""
         """The mission whose faults are planted; then there are no others."""
-        operations.faults.use(self)
+        operations.faults.attach(self)
         running.master.on_stop(self._stopped)
         running.master.on_why(self._why)
 
@@ -76,7 +76,7 @@ class FaultLab:
         (fault,) = self._plant([wish], who)
         self._look()
         return said(
-            "fault {number}: {words}{when}", number=fault.number, words=fault.spec.words, when=self._times(fault)
+            "fault {number}: {words}{when}", number=fault.number, words=fault.spec.describe, when=self._times(fault)
         )
 
     def clear(self, number: int | None, who: str) -> str:
@@ -102,7 +102,7 @@ class FaultLab:
             ]
         }
 
-    def told(self, slot: str) -> Sequence[str]:
+    def visible_faults(self, slot: str) -> Sequence[str]:
         """See `FaultControl`: those that are there now and are not hidden."""
         return [
             self._sentence(fault)
@@ -196,7 +196,7 @@ class FaultLab:
         self._arm()
 
     def _why(self, info: PartInfo) -> Sequence[str]:
-        return [*self.told(info.slot or ""), *(self.told("") if info.slot else ())]
+        return [*self.visible_faults(info.slot or ""), *(self.visible_faults("") if info.slot else ())]
 
     def _arm(self) -> None:
         if self._timer is not None:
@@ -212,7 +212,7 @@ class FaultLab:
             else:
                 self._over(change, change.fault.who)
         for fault in self._engine.faults:
-            mended = self._effects[fault.number].keep() if fault.is_active else ""
+            mended = self._effects[fault.number].sustain() if fault.is_active else ""
             if mended:
                 for change in self._engine.clear(fault.number, mended, is_mended=True):
                     self._over(change, change.fault.who)
@@ -226,7 +226,7 @@ class FaultLab:
 
     def _tell(self, change: FaultChange, who: str) -> None:
         fault = change.fault
-        words = fault.spec.words
+        words = fault.spec.describe
         if change.begins:
             line = said("fault {number} begins: {words}", number=fault.number, words=words)
         else:
@@ -245,7 +245,7 @@ class FaultLab:
             "number": fault.number,
             "kind": spec.kind.name,
             "at": spec.at,
-            "words": spec.words,
+            "words": spec.describe,
             "who": fault.who,
             "active": fault.is_active,
             "hidden": spec.hidden,
@@ -263,7 +263,7 @@ class FaultLab:
             "{who} has planted fault {number} here: {words}; it ends by itself",
             who=fault.who,
             number=fault.number,
-            words=fault.spec.words,
+            words=fault.spec.describe,
         )
 
     @staticmethod

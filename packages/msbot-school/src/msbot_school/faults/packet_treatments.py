@@ -22,7 +22,7 @@ from msbot_xrce.errors import ConfigError
 class PacketTreatment(Protocol):
     """A treatment of packets, whosever they are."""
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         """See `Treatment`."""
 
     def free_at(self, peer: Peer, now: float) -> float:
@@ -40,7 +40,7 @@ class DelayedBurst:
         self._period_s = period_s
         self._opens_at = -math.inf
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
         """Until the gate opens next."""
         if not inward:
             return (0.0,)
@@ -64,7 +64,7 @@ class SlowReceiver:
         self._period_s = 1 / per_s
         self._next_at: dict[Peer, float] = {}
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         """At once; the next one has to wait."""
         if not inward:
             self._next_at = {peer: now + self._period_s}
@@ -78,7 +78,7 @@ class SlowReceiver:
 class FrozenLink:
     """Nothing comes or goes until the fault ends; what has come is then there at once."""
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:  # noqa: ARG002
         """Until the end."""
         return (math.inf,)
 
@@ -117,11 +117,11 @@ class ErrorTolerantTreatment:
             said("the extension that brings the fault {name} failed: {words}", name=self._name, words=words)
         )
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         """As the extension says; at once when it fails."""
         try:
             if self._core is not None:
-                return [float(wait) for wait in self._core.waits(peer, now, inward=inward)]
+                return [float(wait) for wait in self._core.delays(peer, now, inward=inward)]
         except Exception as error:
             self._core = None
             self._left_out(error)
@@ -154,7 +154,7 @@ class PartTreatment:
         self.keys: set[int] = set()
         """Client keys that it has shown: it may log in from a new address."""
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
+    def applies_to(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
         """See `Treatment`."""
         if self._everybody or peer in self.peers:
             return True
@@ -163,9 +163,9 @@ class PartTreatment:
             return True
         return False
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         """See `Treatment`."""
-        return self._core.waits(peer, now, inward=inward)
+        return self._core.delays(peer, now, inward=inward)
 
     def free_at(self, peer: Peer, now: float) -> float:
         """See `Treatment`."""
@@ -225,9 +225,9 @@ class PacketFaultEffect(Effect):
 
     def begin(self) -> None:
         """See `Effect`."""
-        self.keep()
+        self.sustain()
 
-    def keep(self) -> str:
+    def sustain(self) -> str:
         """Follow the part to its present address, and to links that were added meanwhile."""
         running = self._edge.running
         holder = running.holder(self._slot) if self._slot else None

@@ -35,7 +35,7 @@ class LessonHands:
         """The robot is set up: what has been done so far was that."""
         self._before = self._acts.count
 
-    def look(self) -> None:
+    def observe(self) -> None:
         """See whose programs have come into which slots, and how they are wired."""
         self._speaks_to = None
         here = self._running.inventory.pupil_parts.here()
@@ -44,7 +44,7 @@ class LessonHands:
             self._acts.note(pupil, [slot])
         self._programs = found
 
-    def hand(self, who: str, check: LessonCheck) -> Hand:
+    def author_for(self, who: str, check: LessonCheck) -> Hand:
         """Whose hand did the last thing at the slots of a check, as that person sees it."""
         act = self._acts.latest(self._places(check), self._before)
         if act is None:

@@ -86,7 +86,7 @@ class Condition(ABC):
         """Whether it is so now; called at every look, so that it can remember."""
 
     @abstractmethod
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:
         """What is so instead, in words."""
 
 
@@ -100,7 +100,7 @@ class CurrentState(Condition):
         """See `Condition`."""
         return self.plain.holds(robot)
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         if isinstance(self.plain, StateCondition):
             return said("{slot} is {state}", slot=self.plain.slot, state=said(robot.state(self.plain.slot)))
@@ -122,7 +122,7 @@ class WasInState(Condition):
         memory.was = memory.was or robot.is_in_state(self.slot, self.wanted)
         return memory.was
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - what it was is not the question
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - what it was is not the question
         """See `Condition`."""
         return said("{slot} is {state}", slot=self.slot, state=said(robot.state(self.slot)))
 
@@ -145,7 +145,7 @@ class MovedBy(Condition):
             memory.most = value if memory.most is None else max(memory.most, value)
         return memory.least is not None and memory.most is not None and memory.most - memory.least >= self.width
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:
         """See `Condition`."""
         if memory.least is None or memory.most is None:
             return _number_seen(robot, self.source)
@@ -177,7 +177,7 @@ class RotatedBy(Condition):
             memory.angle = angle
         return abs(memory.turned) >= self.width
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:
         """See `Condition`."""
         if memory.angle is None:
             return _number_seen(robot, self.source)
@@ -198,7 +198,7 @@ class Wired(Condition):
         """See `Condition`."""
         return robot.is_wired(self.source, self.target)
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         return said("{source} does not speak to {target}", source=self.source, target=self.target)
 
@@ -225,7 +225,7 @@ class SettingIs(Condition):
         except ValueError:
             return self.operator == "=" and value == self.value
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         value = robot.setting(self.slot, self.name)
         if value is None:
@@ -253,7 +253,7 @@ class HeldBy(Condition):
             memory.first = identity
         return bool(identity) and identity != memory.first
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - who it was is not shown
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - who it was is not shown
         """See `Condition`."""
         part = robot.part_in(self.slot)
         if not part:
@@ -275,7 +275,7 @@ class Exists(Condition):
         """See `Condition`."""
         return robot.has_slot(self.name) if self.kind == "slot" else robot.knows(self.name)
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         if self.kind == "slot":
             return said("there is no slot {name}", name=self.name)
@@ -295,7 +295,7 @@ class Stopped(Condition):
         """See `Condition`."""
         return robot.is_stopped is self.wanted
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - as above
         """See `Condition`."""
         return said("STOP holds") if robot.is_stopped else said("STOP does not hold")
 
@@ -313,7 +313,7 @@ class NotCondition(Condition):
         """See `Condition`."""
         return not self.other.holds(robot, memory)
 
-    def seen(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - it says what should not be
+    def describe_actual(self, robot: RobotState, memory: ConditionMemory) -> str:  # noqa: ARG002 - it says what should not be
         """See `Condition`."""
         return said("{condition} still holds", condition=str(self.other))
 

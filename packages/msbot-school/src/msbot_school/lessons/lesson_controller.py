@@ -105,7 +105,7 @@ class LessonController:
         self._looked_at = float("-inf")
         self._wake = asyncio.Event()
         self._trouble = ""
-        operations.lessons.use(self)
+        operations.lessons.attach(self)
 
     @property
     def lesson(self) -> Lesson | None:
@@ -193,10 +193,10 @@ class LessonController:
             raise ConfigError(said("that is not right yet"))
         found = begun.lesson.check(check)
         assert found is not None
-        self._ticked(begun, {who: [Ticked(found, run.hand(check))]})
+        self._ticked(begun, {who: [Ticked(found, run.author_of(check))]})
         return said("that is right, {who}", who=who)
 
-    def hand(self, who: str, *, up: bool) -> str:
+    def set_hand(self, who: str, *, up: bool) -> str:
         """See `LessonControl`.
 
         Raises:
@@ -220,7 +220,7 @@ class LessonController:
         now = self._running.now()
         if now - self._looked_at >= FILES_S:
             self._looked_at = now
-            self._running.later(asyncio.to_thread(self.shelf.refresh))
+            self._running.run_later(asyncio.to_thread(self.shelf.refresh))
 
     def hint_now(self, who: str) -> Hint | None:
         """What is missing for a person's next check; None: nothing, or they do not take part."""
@@ -271,7 +271,7 @@ class LessonController:
             "step": run.step,
             "done": run.is_done,
             "ticked": {
-                check: {"after_s": at - run.begun_at, "doing": _doing(run, check).value, "by": run.hand(check).who}
+                check: {"after_s": at - run.begun_at, "doing": _doing(run, check).value, "by": run.author_of(check).who}
                 for check, at in run.ticked.items()
             },
             "quiet_s": run.since_tick(now),
@@ -408,12 +408,12 @@ class LessonController:
 
     def _look(self, begun: _Begun) -> None:
         """Look at what everybody who takes part has to do now."""
-        begun.hands_of.look()
+        begun.hands_of.observe()
         now = self._running.now()
         found = {
             who: ticked
             for who, run in begun.runs.items()
-            if (ticked := run.look(self._robot, now, partial(begun.hands_of.hand, who)))
+            if (ticked := run.evaluate(self._robot, now, partial(begun.hands_of.author_for, who)))
         }
         self._ticked(begun, found)
 
@@ -447,10 +447,10 @@ class LessonController:
                 self._trouble = said("what was done is not kept: {error}", error=str(error))
                 _log.warning("%s", self._trouble)
 
-        self._running.later(keep())
+        self._running.run_later(keep())
 
 
 def _doing(run: LessonRun, check: str) -> Doing:
-    doing = run.hand(check).doing
+    doing = run.author_of(check).doing
     assert doing is not None  # else it would not have ticked
     return doing

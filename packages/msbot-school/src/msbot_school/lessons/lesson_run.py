@@ -97,7 +97,7 @@ class LessonRun:
         """When each check ticked, by its name, in the order of the lesson."""
         return {name: one.ticked_at for name, one in self._progress.items() if one.ticked_at is not None}
 
-    def hand(self, check: str) -> Hand:
+    def author_of(self, check: str) -> Hand:
         """By whose hand a check has ticked, or holds."""
         return self._progress[check].hand
 
@@ -105,7 +105,7 @@ class LessonRun:
         """How many wrong answers a question has got."""
         return self._progress[check].tries
 
-    def look(
+    def evaluate(
         self, robot: RobotState, now: float, hand_of: Callable[[LessonCheck], Hand] = lambda _: NOBODY
     ) -> list[Ticked]:
         """Look at the checks whose turn it is; returns those that have ticked now.
@@ -172,7 +172,7 @@ class LessonRun:
         if progress.holds_since is not None and progress.hand.doing is None:
             return Hint(check.name, others_words(progress.hand.who), check.hint)
         seen = [
-            condition.seen(robot, memory)
+            condition.describe_actual(robot, memory)
             for condition, memory in zip(check.conditions, progress.memories, strict=True)
             if not condition.holds(robot, memory)
         ]

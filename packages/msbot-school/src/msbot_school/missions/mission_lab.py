@@ -78,7 +78,7 @@ class MissionLab:
         self._timer: asyncio.TimerHandle | None = None
         self._count = 0
         self._reports: deque[PlayedMission] = deque(maxlen=MOST_REPORTS)
-        operations.missions.use(self)
+        operations.missions.attach(self)
         operations.faults.on_change(self._fault_changed)
         operations.faults.on_looked(self._looked)
         operations.on_done(self._done)

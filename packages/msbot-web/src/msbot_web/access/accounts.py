@@ -52,7 +52,7 @@ class KnownBrowsers:
         digest = digest_of(word) if word else ""
         return digest if self._names.get(digest) == name else ""
 
-    def use(self, word: str, name: str) -> str:
+    def note_sign_in(self, word: str, name: str) -> str:
         """That person has signed in with that browser.
 
         Args:
@@ -79,7 +79,7 @@ class KnownBrowsers:
         """None of that person's browsers is known any more."""
         self._names = {digest: one for digest, one in self._names.items() if one != name}
 
-    def kept(self) -> list[tuple[str, str]]:
+    def to_persist(self) -> list[tuple[str, str]]:
         """What should outlive the master."""
         return list(self._names.items())
 
@@ -292,7 +292,7 @@ class Accounts:
             name: who.
             password: what was typed.
             address: where the person is.
-            device: the word of this browser (`KnownBrowsers.use`), or empty.
+            device: the word of this browser (`KnownBrowsers.note_sign_in`), or empty.
 
         Raises:
             SignInRefused: wrong name or password (never says which), or too many tries.
@@ -325,10 +325,10 @@ class Accounts:
             stored = self._decoy if user is None else user.password_hash
             is_right = await self._hasher.matches(stored, password[: LONGEST + 1], asker=asker)
         except TooManyHashes as error:
-            self._attempts.left(name, address, known)
+            self._attempts.abandoned(name, address, known)
             raise SignInRefused(str(error), _BUSY_S) from None
         except asyncio.CancelledError:
-            self._attempts.left(name, address, known)
+            self._attempts.abandoned(name, address, known)
             raise
         user = self._users.get(name)  # as it is now: hashing takes a while
         if user is None or not is_right or user.password_hash != stored:
@@ -350,7 +350,7 @@ class Accounts:
     def mark_of(self, name: str) -> str:
         """Tells the account of that name from every other, also a later one; empty: there is none."""
         user = self._users.get(name)
-        return "" if user is None else user.mark
+        return "" if user is None else user.fingerprint
 
     def role_of(self, name: str) -> Role | None:
         """The role of a user, or None when there is no such user."""
@@ -365,7 +365,7 @@ class Accounts:
         if not self.holds(session):
             self.sessions.end(session)
             return None
-        self.sessions.use(session)
+        self.sessions.touch(session)
         return session
 
     def holds(self, session: Session) -> bool:
@@ -405,14 +405,14 @@ class Accounts:
         """
         if not self.holds(session):
             raise SignedOut(said("you are signed out: sign in again"))
-        self.sessions.use(session)
+        self.sessions.touch(session)
         if not session.may(right):
             raise NotAllowed(
                 said(
                     "{one} may not {right}; {least} may",
-                    one=session.role.one,
+                    one=session.role.with_article,
                     right=said(right.value),
-                    least=right.least.one,
+                    least=right.least.with_article,
                 )
             )
 

@@ -84,15 +84,15 @@ def refusal_page(
         ways: addresses that lead to the robot; none: the one that was asked for does.
     """
     language = language_of(HTTPConnection(scope))
-    stop = "" if session is None else render("stop", say=language.say, csrf=session.csrf)
+    stop = "" if session is None else render("stop", say=language.translate, csrf=session.csrf)
     page = render(
         "refused",
         language=language,
-        say=language.say,
-        title=language.say("Not now" if comes_back else "Not there"),
+        say=language.translate,
+        title=language.translate("Not now" if comes_back else "Not there"),
         robot="MsBOT",
         stop=Markup(stop),
-        why=sentence(language.say(words)),
+        why=sentence(language.translate(words)),
         comes_back=comes_back and scope["method"] in ("GET", "HEAD"),
         ways=ways,
     )

@@ -88,7 +88,7 @@ class GuestTickets:
         ticket = self._by_digest.get(digest_of(word))
         return "" if ticket is None else ticket.path
 
-    def use(self, word: str) -> Ticket:
+    def admit(self, word: str) -> Ticket:
         """Let a device in; raises as `find`."""
         ticket = self.find(word)
         ticket.left -= 1

@@ -65,7 +65,7 @@ class Guests:
         ticket = self.tickets.find(word)
         if not self.may_invite(ticket.maker):
             raise SignInRefused(said("{name} may not invite guests any more", name=ticket.maker))
-        self.tickets.use(word)
+        self.tickets.admit(word)
         name = f"guest of {ticket.maker}"
         return self._accounts.sessions.begin(name, Role.VIEWER, guest_of=ticket.maker), ticket.path
 

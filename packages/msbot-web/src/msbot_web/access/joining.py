@@ -120,8 +120,8 @@ class JoinCodes:
         code = "".join(sign for sign in typed[:64].upper() if sign in SIGNS)
         found = self._codes.get(code)
         if found is None or found.ends_at <= now:
-            spacing.take(now)
-            self._total.take(now)
+            spacing.admit(now)
+            self._total.admit(now)
             raise SignInRefused(said("there is no such code (any more): look at it again, or ask your teacher"))
         return found.ticket
 

@@ -108,7 +108,7 @@ class JoiningPages:
         try:
             ticket = self._passes.codes.ticket_of(code, self._address_of(request))
         except SignInRefused as error:
-            words = language_of(request).say(str(error))
+            words = language_of(request).translate(str(error))
             return self._page(request, "come_code", "Come in", error=words, **_status(error, 403))
         return self._names(request, ticket)
 
@@ -128,7 +128,7 @@ class JoiningPages:
         try:
             session = await self._passes.admit_by_pictures(name, chosen, self._address_of(request))
         except SignInRefused as error:
-            words = language_of(request).say(str(error))
+            words = language_of(request).translate(str(error))
             return self._page(request, "come_pictures", "Come in", error=words, **shown, **_status(error, 403))
         return self._signed_in(request, session, AFTER)
 
@@ -138,7 +138,7 @@ class JoiningPages:
         except SignInRefused:
             raise
         except MsbotError as error:
-            return self._names(request, ticket, status=400, error=language_of(request).say(str(error)), name=name)
+            return self._names(request, ticket, status=400, error=language_of(request).translate(str(error)), name=name)
         return RedirectResponse(f"{root()}/come?{urlencode({'wait': word})}", status_code=303)
 
     def _waiting(self, request: Request, word: str) -> Response:
@@ -154,7 +154,7 @@ class JoiningPages:
         return self._signed_in(request, self._passes.admit_waiting(word), AFTER)
 
     def _refused(self, request: Request, error: MsbotError) -> Response:
-        words = language_of(request).say(str(error))
+        words = language_of(request).translate(str(error))
         return self._page(request, "sign_in", "Sign in", wanted=AFTER, error=words, status=403)
 
     @staticmethod

@@ -101,10 +101,10 @@ class SessionFile:
         """Remove what robots have left that nobody can use any more; to be called at the start, after `bring_back`."""
         await asyncio.to_thread(remove_old, self._path.parent, time.time())
 
-    async def keep(self) -> None:
+    async def save(self) -> None:
         """Write what has changed since the last time."""
-        kept = self._accounts.sessions.kept(self._accounts.mark_of)
-        browsers = self._accounts.browsers.kept()
+        kept = self._accounts.sessions.to_persist(self._accounts.mark_of)
+        browsers = self._accounts.browsers.to_persist()
         mark = json.dumps([browsers, sorted((one.key, round(one.idle_s - time.monotonic(), -2)) for one in kept)])
         if mark == self._written:
             return

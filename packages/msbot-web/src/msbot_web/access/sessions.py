@@ -36,7 +36,7 @@ class SessionEndReason(Enum):
     TIME_OVER = auto()
     GUEST_OVER = auto()
 
-    def words(self, name: str) -> str:
+    def describe(self, name: str) -> str:
         """What the browser of that person says about it; empty: nothing."""
         match self:
             case SessionEndReason.REMOVED:
@@ -106,7 +106,7 @@ class KeptSession:
     idle_s: float
     guest_of: str = ""
     mark: str = ""
-    """Of the account behind it (`User.mark`): an account of the same name that was made since is another."""
+    """Of the account behind it (`User.fingerprint`): an account of the same name that was made since is another."""
 
 
 class Sessions:
@@ -154,7 +154,7 @@ class Sessions:
         is_young = now - session.used_at <= IDLE_S and now - session.began_at <= longest_s
         return self._by_key.get(session.key) is session and is_young
 
-    def use(self, session: Session) -> None:
+    def touch(self, session: Session) -> None:
         """Note that the person did something."""
         session.used_at = self._clock()
 
@@ -178,7 +178,7 @@ class Sessions:
         return self._why_ended.get(digest_of(token), "") if token else ""
 
     def _note_end(self, session: Session | KeptSession, why: SessionEndReason) -> None:
-        words = (SessionEndReason.GUEST_OVER if session.guest_of else why).words(session.name)
+        words = (SessionEndReason.GUEST_OVER if session.guest_of else why).describe(session.name)
         if words:
             self._why_ended[session.key] = words
             if len(self._why_ended) > MOST_SESSIONS:
@@ -201,7 +201,7 @@ class Sessions:
         """The sessions of a user."""
         return [one for one in self._by_key.values() if one.is_of(name)]
 
-    def kept(self, mark_of: Callable[[str], str]) -> list[KeptSession]:
+    def to_persist(self, mark_of: Callable[[str], str]) -> list[KeptSession]:
         """The sessions that should outlive the master; `mark_of`: the mark of the account of a name."""
         now = self._clock()
         return [

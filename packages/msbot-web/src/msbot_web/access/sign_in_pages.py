@@ -50,8 +50,8 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
         html = render(
             template,
             language=language,
-            say=language.say,
-            title=language.say(title),
+            say=language.translate,
+            title=language.translate(title),
             robot=robot,
             **{"error": "", "name": "", "why": "", "can_come": passes is not None, **values},
         )
@@ -62,7 +62,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
         if accounts.needs_setup and not accounts.has_entry_link:
             return page(request, "set_up_hint", "Set-up")
         ended = accounts.sessions.why_ended(request.cookies.get(cookies.session, ""))
-        why = language_of(request).say(ended)
+        why = language_of(request).translate(ended)
         return page(request, "sign_in", "Sign in", wanted=local_path(next), why=why)
 
     @router.post("/login")
@@ -81,7 +81,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
                 "Sign in",
                 wanted=wanted,
                 name=name[:64],
-                error=language_of(request).say(str(refused)),
+                error=language_of(request).translate(str(refused)),
                 status=status,
                 headers=headers,
             )
@@ -107,7 +107,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
                 "Set-up",
                 token=token,
                 name=form.get("name", "")[:64],
-                error=language_of(request).say(str(error)),
+                error=language_of(request).translate(str(error)),
                 status=status,
             )
         return signed_in(request, session, "/")
@@ -122,7 +122,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
                 "sign_in",
                 "Sign in",
                 wanted=local_path(next),
-                error=language_of(request).say(str(refused)),
+                error=language_of(request).translate(str(refused)),
                 status=403,
             )
         return signed_in(request, session, local_path(next))
@@ -152,7 +152,7 @@ def make_forms(accounts: Accounts, robot: str, cookies: CookieNames, passes: Tic
         if not session.is_lasting and not session.guest_of:
             response.set_cookie(
                 cookies.device,
-                accounts.browsers.use(request.cookies.get(cookies.device, ""), session.name),
+                accounts.browsers.note_sign_in(request.cookies.get(cookies.device, ""), session.name),
                 max_age=_DEVICE_S,
                 path=root() or "/",
                 httponly=True,
@@ -193,7 +193,7 @@ def _add_guest_forms(
         return signed_in(request, session, path)
 
     def refused_guest(request: Request, refused: SignInRefused) -> Response:
-        words = language_of(request).say(str(refused))
+        words = language_of(request).translate(str(refused))
         return page(request, "sign_in", "Sign in", wanted="/program", error=words, status=403)
 
 

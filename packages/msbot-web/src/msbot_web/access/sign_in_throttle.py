@@ -63,7 +63,7 @@ class Spacing:
         """How long the next one has to wait."""
         return max(0.0, self.empty_at - now - self.step_s * (self.burst - 1))
 
-    def take(self, now: float) -> None:
+    def admit(self, now: float) -> None:
         """Let one through, now or after its wait."""
         self.empty_at = max(self.empty_at, now) + self.step_s
 
@@ -108,8 +108,8 @@ class SignInThrottle:
             raise SignInRefused(
                 said("too many people are signing in at this moment: try again in 10 s"), LONGEST_WAIT_S
             )
-        spacing.take(now)
-        self._total.take(now)
+        spacing.admit(now)
+        self._total.admit(now)
         self._count(name, address, device, now)
         return wait_s
 
@@ -118,7 +118,7 @@ class SignInThrottle:
         for key in self._keys(name, address, device):
             self._tries.pop(key, None)
 
-    def left(self, name: str, address: str, device: str) -> None:
+    def abandoned(self, name: str, address: str, device: str) -> None:
         """Nobody was told whether the password was right: the attempt does not count."""
         for key in self._keys(name, address, device):
             if (tries := self._tries.get(key)) is not None:

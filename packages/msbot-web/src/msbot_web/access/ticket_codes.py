@@ -123,7 +123,7 @@ class TicketCodes:
         try:
             await asyncio.sleep(wait_s)
         except asyncio.CancelledError:
-            self._picture_tries.left(name, address, "")
+            self._picture_tries.abandoned(name, address, "")
             raise
         user, told = self._user(name), ",".join(map(str, self.pictures(name)))
         is_right = hmac.compare_digest(told.encode(), octets_of_token(",".join(chosen)))
@@ -142,7 +142,7 @@ class TicketCodes:
         self.find_class(ticket)
         self._accounts.check_new_name(name)
         word = self.waiting.ask(name, ticket)
-        self.class_tickets.use(ticket)
+        self.class_tickets.admit(ticket)
         return word
 
     async def let_in(self, name: str, who: str) -> None:

@@ -36,7 +36,7 @@ class User:
         return [purpose for purpose, digest in self.tokens if digest.startswith(OF_PARTS)]
 
     @property
-    def mark(self) -> str:
+    def fingerprint(self) -> str:
         """Tells this account with this password from every other, also from a later one of the same name."""
         return hashlib.sha256(f"{self.name}\0{self.password_hash}".encode("utf-8", "surrogatepass")).hexdigest()
 

@@ -52,7 +52,7 @@ def add_exception_handlers(app: FastAPI) -> None:
         assert isinstance(error, MsbotError)
         session = request.scope.get("state", {}).get("session")
         words = words_for(session, str(error)) if isinstance(session, Session) else str(error)
-        return JSONResponse({"error": whole(language_of(request).say(words))}, status_of(error))
+        return JSONResponse({"error": whole(language_of(request).translate(words))}, status_of(error))
 
     async def invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

@@ -76,7 +76,7 @@ def add_gallery(router: APIRouter, service: Service) -> None:
                 )
                 for one in gallery.entries
             ],
-            ends=gallery.ends(),
+            ends=gallery.what_ends(),
         )
 
     @router.post("/gallery")

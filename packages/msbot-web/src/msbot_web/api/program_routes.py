@@ -100,7 +100,7 @@ def add_programs(router: APIRouter, service: Service) -> None:
     @router.put("/programs/{name}")
     async def keep(session: SignedIn, name: FileName, program: ProgramText) -> ChangeResult:
         """Keep a program, as a new version if it has changed."""
-        number = await programs.keep(session, name, ProgramSource(program.text, program.blocks))
+        number = await programs.store(session, name, ProgramSource(program.text, program.blocks))
         return ChangeResult(words=said("{name} is kept, version {number}.", name=name, number=number))
 
     @router.delete("/programs/{name}")

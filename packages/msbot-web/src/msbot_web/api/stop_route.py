@@ -149,4 +149,4 @@ async def _given(request: Request) -> Mapping[str, Any]:
 
 def _over(request: Request) -> Response:
     words = said("This STOP was said before, and somebody has ended it since: the robot may move. Press STOP again")
-    return JSONResponse({"error": language_of(request).say(words)}, 409)
+    return JSONResponse({"error": language_of(request).translate(words)}, 409)

@@ -228,12 +228,12 @@ class PageService(CommandService[_Wanted, "MasterContext"]):
             announced_for = class_to_announce(given["announce"], page)
         return None if page.off else _Wanted(page, announced_for)
 
-    def prepare(self, wanted: _Wanted) -> None:  # noqa: ARG002 - every page is the same to load
+    def preload(self, wanted: _Wanted) -> None:  # noqa: ARG002 - every page is the same to load
         """Load the page."""
         with without_garbage_collection():
             importlib.import_module("msbot_web.assembly")
 
-    def beside(self, wanted: _Wanted, context: MasterContext) -> Iterable[Beside]:
+    def coroutines(self, wanted: _Wanted, context: MasterContext) -> Iterable[Beside]:
         """The page, and what announces it."""
         with without_garbage_collection():
             from msbot_school.lessons.lesson_controller import LessonController

@@ -114,7 +114,9 @@ def add(
     with _accounts(db) as accounts:
         password = _password(from_stdin=from_stdin, generate=generate)
         run_to_end(accounts.add_user(name, role_named(role), password, who=user_name()))
-    click.echo(f"{name} may sign in as {role_named(role).one}" + (f"; the password is {password}" if generate else ""))
+    click.echo(
+        f"{name} may sign in as {role_named(role).with_article}" + (f"; the password is {password}" if generate else "")
+    )
 
 
 @user_command.command("passwd")
@@ -138,7 +140,7 @@ def change_role(name: str, role: str, db: str | None) -> None:
     """Give NAME another ROLE."""
     with _accounts(db) as accounts:
         run_to_end(accounts.change_role(name, role, who=user_name()))
-    click.echo(f"{name} is {role_named(role).one} now")
+    click.echo(f"{name} is {role_named(role).with_article} now")
 
 
 @user_command.command("remove")

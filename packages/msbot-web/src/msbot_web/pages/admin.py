@@ -40,7 +40,7 @@ def register(service: Service) -> None:
     def admin(request: Request) -> None:
         with page_frame(service, request, "/admin", "Admin") as page:
             if not page.may(Right.ADMINISTER):
-                ui.label(page.say("Only an administrator sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only an administrator sees this page.")).classes("ms-banner warn")
                 return
             _People(page, base_of(request))
             _tokens(page)
@@ -55,7 +55,7 @@ class _People:
         self._page = page
         self._base = base
         self._shown: list[UserLine] = []
-        say = page.say
+        say = page.translate
         with panel():
             heading(say("People"))
             self._table = ui.column().classes("w-full").style("gap:0")
@@ -82,10 +82,10 @@ class _People:
             for user in users:
                 self._line(user)
             if not users:
-                ui.label(self._page.say("Nobody yet: add the people of your class below.")).classes("soft")
+                ui.label(self._page.translate("Nobody yet: add the people of your class below.")).classes("soft")
 
     def _line(self, user: UserLine) -> None:
-        page, say, service = self._page, self._page.say, self._page.service
+        page, say, service = self._page, self._page.translate, self._page.service
 
         def change(role: str) -> None:
             if role == user.role:
@@ -119,7 +119,7 @@ class _People:
             if await self._page.do(lambda session: service.add_user(session, name, role, password)) is not None:
                 self._name.value, self._password.value = "", ""
 
-        words = self._page.say("Let {name} sign in as {role}?", name=name or "?", role=self._page.say(role))
+        words = self._page.translate("Let {name} sign in as {role}?", name=name or "?", role=self._page.translate(role))
         ask_first(self._page, words, add)
 
     async def _import(self, event: UploadEventArguments) -> None:
@@ -127,10 +127,10 @@ class _People:
             people = new_accounts(await event.file.read(), event.file.name, Role.STUDENT)
         except MsbotError as error:
             ui.notify(
-                self._page.say(str(error)),
+                self._page.translate(str(error)),
                 type="negative",
                 multi_line=True,
-                close_button=self._page.say("Close"),
+                close_button=self._page.translate("Close"),
                 timeout=10_000,
             )
             return
@@ -141,7 +141,7 @@ class _People:
             names=", ".join(one.name for one in people),
         )
         if (urlsplit(self._base).hostname or "") in THIS_COMPUTER:
-            words += " " + self._page.say(
+            words += " " + self._page.translate(
                 "Their tickets will lead to {address}, which no other computer can open: start the "
                 "master with --host 0.0.0.0, and open this page by the computer's own name or "
                 "address first.",
@@ -156,7 +156,7 @@ class _People:
 
     def _tickets(self, people: list[NewAccount]) -> None:
         """A ticket for each person to print and cut out; the passwords are shown this once."""
-        say, code = self._page.say, qr_svg(f"{self._base}login", scale=3)
+        say, code = self._page.translate, qr_svg(f"{self._base}login", scale=3)
         with ui.dialog() as dialog, ui.card().classes("tickets"):
             with ui.element("div").classes("row no-print"):
                 ui.label(say("Print them now: the passwords are never shown again."))
@@ -168,11 +168,11 @@ class _People:
 
 
 def _roles(page: Page) -> dict[str, str]:
-    return {one.word: page.say(one.word) for one in Role}
+    return {one.word: page.translate(one.word) for one in Role}
 
 
 def _ask_password(page: Page, name: str) -> None:
-    say = page.say
+    say = page.translate
     with page_dialog(page) as dialog, ui.card():
         heading(say("New password for {name}", name=name))
         old = ui.input(say("Old password"), password=True).props("outlined autocomplete=current-password")
@@ -192,7 +192,7 @@ def _ask_password(page: Page, name: str) -> None:
 
 
 def _tokens(page: Page) -> None:
-    service, say = page.service, page.say
+    service, say = page.service, page.translate
     users = {user.name: user for user in service.users(page.session)}
     with panel():
         heading(say("API tokens"))
@@ -236,7 +236,7 @@ def _remove_token(page: Page, name: str, purpose: str) -> None:
         if await page.do(lambda session: page.service.remove_token(session, name, purpose)) is not None:
             ui.navigate.to("/admin")
 
-    ask_first(page, page.say("Remove the token of {name} for {purpose}?", name=name, purpose=purpose), remove)
+    ask_first(page, page.translate("Remove the token of {name} for {purpose}?", name=name, purpose=purpose), remove)
 
 
 class _Backup:
@@ -244,7 +244,7 @@ class _Backup:
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        say = page.say
+        say = page.translate
         with panel():
             heading(say("Backup"))
             ui.label(say("The whole database in one file: robots, slots, settings, journal, people.")).classes("soft")
@@ -258,11 +258,11 @@ class _Backup:
             self._state = ui.label("").classes("soft").props("role=status")
 
     async def _ask(self, event: UploadEventArguments) -> None:
-        words = self._page.say("Put this backup in force with the master's next start?")
+        words = self._page.translate("Put this backup in force with the master's next start?")
         ask_first(self._page, words, partial(self._restore, event.file))
 
     async def _restore(self, file: FileUpload) -> None:
-        page, say, mb = self._page, self._page.say, file.size() / 1e6
+        page, say, mb = self._page, self._page.translate, file.size() / 1e6
         self._button.props("loading")
         self._state.set_text(say("{name} ({mb:.1f} MB) is being checked ...", name=file.name, mb=mb))
         done = None
@@ -275,13 +275,13 @@ class _Backup:
 
 def _changes(page: Page) -> None:
     with panel():
-        heading(page.say("Changes of people and keys"))
+        heading(page.translate("Changes of people and keys"))
         shown = ui.html("", sanitize=False)
-    heads = [page.say(title) for title in ("Time", "By", "Change")]
+    heads = [page.translate(title) for title in ("Time", "By", "Change")]
 
     async def show() -> None:
         edits = await page.service.people_edits(page.session, CHANGES)
-        rows = [(page.when(edit.at_ms), edit.who, page.say(edit.words)) for edit in edits]
-        set_html(shown, render("table", heads=heads, rows=rows or [(page.say("None yet."),)]))
+        rows = [(page.when(edit.at_ms), edit.who, page.translate(edit.words)) for edit in edits]
+        set_html(shown, render("table", heads=heads, rows=rows or [(page.translate("None yet."),)]))
 
     page.every_look(show)

@@ -22,7 +22,9 @@ def register(service: Service) -> None:
                 for path, calls in _paths(request).items()
                 for method, call in calls.items()
             ]
-            ui.html(render("api", say=page.say, base=base_of(request), calls=calls), sanitize=False).classes("w-full")
+            ui.html(render("api", say=page.translate, base=base_of(request), calls=calls), sanitize=False).classes(
+                "w-full"
+            )
 
 
 def _paths(request: Request) -> dict[str, dict[str, dict[str, object]]]:

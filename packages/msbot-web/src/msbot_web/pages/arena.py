@@ -53,9 +53,11 @@ def register(service: Service) -> None:
         with page_frame(service, request, "/arena", "Arena") as page:
             if not service.arena.is_there:
                 with panel():
-                    ui.label(page.say("This robot is in no world that is here."))
-                    ui.link(page.say("Robots and worlds"), "/gallery")
-                    ui.label(page.say("A robot that has joined another program's world is shown on that one's page."))
+                    ui.label(page.translate("This robot is in no world that is here."))
+                    ui.link(page.translate("Robots and worlds"), "/gallery")
+                    ui.label(
+                        page.translate("A robot that has joined another program's world is shown on that one's page.")
+                    )
                 return
             back_to_rover(page)
             ui.add_head_html(f'<script src="{root()}/web/arena.js"></script>')
@@ -77,7 +79,7 @@ class _ArenaPage:
             "host": self._host.html_id,
             "state": self._arena.state(),
             "may": page.may(Right.OPERATE),
-            "words": {"drag": page.say("drag it, or move it with the arrow keys; Shift turns it")},
+            "words": {"drag": page.translate("drag it, or move it with the arrow keys; Shift turns it")},
         }
         ui.run_javascript(f"msbotArena.begin({json.dumps(setup)})")
         for event, handler in (("arena_put", self._put), ("arena_drive", self._drive), ("arena_seen", self._seen)):
@@ -89,7 +91,7 @@ class _ArenaPage:
         page.every_look(self._show)
 
     def _make(self) -> None:
-        say, may = self._page.say, self._page.may(Right.OPERATE)
+        say, may = self._page.translate, self._page.may(Right.OPERATE)
         with panel():
             with ui.element("div").classes("row spread"):
                 heading(say(self._arena.name))
@@ -122,7 +124,7 @@ class _ArenaPage:
             self._table = ui.html("", sanitize=False).classes("w-full scroll").props("tabindex=0 id=ms-arena-senses")
 
     def _make_drive(self) -> None:
-        say = self._page.say
+        say = self._page.translate
         with panel():
             heading(say("Drive by hand"))
             self._plug = ui.button(say("Plug the pilot in"), icon="power", on_click=self._plug_pilot)
@@ -156,10 +158,10 @@ class _ArenaPage:
 
     def _show(self) -> None:
         page = self._page
-        self._pause.set_text(page.say("Go on") if self._arena.paused else page.say("Pause"))
+        self._pause.set_text(page.translate("Go on") if self._arena.paused else page.translate("Pause"))
         self._pause.props(f"icon={'play_arrow' if self._arena.paused else 'pause'}")
-        self._clock.set_text(page.say("{seconds:.0f} s in the world", seconds=self._arena.state()["t"]))
-        set_html(self._words, render("lines", say=page.say, lines=self._arena.words()))
+        self._clock.set_text(page.translate("{seconds:.0f} s in the world", seconds=self._arena.state()["t"]))
+        set_html(self._words, render("lines", say=page.translate, lines=self._arena.describe()))
         self._tell()
         rows = [
             [
@@ -169,7 +171,7 @@ class _ArenaPage:
             ]
             for part in self._arena.sensed()
         ]
-        heads = [page.say(word) for word in ("Robot", "Slot", "Senses")]
+        heads = [page.translate(word) for word in ("Robot", "Slot", "Senses")]
         set_html(self._table, render("table", heads=heads, rows=rows))
         if self._pilot and page.may(Right.OPERATE):
             plugged = page.service.views.bench.is_plugged(self._pilot)
@@ -181,14 +183,14 @@ class _ArenaPage:
     def _tell(self) -> None:
         """Have a screen reader say where the robots are: when that has changed, and not again and again."""
         now = self._page.service.now()
-        words = " ".join(f"{self._page.say(one)}." for one in self._arena.told())
+        words = " ".join(f"{self._page.translate(one)}." for one in self._arena.spoken_summary())
         if words != self._voice.text and (self._told_at is None or now - self._told_at >= TOLD_S):
             self._told_at = now
             self._voice.set_text(words)
 
     def _value(self, name: str, value: float | bool) -> str:
         if isinstance(value, bool):
-            return self._page.say("yes") if value else self._page.say("no")
+            return self._page.translate("yes") if value else self._page.translate("no")
         if name == "heading":
             value = round(value) % 360
         unit = UNITS.get(name.partition(".")[0], "")

@@ -27,16 +27,16 @@ def show_banner(page: Page, banner: ui.column) -> None:
             banner.clear()
             with banner:
                 if page.is_past and any(wanted[1:]):
-                    ui.label(page.say("At present:")).classes("soft")
+                    ui.label(page.translate("At present:")).classes("soft")
                 if robot.stop.stopped:
                     with ui.element("div").classes("ms-banner bad row spread").props("role=alert"):
                         stop_words.append(ui.html("", sanitize=False).style("flex:1;min-width:min(18rem,100%)"))
                         if page.may(Right.ARRANGE):
-                            ui.button(page.say("Go on"), on_click=go_on).props("outline dense")
+                            ui.button(page.translate("Go on"), on_click=go_on).props("outline dense")
                 for words in (robot.trouble, robot.stop.trouble, *robot.faults):
                     if words:
                         with ui.element("div").classes("ms-banner warn").props("role=alert"):
-                            ui.label(page.say(words))
+                            ui.label(page.translate(words))
         if robot.stop.stopped and stop_words:
             set_html(stop_words[-1], stop_html(page, robot.stop))
             seen[0] = robot.stop.number
@@ -54,7 +54,7 @@ def stop_html(page: Page, stop: StopState) -> Markup:
     slowest = max((one.ms for one in stop.confirmed), default=0.0)
     return render(
         "stop_state",
-        say=page.say,
+        say=page.translate,
         stop=stop,
         slowest=page.number(slowest, ".0f"),
         told=len(stop.confirmed) + len(stop.silent),

@@ -50,7 +50,7 @@ def _load(page: Page) -> None:
             shown,
             render(
                 "bus_load",
-                say=page.say,
+                say=page.translate,
                 number=page.number,
                 counted=page.language.count,
                 bus=bus,
@@ -71,8 +71,8 @@ class _Table:
         self._rows: list[FrameLine] = []
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row").style("margin-bottom:.5rem"):
-                self._paused = ui.switch(page.say("Pause"), on_change=self._pause)
-                self._find = ui.input(page.say("Filter"), value=find, placeholder="node 3, BEACON, 103").props(
+                self._paused = ui.switch(page.translate("Pause"), on_change=self._pause)
+                self._find = ui.input(page.translate("Filter"), value=find, placeholder="node 3, BEACON, 103").props(
                     "dense clearable outlined"
                 )
                 self._find.on_value_change(lambda: self._show(force=True))
@@ -80,10 +80,10 @@ class _Table:
                     ("Table (CSV)", "bus.csv", lambda sight: sight.frames_as_csv()),
                     ("candump", "bus.log", lambda sight: sight.frames_as_candump()),
                 ):
-                    ui.button(page.say(title), icon="download", on_click=partial(_download, page, name, lines)).props(
-                        "flat"
-                    )
-                ui.link(page.say("Quiz: take octets and frames apart"), "/learn/quiz")
+                    ui.button(
+                        page.translate(title), icon="download", on_click=partial(_download, page, name, lines)
+                    ).props("flat")
+                ui.link(page.translate("Quiz: take octets and frames apart"), "/learn/quiz")
             with ui.element("div").classes("ms-split"):
                 with ui.element("div").classes("scroll").props("tabindex=0"):
                     self._table = (
@@ -118,14 +118,14 @@ class _Table:
         if not self._paused.value:
             self._rows = self._page.frame_lines(KEPT_ROWS if words else ROWS)
         rows = [row for row in self._rows if all(word in _text_of(row) for word in words)][-ROWS:]
-        heads = [self._page.say(title) for title in ("No.", "Age", "Sender", "Frame", "What it says")]
+        heads = [self._page.translate(title) for title in ("No.", "Age", "Sender", "Frame", "What it says")]
         lines = [(row, _colour_of(row)) for row in reversed(rows)]
         # Rows that stand still can be reached by the keyboard; others would lose it twice a second.
         set_html(
             self._table,
             render(
                 "frames",
-                say=self._page.say,
+                say=self._page.translate,
                 number=self._page.number,
                 heads=heads,
                 rows=lines,
@@ -145,10 +145,15 @@ class _Table:
         levels = levels_of(row, self._page.sight.bus())
         self._detail.set_content(
             render(
-                "frame", say=self._page.say, row=row, identifier=identifier, data=data.strip(), has_levels=bool(levels)
+                "frame",
+                say=self._page.translate,
+                row=row,
+                identifier=identifier,
+                data=data.strip(),
+                has_levels=bool(levels),
             )
         )
-        self._levels.set_content(render("frame_levels", say=self._page.say, row=row, levels=levels))
+        self._levels.set_content(render("frame_levels", say=self._page.translate, row=row, levels=levels))
 
 
 @dataclass(frozen=True, slots=True)

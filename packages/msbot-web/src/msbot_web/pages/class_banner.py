@@ -24,7 +24,7 @@ def show_class_banner(page: Page, place: ui.column) -> None:
         words = control.freeze_words if is_teacher else control.held(me)
         taken = None if is_teacher else control.taken_by(me)
         if not words and taken is not None:
-            words = page.say("{by} runs your program now, and gives it back to you.", by=taken.by)
+            words = page.translate("{by} runs your program now, and gives it back to you.", by=taken.by)
         if [words] == shown:
             return
         shown[:] = [words]
@@ -32,9 +32,11 @@ def show_class_banner(page: Page, place: ui.column) -> None:
         if not words:
             return
         with place, ui.element("div").classes("ms-banner info row spread ms-class-strip").props("role=alert"):
-            ui.label(page.say(words)).style("flex:1;min-width:min(18rem,100%)")
+            ui.label(page.translate(words)).style("flex:1;min-width:min(18rem,100%)")
             if is_teacher:
-                ui.button(page.say("Let the class go on"), on_click=partial(page.act, "thaw")).props("outline dense")
+                ui.button(page.translate("Let the class go on"), on_click=partial(page.act, "thaw")).props(
+                    "outline dense"
+                )
 
     page.every_look(show)
 
@@ -55,7 +57,11 @@ def raise_hand_button(page: Page) -> None:
         is_up = me in control.hands
         if [is_up] != shown:
             shown[:] = [is_up]
-            words = page.say("Take your hand down") if is_up else page.say("Put your hand up: ask the teacher for help")
+            words = (
+                page.translate("Take your hand down")
+                if is_up
+                else page.translate("Put your hand up: ask the teacher for help")
+            )
             button.props["aria-label"] = button.props["title"] = words
             button.props["aria-pressed"] = "true" if is_up else "false"
             button.props(f"color={'warning' if is_up else 'primary'}")

@@ -48,7 +48,7 @@ class RollOutPanel:
         self._keys: list[RobotKey] = []
         """Of the robots whose blueprint can be chosen."""
         self._remembered: RollOutEntry | None = None
-        say = page.say
+        say = page.translate
         self.button = ui.button(say("One blueprint for many"), icon="dynamic_feed", on_click=self._turn).props(
             "outline"
         )
@@ -80,7 +80,7 @@ class RollOutPanel:
     # Choose
 
     def _choose(self) -> None:
-        say = self._page.say
+        say = self._page.translate
         with ui.element("div").classes("row"):
             self._of = (
                 ui.select({}, label=say("Blueprint of the robot"), on_change=self._take_robot)
@@ -138,7 +138,7 @@ class RollOutPanel:
         try:
             toml = (await event.file.read()).decode("utf-8")
         except UnicodeDecodeError:
-            ui.notify(page.say("This file is not UTF-8 text."), type="negative")
+            ui.notify(page.translate("This file is not UTF-8 text."), type="negative")
             return
         self._of.set_value(None)
         await self._take(lambda: self._doing.pattern(page.session, name, toml))
@@ -149,13 +149,13 @@ class RollOutPanel:
         try:
             self._pattern = await read()
         except MsbotError as error:
-            self._source.set_text(self._page.say("No blueprint is chosen yet."))
+            self._source.set_text(self._page.translate("No blueprint is chosen yet."))
             self._fail(error)
             return
-        self._source.set_text(self._page.say("Blueprint: {source}", source=self._pattern.source))
+        self._source.set_text(self._page.translate("Blueprint: {source}", source=self._pattern.source))
 
     def _fail(self, error: MsbotError) -> None:
-        say = self._page.say
+        say = self._page.translate
         self._result.set_content(render("changes", say=say, error=say(str(error)), changes=[]))
 
     # Compare and begin
@@ -164,11 +164,11 @@ class RollOutPanel:
         page = self._page
         self._forget_plans()
         if self._pattern is None:
-            ui.notify(page.say("Choose a blueprint first: of a robot, or from a file."), type="warning")
+            ui.notify(page.translate("Choose a blueprint first: of a robot, or from a file."), type="warning")
             return
         chosen = [key for key, tick in self._ticks.items() if tick.value]
         if not chosen:
-            ui.notify(page.say("Tick at least one robot."), type="warning")
+            ui.notify(page.translate("Tick at least one robot."), type="warning")
             return
         self._compare_button.props("loading")
         try:
@@ -179,7 +179,7 @@ class RollOutPanel:
         finally:
             self._compare_button.props(remove="loading")
         self._plans = plans
-        set_html(self._result, render("rollout_plan", say=page.say, plans=plans, most=MOST_CHANGES))
+        set_html(self._result, render("rollout_plan", say=page.translate, plans=plans, most=MOST_CHANGES))
         self._begin_button.set_enabled(any(plan.changes for plan in plans))
 
     async def _ask(self) -> None:
@@ -207,7 +207,7 @@ class RollOutPanel:
         try:
             await deed()
         except MsbotError as error:
-            ui.notify(page.say(str(error)), type="negative", multi_line=True, timeout=10_000)
+            ui.notify(page.translate(str(error)), type="negative", multi_line=True, timeout=10_000)
             return
         self._forget_plans()
         page.refresh()
@@ -215,7 +215,7 @@ class RollOutPanel:
     # Watch and take back
 
     def _watch(self) -> None:
-        say = self._page.say
+        say = self._page.translate
         self._sum = ui.label("").props("aria-live=polite").style("font-weight:600")
         self._steps = ui.html("", sanitize=False).classes("w-full")
         with ui.element("div").classes("row"):
@@ -235,7 +235,7 @@ class RollOutPanel:
             steps = run.steps
             self._sum.set_text(self._sum_of(run, steps))
             shown = [(step, *_LOOKS[step.state], self._word(run, step)) for step in steps]
-            set_html(self._steps, render("rollout_run", say=page.say, steps=shown))
+            set_html(self._steps, render("rollout_run", say=page.translate, steps=shown))
         elif self._remembered is not None:
             self._sum.set_text(self._words_of(self._remembered))
         self._running.set_visibility(run is not None or self._remembered is not None)
@@ -265,7 +265,7 @@ class RollOutPanel:
         )
 
     def _word(self, run: RollOutRun, step: RobotStep) -> str:
-        say = self._page.say
+        say = self._page.translate
         match step.state:
             case StepState.CHANGED if step.edit is not None:
                 return say("taken back, edit {edit}" if run.is_undo else "changed, edit {edit}", edit=step.edit)
@@ -286,7 +286,7 @@ class RollOutPanel:
         try:
             self._doing.halt(page.session)
         except MsbotError as error:
-            ui.notify(page.say(str(error)), type="negative", multi_line=True)
+            ui.notify(page.translate(str(error)), type="negative", multi_line=True)
         page.refresh()
 
     def _words_of(self, remembered: RollOutEntry) -> str:
@@ -307,4 +307,4 @@ class RollOutPanel:
         async def undo() -> None:
             await self._do(lambda: self._doing.undo(page.session, remembered))
 
-        ask_first(page, page.say("Take this back? {what}", what=self._words_of(remembered)), undo)
+        ask_first(page, page.translate("Take this back? {what}", what=self._words_of(remembered)), undo)

@@ -33,14 +33,14 @@ def register(service: Service) -> None:
 
 def _tiles(page: Page, hostname: str) -> None:
     with ui.element("div").classes("row spread w-full"):
-        find = ui.input(page.say("Search"), placeholder=page.say("name, serial number, state, blueprint")).props(
-            "outlined dense clearable"
-        )
+        find = ui.input(
+            page.translate("Search"), placeholder=page.translate("name, serial number, state, blueprint")
+        ).props("outlined dense clearable")
         count = ui.label("").classes("soft num").props("aria-live=polite")
         reach = _Reach(page)
     reach.explain()
     trouble = ui.label("").classes("ms-banner warn")
-    nobody = ui.label(page.say("No robot fits. Try part of its name, or clear the search."))
+    nobody = ui.label(page.translate("No robot fits. Try part of its name, or clear the search."))
     above = ui.column().classes("w-full")
     grid = ui.element("div").classes("grid")
     shown = _Shown(page, grid, hostname)
@@ -52,17 +52,17 @@ def _tiles(page: Page, hostname: str) -> None:
         try:
             tiles = await page.service.whole_class.robots()
         except MsbotError as error:
-            trouble.set_text(page.say(str(error)))
+            trouble.set_text(page.translate(str(error)))
             trouble.set_visibility(True)
             return
-        trouble.set_text(page.say(page.service.whole_class.trouble))
+        trouble.set_text(page.translate(page.service.whole_class.trouble))
         trouble.set_visibility(bool(page.service.whole_class.trouble))
         reach.update(tiles)
         fitting = shown.update(tiles, str(find.value or "").casefold().split())
         well = sum(_state_of(tile)[0] == "active" for tile in fitting)
-        words = page.say("Robots that are well: {well} of {all}", well=well, all=len(fitting))
+        words = page.translate("Robots that are well: {well} of {all}", well=well, all=len(fitting))
         marks = {tile.blueprint for tile in fitting if tile.blueprint}
-        more = page.say("{count} different blueprints", count=len(marks))
+        more = page.translate("{count} different blueprints", count=len(marks))
         count.set_text(f"{words} · {more}" if len(marks) > 1 else words)
         nobody.set_visibility(not fitting)
 
@@ -78,14 +78,14 @@ class _Reach:
         self._may = page.may(Right.STOP_CLASS)
         self._shown: tuple[str, ...] = ()
         if self._may:
-            self._button = ui.button(page.say("STOP all robots"), on_click=lambda: _stop_all(page), color=None)
+            self._button = ui.button(page.translate("STOP all robots"), on_click=lambda: _stop_all(page), color=None)
             self._button.classes("ms-stop").props("unelevated")
 
     def explain(self) -> None:
         """What the button reaches; below the row in which it is."""
-        words = self._page.say("Click a robot to go to its page.")
+        words = self._page.translate("Click a robot to go to its page.")
         if not self._may:
-            more = self._page.say(
+            more = self._page.translate(
                 "The red STOP stops {robot} alone. Only teachers stop all robots of a class.",
                 robot=self._page.service.robot_name,
             )
@@ -106,11 +106,13 @@ class _Reach:
         far = [f"{_label(tile)} ({urlsplit(tile.address).netloc})" for tile in meant if tile.elsewhere]
         count = page.language.count(len(meant), "STOP {count} robot", "STOP all {count} robots")
         whose = (
-            page.say("STOP all reaches the STOP group {group}: {robots}", group=group, robots=_named(here + far))
+            page.translate("STOP all reaches the STOP group {group}: {robots}", group=group, robots=_named(here + far))
             if group
-            else page.say("STOP all reaches the robots of this class: {robots}", robots=_named(here + far))
+            else page.translate("STOP all reaches the robots of this class: {robots}", robots=_named(here + far))
         )
-        left = page.say("It does NOT reach robots of others: {robots}", robots=_named([_label(one) for one in others]))
+        left = page.translate(
+            "It does NOT reach robots of others: {robots}", robots=_named([_label(one) for one in others])
+        )
         words = (count, whose, left if others else "")
         if words != self._shown:
             self._shown = words
@@ -191,7 +193,7 @@ async def _stop_all(page: Page) -> None:
             if tile.in_class and tile.running and not (tile.reachable or tile.here or tile.elsewhere)
         ]
     except MsbotError as error:
-        ui.notify(page.say(str(error)), type="negative", multi_line=True)
+        ui.notify(page.translate(str(error)), type="negative", multi_line=True)
         return
     told = page.language.count(len(done.told), "STOP: {count} robot was told", "STOP: {count} robots were told")
     confirmed = page.language.count(
@@ -203,10 +205,10 @@ async def _stop_all(page: Page) -> None:
     words = f"{told} ({_named(list(done.told))}); {confirmed}" if done.told else f"{told}; {confirmed}"
     ui.notify(words, type="warning", multi_line=True, timeout=8000)
     if done.waiting:
-        words = page.say("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
+        words = page.translate("Not confirmed yet, they may still move: {robots}", robots=", ".join(done.waiting))
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.not_stored:
-        words = page.say("Not stored, it ends with their masters: {robots}", robots=", ".join(done.not_stored))
+        words = page.translate("Not stored, it ends with their masters: {robots}", robots=", ".join(done.not_stored))
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.silent:
         words = page.language.count(
@@ -216,7 +218,7 @@ async def _stop_all(page: Page) -> None:
         )
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
     if done.not_told:
-        names = ", ".join(page.say(one) for one in done.not_told[:MOST_NAMED])
+        names = ", ".join(page.translate(one) for one in done.not_told[:MOST_NAMED])
         words = page.language.count(
             len(done.not_told),
             "NOT stopped: {count} robot on another computer does not answer: {robots}. Cut its power.",
@@ -226,7 +228,9 @@ async def _stop_all(page: Page) -> None:
         ui.notify(words, type="negative", multi_line=True, timeout=30_000)
     if unreached:
         names = ", ".join(unreached)
-        words = page.say("NOT told, their masters run on other computers: {names}. Press STOP there.", names=names)
+        words = page.translate(
+            "NOT told, their masters run on other computers: {names}. Press STOP there.", names=names
+        )
         ui.notify(words, type="negative", multi_line=True, timeout=15_000)
 
 
@@ -244,7 +248,7 @@ def _state_of(tile: RobotTile) -> tuple[str, str]:
 
 
 def _searched(page: Page, tile: RobotTile) -> str:
-    state = page.say(_state_of(tile)[1])
+    state = page.translate(_state_of(tile)[1])
     return (
         f"{tile.name} {tile.serial_number} {tile.owner} {tile.version} {tile.blueprint} {tile.msbot} {tile.address} {tile.stop_group} {state}"
     ).casefold()
@@ -261,7 +265,7 @@ def _tile(page: Page, tile: RobotTile, hostname: str) -> Markup:
         place="" if tile.here else urlsplit(tile.address).netloc,
         where="/" if tile.here else _for_visitor(tile.address, hostname),
         age="" if tile.last_event_age_s is None else _age(tile.last_event_age_s),
-        say=page.say,
+        say=page.translate,
     )
 
 

@@ -27,7 +27,7 @@ def register(service: Service) -> None:
     def doctor(request: Request) -> None:
         with page_frame(service, request, "/doctor", "Doctor") as page:
             if not page.may(Right.ARRANGE):
-                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _Findings(page)
 
@@ -38,12 +38,14 @@ class _Findings:
     def __init__(self, page: Page) -> None:
         self._page = page
         with ui.element("div").classes("row spread").style("margin-bottom:.75rem"):
-            self._summary = ui.label(page.say("The doctor is looking ...")).props("role=status aria-live=polite")
+            self._summary = ui.label(page.translate("The doctor is looking ...")).props("role=status aria-live=polite")
             self._again = ui.button(
-                page.say("Look again"), icon="refresh", on_click=lambda: page.later(self._look(anew=True))
+                page.translate("Look again"),
+                icon="refresh",
+                on_click=lambda: page.show_when_ready(self._look(anew=True)),
             )
         self._list = ui.element("div").classes("w-full")
-        page.later(self._look(anew=False))
+        page.show_when_ready(self._look(anew=False))
 
     async def _look(self, *, anew: bool) -> None:
         page = self._page
@@ -51,14 +53,14 @@ class _Findings:
         try:
             found = await page.service.examine(page.session, anew=anew)
         except MsbotError as error:
-            self._summary.text = page.say(str(error))
+            self._summary.text = page.translate(str(error))
             return
         finally:
             self._again.enable()
         self._show(found)
 
     def _show(self, found: Examination) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         musts = sum(finding.must for _, finding in found.findings)
         self._summary.text = (
             page.language.count(musts, "{count} thing to mend", "{count} things to mend")
@@ -79,7 +81,7 @@ class _Findings:
 
     async def _mend(self, finding: Finding) -> None:
         page = self._page
-        if await page.do(lambda session: page.service.mend(session, finding)) is not None:
+        if await page.do(lambda session: page.service.repair(session, finding)) is not None:
             await self._look(anew=True)
 
 

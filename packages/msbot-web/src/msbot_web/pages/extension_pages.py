@@ -21,6 +21,6 @@ def _register(service: Service, path: str, one: ExtensionPage) -> None:
     def brought(request: Request) -> None:
         with page_frame(service, request, path, one.title) as page:
             if not page.may(one.right):
-                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             one.show(page)

@@ -27,7 +27,7 @@ def register(service: Service) -> None:
     def faults(request: Request) -> None:
         with page_frame(service, request, "/faults", "Faults") as page:
             if not page.may(Right.ARRANGE):
-                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _Form(page)
             _Planted(page)
@@ -38,7 +38,7 @@ class _Form:
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        say = page.say
+        say = page.translate
         slots = [card.name for card in page.service.robot().slots]
         kinds = {name: f"{name} · {say(kind.words)}" for name, kind in KINDS.items()}
         with panel():
@@ -61,7 +61,7 @@ class _Form:
         self._chosen()
 
     def _chosen(self) -> None:
-        say, kind = self._page.say, KINDS[str(self._kind.value)]
+        say, kind = self._page.translate, KINDS[str(self._kind.value)]
         self._slot.set_visibility(kind.at_part)
         self._amount.set_visibility(kind.amount is not None)
         strength = "" if kind.amount is None else f"{self._label(kind.amount)} {say(kind.amount.words)}. "
@@ -73,7 +73,7 @@ class _Form:
             self._amount.update()
 
     def _label(self, amount: Amount) -> str:
-        return f"{self._page.say('Amount')} [{amount.unit}]"
+        return f"{self._page.translate('Amount')} [{amount.unit}]"
 
     async def _plant(self) -> None:
         kind = KINDS[str(self._kind.value)]
@@ -111,16 +111,20 @@ class _Planted:
         self._times: dict[object, ui.label] = {}
         with panel():
             with ui.element("div").classes("row spread"):
-                heading(page.say("Planted faults"))
+                heading(page.translate("Planted faults"))
                 with ui.element("div").classes("row"):
-                    self._answers = ui.button(page.say("Show the answers"), icon="visibility", on_click=self._look)
+                    self._answers = ui.button(
+                        page.translate("Show the answers"), icon="visibility", on_click=self._look
+                    )
                     self._answers.props("flat dense")
-                    ui.button(page.say("End all"), icon="healing", on_click=self._end_all).props("flat dense")
+                    ui.button(page.translate("End all"), icon="healing", on_click=self._end_all).props("flat dense")
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 
     def _look(self) -> None:
-        words = self._page.say("Show what the mission wants to be found? Its report will say that you have looked.")
+        words = self._page.translate(
+            "Show what the mission wants to be found? Its report will say that you have looked."
+        )
         ask_first(self._page, words, self._show_answers)
 
     async def _show_answers(self) -> None:
@@ -139,8 +143,8 @@ class _Planted:
         with ui.dialog() as dialog, ui.card():
             for fault in found:
                 words = str(fault["words"])
-                ui.label(f"{fault['number']}. {self._page.say(words)}")
-            ui.button(self._page.say("Close"), on_click=dialog.close).props("flat")
+                ui.label(f"{fault['number']}. {self._page.translate(words)}")
+            ui.button(self._page.translate("Close"), on_click=dialog.close).props("flat")
         show_dialog(dialog)
 
     async def _end_all(self) -> None:
@@ -156,14 +160,14 @@ class _Planted:
             self._times.clear()
             with self._list:
                 if not planted:
-                    ui.label(self._page.say("No fault is planted: everything that goes wrong now is real."))
+                    ui.label(self._page.translate("No fault is planted: everything that goes wrong now is real."))
                 for fault in planted:
                     self._line(fault)
         for fault in planted:
             self._times[fault["number"]].set_text(self._state(fault))
 
     def _line(self, fault: Mapping[str, object]) -> None:
-        say, number, words = self._page.say, fault["number"], str(fault["words"])
+        say, number, words = self._page.translate, fault["number"], str(fault["words"])
         with (
             ui.element("div").classes("row spread w-full").style("border-bottom:1px solid var(--line);padding:.35rem 0")
         ):
@@ -176,7 +180,7 @@ class _Planted:
 
     def _state(self, fault: Mapping[str, object]) -> str:
         planter = str(fault["who"])
-        say, who = self._page.say, self._page.say(planter)
+        say, who = self._page.translate, self._page.translate(planter)
         if "concealed" in fault:
             return str(who)
         hidden = f" · {say('hidden')}" if fault["hidden"] else ""

@@ -47,12 +47,12 @@ class _GalleryPage:
             for entry in self._gallery.entries:
                 self._entry(entry)
         with panel():
-            heading(page.say("Lessons"))
+            heading(page.translate("Lessons"))
             self._lessons = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show_lessons)
 
     def _how(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         if self._gallery.now is None:
             words = say("This robot stays what it is: only a demo changes its robot. Each card says how to start one.")
         elif not self._may:
@@ -64,7 +64,7 @@ class _GalleryPage:
             back_to_rover(page)
 
     def _entry(self, entry: GalleryEntry) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         is_now = entry.choice == self._gallery.now
         title = say(entry.title)
         with ui.element("div").classes("panel ms-exhibit").props("role=listitem"):
@@ -84,7 +84,7 @@ class _GalleryPage:
                 ui.label(entry.choice.command).classes("mono")
 
     def _show_lessons(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         found = page.service.learning.lessons(page.reads)
         if found is None:
             return
@@ -101,7 +101,7 @@ class _GalleryPage:
                 ui.label(say("This robot runs without lessons."))
 
     def _lesson(self, lesson: Lesson) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         place = next(
             (one.title for one in self._gallery.entries if (one.choice.robot, one.choice.world) == _place(lesson)), ""
         )
@@ -127,28 +127,30 @@ def back_to_rover(page: Page) -> None:
     """The button that leads back to the first robot, where another one runs."""
     gallery = page.service.gallery
     if gallery.may_change(page.session) and gallery.now != ROVER:
-        ui.button(page.say("Back to the rover"), icon="undo", on_click=partial(change, page, ROVER)).props("outline")
+        ui.button(page.translate("Back to the rover"), icon="undo", on_click=partial(change, page, ROVER)).props(
+            "outline"
+        )
 
 
 async def change(page: Page, choice: DemoChoice, lesson: str = "") -> None:
     """Have another robot: at once where nothing ends by it, else when the person has read what does."""
-    ends = page.service.gallery.ends(choice, lesson)
+    ends = page.service.gallery.what_ends(choice, lesson)
     if not ends:
         await _change(page, choice, lesson, agreed=False)
         return
     with page_dialog(page).props("no-backdrop-dismiss") as dialog, ui.card():
-        ui.label(page.say("Another robot in this one's place?")).props("role=heading aria-level=2")
+        ui.label(page.translate("Another robot in this one's place?")).props("role=heading aria-level=2")
         for words in ends:
-            ui.label(_sentence(page.say(words)))
+            ui.label(_sentence(page.translate(words)))
 
         async def agree() -> None:
             dialog.close()
-            with page.here():
+            with page.in_page():
                 await _change(page, choice, lesson, agreed=True)
 
         with ui.element("div").classes("row"):
-            ui.button(page.say("Yes, change"), on_click=agree)
-            ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+            ui.button(page.translate("Yes, change"), on_click=agree)
+            ui.button(page.translate("Cancel"), on_click=dialog.close).props("flat")
     show_dialog(dialog)
 
 
@@ -161,7 +163,7 @@ async def _change(page: Page, choice: DemoChoice, lesson: str, *, agreed: bool) 
         await ui.run_javascript(f"msbotChannel.comeBackTo('{path}')", timeout=ANSWER_S)
     done = await page.do(deed)
     if not page.service.gallery.is_changing:
-        with page.here():
+        with page.in_page():
             ui.run_javascript("msbotChannel.comeBackTo('')")
             if done is not None:
                 ui.navigate.to(path)

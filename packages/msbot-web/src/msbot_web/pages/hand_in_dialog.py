@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 async def hand_in_dialog(page: Page) -> None:
     """Ask what is to be handed in, and hand it in."""
-    say = page.say
+    say = page.translate
     try:
         programs = [one.name for one in await page.service.programs.mine(page.session)]
     except MsbotError as error:

@@ -37,7 +37,7 @@ def register(service: Service) -> None:
                 found = await service.hand_ins.opened(page.session, _number(number))
                 progress = await service.learning.progress(page.session, page.reads)
             except MsbotError as error:
-                ui.label(page.say(str(error))).classes("ms-banner warn")
+                ui.label(page.translate(str(error))).classes("ms-banner warn")
                 return
             row = next((one for one in progress if (one.person, one.lesson) == (found.person, found.lesson)), None)
             lesson = next(
@@ -52,13 +52,13 @@ def register(service: Service) -> None:
                 ui.html(
                     render(
                         "hand_in",
-                        say=page.say,
+                        say=page.translate,
                         work=found,
                         title=found.lesson if lesson is None else lesson.title,
                         when=page.when(found.at_ns // 1_000_000),
                         ticked=""
                         if row is None
-                        else page.say("{ticked} of {checks}", ticked=row.ticked, checks=row.checks),
+                        else page.translate("{ticked} of {checks}", ticked=row.ticked, checks=row.checks),
                         answers=answers,
                         moment=found.at_ns // 1_000_000,
                         begin=found.from_ns // 1_000_000,
@@ -86,7 +86,7 @@ def _is_right(service: Service, found: HandIn, check: str, answer: str) -> bool:
 
 
 def _comment(page: Page, found: HandIn) -> None:
-    say = page.say
+    say = page.translate
     with panel():
         heading(say("Your comment"))
         field = (
@@ -121,7 +121,7 @@ class HandInList:
         self._read_at = float("-inf")
         ui.link_target(HAND_INS)
         with panel() as self._panel:
-            heading(page.say("Handed in"))
+            heading(page.translate("Handed in"))
             self._shown = ui.element("div").classes("w-full scroll").props("tabindex=0")
         for element in (self._panel, link):
             element.set_visibility(False)
@@ -140,12 +140,14 @@ class HandInList:
         self._seen = (found, titles)
         for element in (self._panel, self._link):
             element.set_visibility(bool(found))
-        words = page.say("Handed in: {count}", count=len(found))
+        words = page.translate("Handed in: {count}", count=len(found))
         waiting = sum(not one.returned_ns for one in found)
         if waiting and page.may(Right.ARRANGE):
-            words = page.say("Handed in: {count}, of which {waiting} wait for you", count=len(found), waiting=waiting)
+            words = page.translate(
+                "Handed in: {count}, of which {waiting} wait for you", count=len(found), waiting=waiting
+            )
         self._link.set_text(words)
         lines = [(one, titles.get(one.lesson, one.lesson), page.when(one.at_ns // 1_000_000)) for one in found]
         self._shown.clear()
         with self._shown:
-            ui.html(render("hand_ins", say=page.say, lines=lines), sanitize=False)
+            ui.html(render("hand_ins", say=page.translate, lines=lines), sanitize=False)

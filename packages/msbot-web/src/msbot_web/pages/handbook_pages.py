@@ -18,17 +18,17 @@ def register(service: Service) -> None:
         with page_frame(service, request, "/handbook", "Handbook") as page:
             for chapter in handbook.chapters():
                 with ui.element("div").classes("panel"):
-                    ui.label(page.say(chapter.title)).props("role=heading aria-level=2").style("font-weight:700")
+                    ui.label(page.translate(chapter.title)).props("role=heading aria-level=2").style("font-weight:700")
                     for name, title in chapter.pages:
                         ui.link(title, f"/handbook/{name}").style("display:block;padding:.25rem 0")
 
     @ui.page("/handbook/{name:path}")
     def one(request: Request, name: str) -> None:
         with page_frame(service, request, "/handbook", handbook.title_of(name) or "Handbook") as page:
-            ui.link(page.say("All pages of the handbook"), "/handbook")
+            ui.link(page.translate("All pages of the handbook"), "/handbook")
             html = handbook.page_html(name)
             if html is None:
-                ui.label(page.say("The handbook has no page {name}.", name=name))
+                ui.label(page.translate("The handbook has no page {name}.", name=name))
             else:
                 ui.html(html, sanitize=False).classes("panel scroll handbook")
 

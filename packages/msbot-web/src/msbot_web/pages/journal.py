@@ -27,8 +27,8 @@ def register(service: Service) -> None:
     def journal(request: Request, part: str = "") -> None:
         with page_frame(service, request, "/journal", "Journal") as page:
             with ui.tabs().props("align=left no-caps") as tabs:
-                parts = ui.tab("parts", page.say("Parts"))
-                people = ui.tab("people", page.say("Changes by people"))
+                parts = ui.tab("parts", page.translate("Parts"))
+                people = ui.tab("people", page.translate("Changes by people"))
             with ui.tab_panels(tabs, value=parts).classes("w-full").style("background:transparent"):
                 with ui.tab_panel(parts).style("padding:0"):
                     _parts(page, part)
@@ -38,20 +38,22 @@ def register(service: Service) -> None:
 
 def _parts(page: Page, part: str) -> None:
     words = "Part, slot or UID" if page.may(Right.ARRANGE) else "Part or slot"
-    find = ui.input(page.say(words), value=part).props("dense outlined clearable")
+    find = ui.input(page.translate(words), value=part).props("dense outlined clearable")
     shown = ui.html("", sanitize=False).classes("w-full panel scroll").props("tabindex=0")
 
-    heads = [page.say(title) for title in ("Time", "Part", "State", "Reason")]
+    heads = [page.translate(title) for title in ("Time", "Part", "State", "Reason")]
 
     async def show() -> None:
         try:
             found, error = await page.service.journal(page.session, LINES, str(find.value or "") or None), ""
         except MsbotError as refused:
-            found, error = [], page.say(str(refused))
-        lines = [(line, page.when(line.at_ms), state_chip(line.to_state, page.say(line.to_state))) for line in found]
-        set_html(shown, render("journal", say=page.say, heads=heads, lines=lines, error=error))
+            found, error = [], page.translate(str(refused))
+        lines = [
+            (line, page.when(line.at_ms), state_chip(line.to_state, page.translate(line.to_state))) for line in found
+        ]
+        set_html(shown, render("journal", say=page.translate, heads=heads, lines=lines, error=error))
 
-    find.on_value_change(lambda: page.later(show()))
+    find.on_value_change(lambda: page.show_when_ready(show()))
     page.every_look(show)
 
 
@@ -67,7 +69,7 @@ def _people(page: Page) -> None:
                 seen[:] = [str(error)]
                 table.clear()
                 with table:
-                    ui.label(page.say(str(error)))
+                    ui.label(page.translate(str(error)))
             return
         if seen == edits and table.default_slot.children:
             return
@@ -75,17 +77,19 @@ def _people(page: Page) -> None:
         table.clear()
         with table:
             if not edits:
-                ui.label(page.say("Nobody has changed anything yet. Change a setting: it shows here, with its undo."))
+                ui.label(
+                    page.translate("Nobody has changed anything yet. Change a setting: it shows here, with its undo.")
+                )
             for edit in edits:
                 with (
                     ui.element("div")
                     .classes("row spread")
                     .style("border-bottom:1px solid var(--line);padding:.35rem 0")
                 ):
-                    ui.html(render("edit", say=page.say, edit=edit, when=page.when(edit.at_ms)), sanitize=False)
+                    ui.html(render("edit", say=page.translate, edit=edit, when=page.when(edit.at_ms)), sanitize=False)
                     if page.service.may_undo(page.session, edit):
                         ui.button(
-                            page.say("Undo"), icon="undo", on_click=partial(page.act, "undo", edit=edit.number)
+                            page.translate("Undo"), icon="undo", on_click=partial(page.act, "undo", edit=edit.number)
                         ).props("flat dense")
 
     page.every_look(show)

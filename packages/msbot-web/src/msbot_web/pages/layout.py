@@ -55,8 +55,8 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     # As a plain text: to markup NiceGUI could not add its own, which would be shown as text.
     # Its script runs after socket.io and NiceGUI are there and before they connect.
     channel = f'<script defer src="{root()}/web/channel.js"></script>'
-    ui.add_body_html(str(render("stop", say=page.say, csrf=session.csrf)) + channel)
-    ui.page_title(f"{page.say(title)} · {service.robot_name}")
+    ui.add_body_html(str(render("stop", say=page.translate, csrf=session.csrf)) + channel)
+    ui.page_title(f"{page.translate(title)} · {service.robot_name}")
     dark = ui.dark_mode(_dark_of(request))
     ui.colors(
         primary="#0b6e99",
@@ -69,7 +69,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
     with ui.header().classes("ms-header").props("role=banner"):
         menu = (
             ui.button(icon="menu")
-            .props(f'flat round dense color=primary aria-label="{page.say("Menu")}"')
+            .props(f'flat round dense color=primary aria-label="{page.translate("Menu")}"')
             .classes("ms-menu")
         )
         ui.label(service.robot_name).classes("ms-robot")
@@ -84,7 +84,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
         show_class_banner(page, ui.column().classes("w-full ms-banners"))
         if path == "/":
             offer_tour(page, request)
-        ui.html(render("title", words=page.say(title)), sanitize=False)
+        ui.html(render("title", words=page.translate(title)), sanitize=False)
         if path in PATHS:
             page.time_slider = TimeSlider(page, request.query_params.get("at", ""), reads=path != "/plots")
         yield page
@@ -95,24 +95,24 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
 
 def _who(page: Page, dark: ui.dark_mode) -> None:
     with (
-        ui.button(icon="account_circle").props(f'flat round dense color=primary aria-label="{page.say("You")}"'),
+        ui.button(icon="account_circle").props(f'flat round dense color=primary aria-label="{page.translate("You")}"'),
         ui.menu(),
     ):
-        ui.label(f"{page.session.name} · {page.say(page.session.role.word)}").classes("soft").style(
+        ui.label(f"{page.session.name} · {page.translate(page.session.role.word)}").classes("soft").style(
             "padding:.5rem 1rem"
         )
         for mode, title in ((None, "As the device"), (False, "Light"), (True, "Dark")):
-            ui.menu_item(page.say(title), partial(_set_dark, dark, mode))
+            ui.menu_item(page.translate(title), partial(_set_dark, dark, mode))
         ui.separator()
-        easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
+        easy = page.translate("Ordinary text") if page.easy else page.translate("Easy to read")
         ui.menu_item(easy, partial(read_easily, easy=not page.easy))
         ui.separator()
         for language in languages().values():
             ui.menu_item(language.name, partial(_set_language, language.code))
         ui.separator()
-        ui.menu_item(page.say("API"), lambda: ui.navigate.to("/api-docs"))
+        ui.menu_item(page.translate("API"), lambda: ui.navigate.to("/api-docs"))
         ui.menu_item(
-            page.say("Sign out"),
+            page.translate("Sign out"),
             lambda: ui.run_javascript(
                 "const f=document.createElement('form');f.method='post';f.action=msbotAt('/logout');document.body.append(f);f.submit()"
             ),

@@ -28,7 +28,7 @@ def register(service: Service) -> None:
     def learn(request: Request) -> None:
         with page_frame(service, request, "/learn", "Learn") as page:
             with ui.element("div").classes("row"):
-                easy = page.say("Ordinary text") if page.easy else page.say("Easy to read")
+                easy = page.translate("Ordinary text") if page.easy else page.translate("Easy to read")
                 ui.button(easy, icon="menu_book", on_click=partial(read_easily, easy=not page.easy)).props("outline")
                 leads_to_hand_ins = ui.link("", f"#{HAND_INS}")
             LessonView(page)
@@ -42,12 +42,12 @@ def register(service: Service) -> None:
             try:
                 done = await service.learning.done(page.session, lesson, page.reads)
             except MsbotError as error:
-                ui.label(page.say(str(error))).classes("ms-banner warn")
+                ui.label(page.translate(str(error))).classes("ms-banner warn")
                 return
             ui.html(
                 render(
                     "certificate",
-                    say=page.say,
+                    say=page.translate,
                     done=done,
                     robot=service.robot_name,
                     when=page.when(done.last_ms),
@@ -55,7 +55,7 @@ def register(service: Service) -> None:
                 ),
                 sanitize=False,
             )
-            ui.button(page.say("Print"), icon="print", on_click=lambda: ui.run_javascript("window.print()"))
+            ui.button(page.translate("Print"), icon="print", on_click=lambda: ui.run_javascript("window.print()"))
 
 
 class _LessonList:
@@ -66,13 +66,13 @@ class _LessonList:
         self._seen: object = None
         with panel() as self._panel:
             with ui.element("div").classes("row spread"):
-                heading(page.say("Lessons"))
-                ui.link(page.say("Quiz: take octets and frames apart"), "/learn/quiz")
+                heading(page.translate("Lessons"))
+                ui.link(page.translate("Quiz: take octets and frames apart"), "/learn/quiz")
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 
     def _show(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         found = page.service.learning.lessons(page.reads)
         if found is None:
             return
@@ -131,14 +131,16 @@ class _Progress:
         self._rows: list[LessonProgress] | None = None
         with panel():
             with ui.element("div").classes("row spread"):
-                heading(page.say("The class") if page.may(Right.ARRANGE) else page.say("What you have done"))
+                heading(
+                    page.translate("The class") if page.may(Right.ARRANGE) else page.translate("What you have done")
+                )
                 if page.may(Right.ARRANGE):
-                    ui.button(page.say("Table (CSV)"), icon="download", on_click=self._table).props("flat")
+                    ui.button(page.translate("Table (CSV)"), icon="download", on_click=self._table).props("flat")
             self._shown = ui.element("div").classes("w-full scroll").props("tabindex=0")
         page.every_look(self._show, self._shown)
 
     async def _show(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         rows = await page.service.learning.progress(page.session, page.reads)
         if rows == self._rows:
             return

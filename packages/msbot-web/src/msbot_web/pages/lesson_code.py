@@ -30,10 +30,10 @@ def show_text(page: Page, lesson: str, text: str) -> None:
         with ui.element("div").classes("ms-code w-full"):
             _html(found[0])
             with ui.element("div").classes("row"):
-                copy = ui.button(page.say("Copy"), icon="content_copy").props("outline")
+                copy = ui.button(page.translate("Copy"), icon="content_copy").props("outline")
                 copy.on("click", js_handler="(event) => msbotLesson.copy(event.currentTarget)")
                 if found["kind"] == "python" and page.may(Right.OPERATE):
-                    words = page.say("Open in Program")
+                    words = page.translate("Open in Program")
                     ui.button(words, icon="code", on_click=partial(_open, page, lesson, found["code"])).props("outline")
         begin = found.end()
     _html(text[begin:])
@@ -54,7 +54,7 @@ async def _open(page: Page, lesson: str, code: str) -> None:
         mine = {one.name for one in await programs.mine(session)}
         word = _NAME.sub("_", lesson)[:30]
         name = next(free for number in range(1, 200) if (free := f"{word}{number}.py") not in mine)
-        await programs.keep(session, name, ProgramSource(code))
+        await programs.store(session, name, ProgramSource(code))
         return ChangeResult(words=said("{name} is a new program of yours.", name=name))
 
     if await page.do(deed) is not None:

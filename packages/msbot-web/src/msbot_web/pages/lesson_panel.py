@@ -32,7 +32,7 @@ def show_lesson_panel(page: Page, path: str) -> None:
         place.clear()
         if wanted:
             with place, ui.element("aside").classes("ms-lesson") as aside:
-                aside.props["aria-label"] = page.say("Lesson")
+                aside.props["aria-label"] = page.translate("Lesson")
                 LessonView(page, beside=True)
             ui.run_javascript(f"msbotLesson.begin('{aside.html_id}')")
         elif was_shown:

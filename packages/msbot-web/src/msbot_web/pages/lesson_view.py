@@ -95,7 +95,7 @@ class LessonView:
             self._steps = OneByOne(page, panels, at_work=self._beside)
 
     def _title(self, lesson: Lesson) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         with panel():
             with ui.element("div").classes("row spread"):
                 heading(lesson.title)
@@ -112,7 +112,7 @@ class LessonView:
 
     def _bar(self) -> None:
         """What of the lesson is seen when it is folded: how far one is, and what comes next."""
-        say = self._page.say
+        say = self._page.translate
         with ui.element("div").classes("ms-lesson-bar w-full"):
             ui.link(say("Lesson"), "/learn")
             self._now = ui.label("").classes("now").props("role=status")
@@ -125,7 +125,7 @@ class LessonView:
             self._buttons[name] = ui.button(words, icon=icon, on_click=deed).props("outline")  # type: ignore[arg-type]
 
     def _check(self, check: LessonCheck) -> None:
-        say = self._page.say
+        say = self._page.translate
         with ui.element("div").classes("ms-check"):
             self._marks[check.name] = ui.html("", sanitize=False)
             self._says[check.name], self._looks[check.name] = check.says, check.hint
@@ -147,11 +147,11 @@ class LessonView:
             self._page.refresh()
 
     def _end(self) -> None:
-        words = self._page.say("End the lesson? Whatever was changed since it began is put back.")
+        words = self._page.translate("End the lesson? Whatever was changed since it began is put back.")
         ask_first(self._page, words, lambda: self._page.act("stop_lesson"))
 
     def _follow(self, now: Mapping[str, object]) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         learning, me = page.service.learning, page.session.name
         checks, hands, people = now.get("checks"), now.get("hands"), now.get("people")
         assert isinstance(checks, list)
@@ -212,9 +212,9 @@ class LessonView:
         missing = [check for check in step.checks if check.name not in ticked]
         words = missing[0].says if missing else step.title
         if step.checks and not missing:
-            words = self._page.say("This step is done: go on.")
+            words = self._page.translate("This step is done: go on.")
         if len(ticked) == count:
-            words = self._page.say("All done!")
+            words = self._page.translate("All done!")
         self._now.set_text(f"{len(ticked)}/{count} · {words}")
         wanted = pointed_at(step, missing)
         if wanted != self._told:
@@ -224,9 +224,9 @@ class LessonView:
     def _whose(self, ticked: Mapping[str, object]) -> str:
         """By whose hand a check has ticked, in words; empty: the person's own, or nobody's."""
         if ticked["doing"] == Doing.GROUP.value:
-            return self._page.say("with {who} of your group", who=ticked["by"])
+            return self._page.translate("with {who} of your group", who=ticked["by"])
         if ticked["doing"] == Doing.HELPED.value:
-            return self._page.say("{who} helped", who=ticked["by"])
+            return self._page.translate("{who} helped", who=ticked["by"])
         return ""
 
 
@@ -239,10 +239,12 @@ class OneByOne:
         """Whether it begins with the first step that has something to do; else, before anything has ticked, at the top."""
         self._panels = panels
         self._at: int | None = None
-        with ui.element("nav").classes("row spread w-full").props(f'aria-label="{page.say("Sheets")}"'):
+        with ui.element("nav").classes("row spread w-full").props(f'aria-label="{page.translate("Sheets")}"'):
             self._where = ui.label("").classes("num w-full").props("role=status")
-            self._back = ui.button(page.say("Back"), icon="arrow_back", on_click=partial(self._go, -1)).props("outline")
-            self._on = ui.button(page.say("Next sheet"), icon="arrow_forward", on_click=partial(self._go, 1))
+            self._back = ui.button(page.translate("Back"), icon="arrow_back", on_click=partial(self._go, -1)).props(
+                "outline"
+            )
+            self._on = ui.button(page.translate("Next sheet"), icon="arrow_forward", on_click=partial(self._go, 1))
 
     @property
     def step(self) -> Step | None:
@@ -275,7 +277,7 @@ class OneByOne:
             shown.props("tabindex=-1").set_visibility(number == self._at)
         self._back.set_enabled(self._at > 0)
         self._on.set_enabled(self._at < len(self._panels) - 1)
-        self._where.set_text(self._page.say("Sheet {at} of {sheets}", at=self._at + 1, sheets=len(self._panels)))
+        self._where.set_text(self._page.translate("Sheet {at} of {sheets}", at=self._at + 1, sheets=len(self._panels)))
 
 
 _BOLD = re.compile(r"\*\*([^*\n]{1,60})\*\*")

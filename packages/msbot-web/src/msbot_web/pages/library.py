@@ -33,17 +33,17 @@ def register(service: Service) -> None:
         with page_frame(service, request, "/library", "Library") as page:
             found = service.views.library.get(number)
             if found is None:
-                ui.label(page.say("There is no part type {number} in the library.", number=number))
-                ui.link(page.say("Library"), "/library")
+                ui.label(page.translate("There is no part type {number} in the library.", number=number))
+                ui.link(page.translate("Library"), "/library")
             else:
                 _entry(page, found, base_of(request))
                 if page.may(Right.DESIGN):
                     make = partial(ask_for_slot, page, found.number)
-                    ui.button(page.say("New slot for this type"), icon="add", on_click=make).classes("self-start")
+                    ui.button(page.translate("New slot for this type"), icon="add", on_click=make).classes("self-start")
 
 
 def _catalogue(page: Page, search: str) -> None:
-    find = ui.input(page.say("Search"), value=search, placeholder=page.say("servo, light, I2C …")).props(
+    find = ui.input(page.translate("Search"), value=search, placeholder=page.translate("servo, light, I2C …")).props(
         "outlined clearable autofocus"
     )
     find.classes("w-full")
@@ -54,7 +54,7 @@ def _catalogue(page: Page, search: str) -> None:
         for line in types_found(page, str(find.value or "")):
             found = page.service.views.library.get(line.number)
             entries.append((line, "" if found is None else picture_of(found)))
-        grid.set_content(render("catalogue", say=page.say, counted=page.language.count, entries=entries))
+        grid.set_content(render("catalogue", say=page.translate, counted=page.language.count, entries=entries))
 
     find.on_value_change(show)
     show()
@@ -70,7 +70,7 @@ def _range_words(page: Page, least: float | None, most: float | None) -> str:
 
 
 def _entry(page: Page, found: PartType, base: str) -> None:
-    say = page.say
+    say = page.translate
     facts = [
         (say("part number"), found.number),
         (say("manufacturer"), say(found.manufacturer) or "–"),
@@ -136,15 +136,17 @@ def _entry(page: Page, found: PartType, base: str) -> None:
         ],
     )
     if found.origin and page.may(Right.DESIGN):
-        words = page.say("Forget {number}? A part may describe it anew then.", number=found.number)
+        words = page.translate("Forget {number}? A part may describe it anew then.", number=found.number)
         forget = partial(page.act, "forget_type", number=found.number)
-        ui.button(page.say("Forget"), icon="delete", on_click=partial(ask_first, page, words, forget)).props("flat")
-    ui.link(page.say("All part types"), "/library")
+        ui.button(page.translate("Forget"), icon="delete", on_click=partial(ask_first, page, words, forget)).props(
+            "flat"
+        )
+    ui.link(page.translate("All part types"), "/library")
 
 
 def _table(page: Page, title: str, heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
     if rows:
-        titles = [page.say(name) for name in heads]
-        ui.html(render("titled_table", title=page.say(title), heads=titles, rows=rows), sanitize=False).classes(
+        titles = [page.translate(name) for name in heads]
+        ui.html(render("titled_table", title=page.translate(title), heads=titles, rows=rows), sanitize=False).classes(
             "w-full"
         )

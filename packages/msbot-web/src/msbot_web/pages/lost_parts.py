@@ -26,7 +26,7 @@ def notify_lost(page: Page) -> None:
         nonlocal known
         lost = set(lost_slots(page.service.robot()))
         for name in sorted(lost - known) if known is not None else ():
-            ui.notify(page.say("The part in slot {name} is lost.", name=name), type="negative", timeout=8000)
+            ui.notify(page.translate("The part in slot {name} is lost.", name=name), type="negative", timeout=8000)
         known = lost
 
     page.every_look(look)

@@ -84,7 +84,7 @@ def show_menu(page: Page, path: str, button: ui.button) -> None:
         if others:
             with ui.element("details").classes("w-full"):
                 with ui.element("summary"):
-                    ui.label(page.say("More"))
+                    ui.label(page.translate("More"))
                 _entries(page, path, others)
         notify_lost(page)
     button.on("click", js_handler=f"() => getElement({drawer.id}).toggle()")
@@ -97,20 +97,20 @@ def is_pupil(page: Page) -> bool:
 
 def search_button(page: Page) -> None:
     """What opens the search, beside Ctrl-K; and the search itself, which is the browser's (`static/find.js`)."""
-    words = page.say("Find (Ctrl-K)")
+    words = page.translate("Find (Ctrl-K)")
     button = ui.button(icon="search").props("flat round dense color=primary id=ms-find-open")
     button.props["aria-label"] = button.props["title"] = words
     groups = page.service.operations.pupils.groups
     group_of = {slot: group.name for group in groups for slot in group.slots}
     more = [
-        [card.name, group_of.get(card.name, page.say(card.type_name)), f"/?slot={quote(card.name)}"]
+        [card.name, group_of.get(card.name, page.translate(card.type_name)), f"/?slot={quote(card.name)}"]
         for card in page.service.robot().slots
     ]
     if page.may(Right.ARRANGE):
         names = {name: group.name for group in groups for name in group.pupils}
         names |= {name: names.get(name, "") for name in page.service.pupils.pupils()}
         more += [[name, names[name], f"/pupil?name={quote(name)}"] for name in sorted(names, key=str.casefold)]
-    ui.add_body_html(str(render("find", say=page.say, more=json.dumps(more))))
+    ui.add_body_html(str(render("find", say=page.translate, more=json.dumps(more))))
 
 
 def _groups(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
@@ -118,7 +118,7 @@ def _groups(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
         found = [way for way in ways if way.group == group]
         if not found:
             continue
-        title = page.say(group or "More")
+        title = page.translate(group or "More")
         with ui.element("div").props("role=group").classes("ms-nav-group") as box:
             box.props["aria-label"] = box.props["data-group"] = title
             ui.label(title).classes("ms-nav-head").props("aria-hidden=true")
@@ -146,7 +146,7 @@ def _entries(page: Page, path: str, ways: Sequence[MenuEntry]) -> None:
     for way in ways:
         with ui.link(target=way.path).props('aria-current="page"' if way.path == path else ""):
             ui.icon(way.icon, size="1.3rem").props("aria-hidden=true")
-            ui.label(page.say(way.title)).props("data-title")
+            ui.label(page.translate(way.title)).props("data-title")
             if way.path == "/":
                 _count(page, lambda: len(lost_slots(page.service.robot())), "bad")
             elif way.path == "/arrivals":

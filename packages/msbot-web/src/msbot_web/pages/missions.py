@@ -71,7 +71,7 @@ class _Missions:
     # A mission runs.
 
     def _make_running(self, state: MissionState) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         with panel().style("display:flex;flex-direction:column;gap:.6rem"):
             with ui.element("div").classes("row spread"):
                 heading(say(state.title))
@@ -91,7 +91,7 @@ class _Missions:
             self._told = ui.column().classes("w-full").style("gap:.2rem")
 
     def _make_answering(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         slots = {WHOLE: say("the whole robot")} | {card.name: card.name for card in page.service.robot().slots}
         with panel():
             heading(say("What is wrong?"))
@@ -128,11 +128,11 @@ class _Missions:
         """Say what came of it without the green of success: a wrong answer is none."""
         done = await self._page.act(operation, quiet=True, **arguments)
         if done is not None and not self._page.is_gone:
-            with self._page.here():
-                ui.notify(self._page.say(done.words), multi_line=True, timeout=6000)
+            with self._page.in_page():
+                ui.notify(self._page.translate(done.words), multi_line=True, timeout=6000)
 
     def _refresh(self, state: MissionState) -> None:
-        say = self._page.say
+        say = self._page.translate
         assert self._left is not None and self._found is not None and self._told is not None  # noqa: PT018
         self._left.set_text(f"{int(state.left_s) // 60}:{int(state.left_s) % 60:02d}")
         self._found.set_text(
@@ -168,7 +168,7 @@ class _Missions:
     # None runs.
 
     def _make_choice(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         with panel():
             heading(say("No mission runs"))
             if not page.may(Right.ARRANGE):
@@ -191,7 +191,7 @@ class _Missions:
                     if not seed.validate():
                         return
                     name = PurePath(event.file.name).name
-                    with page.here():
+                    with page.in_page():
                         await page.act("start_mission", mission=name, toml=text, seed=seed.number)
 
                 ui.button(say("Start"), icon="play_arrow", on_click=start)
@@ -219,7 +219,7 @@ class _Missions:
     def _make_reports(self, state: MissionState) -> None:
         if not state.reports:
             return
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         newest = list(reversed(state.reports))
         with panel():
             with ui.element("div").classes("row spread"):
@@ -244,7 +244,7 @@ class _Missions:
         number.on_value_change(show)
         download.on_click(save)
         if not state.mission:
-            page.later(show())
+            page.show_when_ready(show())
 
 
 def _choice(options: dict[str, str], label: str, width: str) -> ui.select:

@@ -75,7 +75,7 @@ class NumberField(ui.input):
         try:
             self._read()
         except ConfigError as error:
-            return self._language.say(str(error))
+            return self._language.translate(str(error))
         return None
 
     def _typed(self, _event: ValueChangeEventArguments[str | None]) -> object:

@@ -83,9 +83,9 @@ class Page:
         """Whether it shows the past: then nothing can be done to the robot but STOP."""
         return self.at_s is not None
 
-    def say(self, text: str, **values: object) -> str:
+    def translate(self, text: str, **values: object) -> str:
         """A text in the person's language; students read no addresses of parts in it."""
-        return self.language.say(words_for(self.session, text), **values)
+        return self.language.translate(words_for(self.session, text), **values)
 
     def private_octets(self) -> UidRedactor:
         """What the person does not see of frames."""
@@ -158,15 +158,19 @@ class Page:
             ui.run_javascript("msbotSignIn()")
         else:
             ui.notify(
-                self.say(str(error)), type="negative", multi_line=True, close_button=self.say("Close"), timeout=10_000
+                self.translate(str(error)),
+                type="negative",
+                multi_line=True,
+                close_button=self.translate("Close"),
+                timeout=10_000,
             )
 
     def _done(self, done: ChangeResult, *, quiet: bool) -> ChangeResult:
         if self.is_gone:
             return done
-        with self.here():
+        with self.in_page():
             if not quiet:
-                ui.notify(self.say(done.words), type="positive", multi_line=True)
+                ui.notify(self.translate(done.words), type="positive", multi_line=True)
         self.refresh()
         return done
 
@@ -175,11 +179,11 @@ class Page:
         self._call(refresh)
         self.refreshers.append((refresh, owner))
 
-    def later(self, work: Coroutine[object, object, None]) -> None:
+    def show_when_ready(self, work: Coroutine[object, object, None]) -> None:
         """Show something as soon as what it shows has been read."""
 
         async def in_page() -> None:
-            with self.here():
+            with self.in_page():
                 await work
 
         task = asyncio.get_running_loop().create_task(in_page())
@@ -210,7 +214,7 @@ class Page:
             finally:
                 self.reading.discard(refresh)
 
-        self.later(finish())
+        self.show_when_ready(finish())
 
     @property
     def is_gone(self) -> bool:
@@ -240,13 +244,13 @@ class Page:
         for task in self.tasks:
             task.cancel()
 
-    def here(self) -> AbstractContextManager[object]:
+    def in_page(self) -> AbstractContextManager[object]:
         """Show what follows in the page itself, because the element that was clicked may be gone by now."""
         return self.client or nullcontext()
 
     def refresh(self) -> None:
         """Look again now."""
-        with self.here():
+        with self.in_page():
             self._refresh()
 
     def _refresh(self) -> None:

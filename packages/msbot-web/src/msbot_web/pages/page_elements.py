@@ -36,7 +36,7 @@ def show_dialog(dialog: ui.dialog, address: str = "") -> None:
 
 def page_dialog(page: Page) -> ui.dialog:
     """A dialog of the page itself: a list that its button is in may be drawn anew while it is open."""
-    with page.here():
+    with page.in_page():
         return ui.dialog()
 
 
@@ -60,16 +60,16 @@ def ask_first(
             async def do() -> None:
                 answers.append(True)
                 dialog.close()
-                with page.here():  # the dialog is gone by then
+                with page.in_page():  # the dialog is gone by then
                     await deed()
 
             def hidden() -> None:
                 if not answers:
-                    with page.here():
+                    with page.in_page():
                         refused()
 
-            ui.button(page.say("Yes"), on_click=do)
-            ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+            ui.button(page.translate("Yes"), on_click=do)
+            ui.button(page.translate("Cancel"), on_click=dialog.close).props("flat")
     dialog.on("hide", hidden)
     show_dialog(dialog)
 
@@ -101,7 +101,7 @@ def file_button(
         auto_upload=True,
         max_file_size=max_size,
         on_rejected=lambda: ui.notify(
-            page.say(
+            page.translate(
                 "This file is not taken: at most {size} kB{ending}.",
                 size=f"{max_size // 1000:,}",
                 ending=ending and f", *{ending}",
@@ -117,5 +117,7 @@ def file_button(
     button.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
     upload.on("start", lambda: button.props("loading"), args=[])
     upload.on("finish", lambda: button.props(remove="loading"), args=[])
-    upload.on("failed", lambda: ui.notify(page.say("The file has not come in: try again."), type="negative"), args=[])
+    upload.on(
+        "failed", lambda: ui.notify(page.translate("The file has not come in: try again."), type="negative"), args=[]
+    )
     return button

@@ -162,16 +162,16 @@ def help_button(page: Page, path: str) -> None:
         return
     with (
         ui.button(icon="help_outline")
-        .props(f'flat round dense color=primary aria-label="{page.say("Help for this page")}"')
+        .props(f'flat round dense color=primary aria-label="{page.translate("Help for this page")}"')
         .classes("ms-help"),
         ui.menu().props('anchor="bottom right" self="top right"'),
         ui.column().style("padding:1rem;max-width:22rem;gap:.6rem"),
     ):
-        ui.label(page.say(about.words))
-        ui.link(page.say("More in the handbook"), f"/handbook/{about.page}")
-        ui.link(page.say("All pages of the handbook"), "/handbook")
+        ui.label(page.translate(about.words))
+        ui.link(page.translate("More in the handbook"), f"/handbook/{about.page}")
+        ui.link(page.translate("All pages of the handbook"), "/handbook")
         if path == "/":
-            ui.button(page.say("Take the tour"), on_click=partial(start_tour, page)).props("outline dense")
+            ui.button(page.translate("Take the tour"), on_click=partial(start_tour, page)).props("outline dense")
 
 
 def offer_tour(page: Page, request: Request) -> None:
@@ -188,10 +188,10 @@ def offer_tour(page: Page, request: Request) -> None:
         offer.delete()
 
     with ui.element("div").classes("ms-banner info row spread").props("role=note") as offer:
-        ui.label(page.say("Your first visit? A tour shows you round in one minute."))
+        ui.label(page.translate("Your first visit? A tour shows you round in one minute."))
         with ui.element("div").classes("row"):
-            ui.button(page.say("Take the tour"), on_click=take).props("dense")
-            ui.button(page.say("Not now"), on_click=decline).props("flat dense")
+            ui.button(page.translate("Take the tour"), on_click=take).props("dense")
+            ui.button(page.translate("Not now"), on_click=decline).props("flat dense")
 
 
 def start_tour(page: Page) -> None:
@@ -206,9 +206,9 @@ def start_tour(page: Page) -> None:
         with ui.element("div").classes("row spread"):
             count = ui.label("").classes("soft num")
             with ui.element("div").classes("row"):
-                back = ui.button(page.say("Back")).props("flat dense")
-                onward = ui.button(page.say("Next")).props("dense")
-                end = ui.button(page.say("End the tour")).props("flat dense")
+                back = ui.button(page.translate("Back")).props("flat dense")
+                onward = ui.button(page.translate("Next")).props("dense")
+                end = ui.button(page.translate("End the tour")).props("flat dense")
 
     def show(step: int) -> None:
         nonlocal at
@@ -216,10 +216,10 @@ def start_tour(page: Page) -> None:
         if at == len(TOUR):
             finish()
             return
-        words.set_text(page.say(TOUR[at].words))
+        words.set_text(page.translate(TOUR[at].words))
         count.set_text(f"{at + 1} / {len(TOUR)}")
         back.set_enabled(at > 0)
-        onward.set_text(page.say("Next") if at + 1 < len(TOUR) else page.say("Done"))
+        onward.set_text(page.translate("Next") if at + 1 < len(TOUR) else page.translate("Done"))
         ui.run_javascript(f"msbotFrame({TOUR[at].target!r})")
 
     def finish() -> None:

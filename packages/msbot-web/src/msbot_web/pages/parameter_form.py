@@ -34,7 +34,7 @@ class _Form:
         page.every_look(self._look, self._form)
 
     async def _look(self) -> None:
-        mark = self._page.service.views.mark()
+        mark = self._page.service.views.version_mark()
         if mark is not self._mark:
             await self.read()
             self._mark = mark
@@ -44,10 +44,10 @@ class _Form:
         try:
             values = await self._page.service.values(self._slot)
         except MsbotError as error:
-            self._say(self._page.say(str(error)))
+            self._say(self._page.translate(str(error)))
             return
         if not values:
-            self._say(self._page.say("This part has nothing to set."))
+            self._say(self._page.translate("This part has nothing to set."))
         elif [*self._lines] != [value.name for value in values]:
             self._form.clear()
             with self._form:
@@ -78,11 +78,11 @@ class _ParameterRow:
                 """What the field showed last; another value in it is being typed."""
             if value.kind == "part" and page.may_at(Right.SET, slot):
                 wires = ui.button(icon="cable", on_click=self._edit_wires).props("flat round dense")
-                words = page.say("Choose part and pins")
+                words = page.translate("Choose part and pins")
                 wires.props["aria-label"] = wires.props["title"] = f"{words}: {value.name}"
             self._origin = ui.html("", sanitize=False)
             self._reset = ui.button(icon="restart_alt", on_click=self._forget).props("flat round dense")
-            words = page.say("Forget what was set by hand")
+            words = page.translate("Forget what was set by hand")
             self._reset.props["aria-label"] = self._reset.props["title"] = words
         if not page.may_at(Right.SET, slot):
             self._field.props("readonly disable")
@@ -93,7 +93,7 @@ class _ParameterRow:
         self._value = value
         if self._field.value == self._said:
             self._field.value = self._said = self._shown(value)
-        self._origin.set_content(render("origin", origin=value.origin, words=self._page.say(value.origin)))
+        self._origin.set_content(render("origin", origin=value.origin, words=self._page.translate(value.origin)))
         self._reset.set_visibility(value.origin == "hand" and self._page.may_at(Right.SET, self._slot))
 
     async def _typed(self) -> None:
@@ -135,7 +135,7 @@ class _ParameterRow:
     def _make_field(self) -> ui.switch | ui.input:
         value = self._value
         title = f"{value.name} [{value.unit}]" if value.unit else value.name
-        hint = " · ".join(filter(None, (self._page.say(value.description), self._limits(), self._default())))
+        hint = " · ".join(filter(None, (self._page.translate(value.description), self._limits(), self._default())))
         if value.kind == "bool":
             switch = ui.switch(title, value=bool(value.value), on_change=self._typed)
             ui.label(hint).classes("soft").style("font-size:.8rem")
@@ -152,7 +152,7 @@ class _ParameterRow:
         return field
 
     def _default(self) -> str:
-        return self._page.say("default {value}", value=value_words(self._value.default, self._page.language))
+        return self._page.translate("default {value}", value=value_words(self._value.default, self._page.language))
 
     def _limits(self) -> str:
         least, most = self._value.least, self._value.most

@@ -26,7 +26,7 @@ def pilot_slot(service: Service) -> str:
 
 def pilot_note(page: Page) -> None:
     """Say on a page of programs that the pilot holds the slot that one of them wants, and offer to take it out."""
-    service, say = page.service, page.say
+    service, say = page.service, page.translate
     slot = pilot_slot(service)
     if not slot:
         return

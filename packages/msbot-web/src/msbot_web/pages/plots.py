@@ -47,13 +47,13 @@ class SavedViews:
         self._go = go
         self._views: dict[str, str] = {}
         self._saved = (
-            ui.select([], label=page.say("Saved views"), on_change=self._open)
+            ui.select([], label=page.translate("Saved views"), on_change=self._open)
             .props("outlined dense options-dense")
             .style("min-width:10rem")
         )
-        self._name = ui.input(page.say("Name of this view")).props("outlined dense maxlength=40")
-        ui.button(page.say("Save"), icon="bookmark_add", on_click=self._save).props("flat")
-        ui.button(page.say("Forget"), icon="bookmark_remove", on_click=self._forget).props("flat")
+        self._name = ui.input(page.translate("Name of this view")).props("outlined dense maxlength=40")
+        ui.button(page.translate("Save"), icon="bookmark_add", on_click=self._save).props("flat")
+        ui.button(page.translate("Forget"), icon="bookmark_remove", on_click=self._forget).props("flat")
         ui.on("plots_views", self._know)
 
     def _know(self, event: GenericEventArguments) -> None:
@@ -64,11 +64,11 @@ class SavedViews:
     def _save(self) -> None:
         name = str(self._name.value or "").strip()
         if not name:
-            ui.notify(self._page.say("Give the view a name first."), type="warning")
+            ui.notify(self._page.translate("Give the view a name first."), type="warning")
             return
         ui.run_javascript(f"msbotPlots.keep({json.dumps(name)}, {json.dumps(self._address())})")
         self._name.set_value("")
-        ui.notify(self._page.say("{name} is saved in this browser", name=name), type="positive")
+        ui.notify(self._page.translate("{name} is saved in this browser", name=name), type="positive")
 
     def _forget(self) -> None:
         if self._saved.value:
@@ -172,7 +172,7 @@ class _Plots:
                     [*self._curves.known()],
                     multiple=True,
                     value=list(self._view.names),
-                    label=page.say("Curves"),
+                    label=page.translate("Curves"),
                     with_input=True,
                     on_change=self._chosen,
                 )
@@ -182,25 +182,27 @@ class _Plots:
             with ui.element("div").classes("row spread").style("margin-top:.6rem"):
                 word = next(word for word, span in SPANS_S.items() if span == self._view.span_s)
                 self._span = ui.toggle([*SPANS_S], value=word, on_change=self._span_chosen).props(
-                    f'no-caps aria-label="{page.say("Time")}"'
+                    f'no-caps aria-label="{page.translate("Time")}"'
                 )
                 with ui.element("div").classes("row"):
-                    self._button("chevron_left", page.say("Earlier"), "msbotPlots.pan(-.25)")
-                    self._button("chevron_right", page.say("Later"), "msbotPlots.pan(.25)")
-                    self._button("zoom_in", page.say("Zoom in"), "msbotPlots.zoom(.5)")
-                    self._button("zoom_out", page.say("Zoom out"), "msbotPlots.zoom(2)")
-                    self._pause = self._button("pause", page.say("Pause"), "msbotPlots.pause()")
-                    self._live = ui.button(page.say("Live"), icon="play_arrow", on_click=self._go_live)
+                    self._button("chevron_left", page.translate("Earlier"), "msbotPlots.pan(-.25)")
+                    self._button("chevron_right", page.translate("Later"), "msbotPlots.pan(.25)")
+                    self._button("zoom_in", page.translate("Zoom in"), "msbotPlots.zoom(.5)")
+                    self._button("zoom_out", page.translate("Zoom out"), "msbotPlots.zoom(2)")
+                    self._pause = self._button("pause", page.translate("Pause"), "msbotPlots.pause()")
+                    self._live = ui.button(page.translate("Live"), icon="play_arrow", on_click=self._go_live)
             self._state = ui.html("", sanitize=False).props("role=status")
             with (
                 ui.element("div")
                 .classes("plot-area")
-                .props(f'tabindex=0 role=group aria-label="{page.say("Curves; their numbers are in the table below")}"')
+                .props(
+                    f'tabindex=0 role=group aria-label="{page.translate("Curves; their numbers are in the table below")}"'
+                )
             ):
                 self._host = ui.element("div").classes("w-full plot-charts").props("aria-hidden=true")
                 ui.html('<div class="plot-cursor" aria-hidden="true"></div>', sanitize=False)
             ui.label(
-                page.say(
+                page.translate(
                     "Wheel: zoom; drag: earlier and later. With the keyboard: arrows move the cursor, with Shift the time, "
                     "+ and - zoom, space holds and goes on."
                 )
@@ -208,10 +210,10 @@ class _Plots:
         with ui.element("div").classes("panel"):
             self._figures = ui.html("", sanitize=False).classes("w-full scroll").props("tabindex=0 id=ms-plot-figures")
             with ui.element("div").classes("row").style("margin-top:.6rem"):
-                ui.button(page.say("Picture (PNG)"), icon="image").props("flat").on(
+                ui.button(page.translate("Picture (PNG)"), icon="image").props("flat").on(
                     "click", js_handler="() => msbotPlots.save()"
                 )
-                ui.button(page.say("Table (CSV)"), icon="download", on_click=self._table).props("flat")
+                ui.button(page.translate("Table (CSV)"), icon="download", on_click=self._table).props("flat")
                 SavedViews(page, lambda: self._view.address, self._open_view)
         self._show_state()
 
@@ -229,7 +231,7 @@ class _Plots:
         if more or list(self._choice.options) != known:
             self._choice.set_options(known, value=list(self._view.names))
         if more:
-            self._page.later(self._show_window())
+            self._page.show_when_ready(self._show_window())
 
     def _show_state(self, words: str = "") -> None:
         view = self._view
@@ -237,9 +239,9 @@ class _Plots:
             begin, end = (
                 datetime.fromtimestamp(self._epoch_s + at).strftime("%H:%M:%S") for at in (view.from_s, view.to_s)
             )
-            words = self._page.say("The past: {begin} to {end}", begin=begin, end=end)
+            words = self._page.translate("The past: {begin} to {end}", begin=begin, end=end)
         if not words and self._wanted.awaited:
-            words = self._page.say("Not measured so far: {names}", names=", ".join(self._wanted.awaited))
+            words = self._page.translate("Not measured so far: {names}", names=", ".join(self._wanted.awaited))
         set_html(self._state, render("plot_state", words=words))
         self._pause.set_visibility(view.live)
         self._live.set_visibility(not view.live)
@@ -255,13 +257,15 @@ class _Plots:
             )
             count = 0 if figures is None else figures.count
             rows.append((place, name, numbers, self._page.number(count), self._unit(name)))
-        set_html(self._figures, render("plot_figures", say=self._page.say, rows=rows))
+        set_html(self._figures, render("plot_figures", say=self._page.translate, rows=rows))
 
     def _figures_of(self, name: str) -> Figures | None:
         if not self._view.live:
             return self._past.get(name, ((), None))[1]
         after = self._page.service.now() - self._view.span_s
-        return figures_of([value for at, value in self._curves.newer(name, after) if at > after or self._holds(name)])
+        return figures_of(
+            [value for at, value in self._curves.points_after(name, after) if at > after or self._holds(name)]
+        )
 
     def _unit(self, name: str) -> str:
         facts = self._curves.known().get(name)
@@ -291,7 +295,7 @@ class _Plots:
         now = self._page.service.now()
         found: dict[str, Sequence[Point]] = {}
         for name in self._view.names:
-            points = self._curves.newer(name, now - self._view.span_s)
+            points = self._curves.points_after(name, now - self._view.span_s)
             self._sent[name] = points[-1][0] if points else now - self._view.span_s
             found[name] = thinned(points, MOST_POINTS)
         return found
@@ -312,9 +316,9 @@ class _Plots:
             "to": self._ms(view.to_s),
             "address": view.address,
             "words": {
-                "latest": self._page.say("Latest"),
-                "no_unit": self._page.say("no unit"),
-                "remove": self._page.say("Remove {name}", name="{name}"),
+                "latest": self._page.translate("Latest"),
+                "no_unit": self._page.translate("no unit"),
+                "remove": self._page.translate("Remove {name}", name="{name}"),
             },
         }
         return json.dumps(setup)
@@ -332,7 +336,7 @@ class _Plots:
         news = []
         for place, name in enumerate(self._view.names):
             after = self._sent.get(name, 0.0)
-            points = [point for point in self._curves.newer(name, after) if point[0] > after]
+            points = [point for point in self._curves.points_after(name, after) if point[0] > after]
             if points:
                 self._sent[name] = points[-1][0]
                 news.append([place, self._pairs(thinned(points, MOST_POINTS))])
@@ -375,7 +379,7 @@ class _Plots:
             return
         end = at_s - self._epoch_s
         self._view.live, self._view.from_s, self._view.to_s = False, end - self._view.span_s, end
-        self._page.later(self._show_window())
+        self._page.show_when_ready(self._show_window())
 
     def _note_moment(self) -> None:
         """Have the time slider follow."""
@@ -402,12 +406,12 @@ class _Plots:
             return
         if view.from_s < now - HISTORY_S:
             asked = (view.from_s, view.to_s, list(view.names))
-            self._show_state(self._page.say("Reading what the recorder has ..."))
+            self._show_state(self._page.translate("Reading what the recorder has ..."))
             try:
                 self._past = await self._read(*asked)
             except MsbotError as error:
                 self._past = {}
-                self._show_state(self._page.say(str(error)))
+                self._show_state(self._page.translate(str(error)))
                 return
             if view.live or asked != (view.from_s, view.to_s, view.names):
                 return  # somebody has gone on meanwhile
@@ -418,7 +422,7 @@ class _Plots:
     def _piece(self, name: str) -> tuple[Sequence[Point], Figures | None]:
         """A window of what is in memory."""
         begin, end = self._view.from_s, self._view.to_s
-        found = self._curves.newer(name, begin)
+        found = self._curves.points_after(name, begin)
         points = [(max(at, begin), value) for at, value in found if at <= end]
         return thinned(points, MOST_POINTS), figures_of([value for _, value in points])
 
@@ -443,7 +447,7 @@ class _Plots:
         lines = ["time,curve,value,unit"]
         for name in view.names:
             if view.live or begin >= now - HISTORY_S:
-                points: Sequence[Point] = [point for point in self._curves.newer(name, begin) if point[0] <= end]
+                points: Sequence[Point] = [point for point in self._curves.points_after(name, begin) if point[0] <= end]
             else:
                 points = self._past.get(name, ((), None))[0]
             quoted = as_cell(name).replace('"', '""')
@@ -459,7 +463,7 @@ class _Plots:
         self._wanted = WantedCurves(found.get("show", "").split(","), MOST_CURVES)
         self._view.names = self._wanted.found(self._curves.known())
         self._choice.set_value(list(self._view.names))
-        self._page.later(self._show_window())
+        self._page.show_when_ready(self._show_window())
         self._span.set_value(word)
 
 

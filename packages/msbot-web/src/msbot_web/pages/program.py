@@ -52,7 +52,7 @@ def register(service: Service) -> None:
     async def program(request: Request, name: str = "", shared: str = "") -> None:
         with page_frame(service, request, "/program", "Program") as page:
             if not page.may(Right.JOIN):
-                ui.label(page.say("Students and teachers may run programs."))
+                ui.label(page.translate("Students and teachers may run programs."))
                 return
             desk = _ProgramPage(page, base_of(request))
             await desk.lay_out(name, shared)
@@ -78,7 +78,7 @@ class _ProgramPage:
         """Make everything, and open what the address names: a program, a shared one, or the last."""
         from msbot_web.pages.program_editor import Editor  # with CodeMirror, which the first page does not need
 
-        say = self._page.say
+        say = self._page.translate
         for script in ("board", "program"):
             ui.add_head_html(f'<script src="{root()}/web/program/{script}.js"></script>')
         pilot_note(self._page)
@@ -127,7 +127,7 @@ class _ProgramPage:
 
     def _lay_out_keeping(self) -> tuple[DisableableElement, ...]:
         """What belongs to a person's own programs; returns its buttons."""
-        say = self._page.say
+        say = self._page.translate
         board = ui.button(say("Put on a board"), icon="usb", on_click=self._keep_if_changed).props("flat")
         board.on("click", js_handler="() => msbotProgram.showBoard()")
         keep = ui.button(say("Keep"), icon="save", on_click=self._keep_now).props("flat")
@@ -147,15 +147,17 @@ class _ProgramPage:
             try:
                 owner, name, source = await self._deeds.shared(page.session, shared)
             except MsbotError as error:
-                ui.notify(page.say(str(error)), type="negative", timeout=10_000)
+                ui.notify(page.translate(str(error)), type="negative", timeout=10_000)
             else:
                 await self._show(name, source)
-                words = page.say("A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner)
+                words = page.translate(
+                    "A copy of {name} by {owner}. Read it before you run it.", name=name, owner=owner
+                )
                 ui.notify(words, timeout=10_000)
                 return
         wanted = name or self._first()
         if wanted not in (*self._mine, *examples()):
-            ui.notify(page.say("There is no program {name}.", name=wanted), type="warning")
+            ui.notify(page.translate("There is no program {name}.", name=wanted), type="warning")
             wanted = self._first()
         await self._open(wanted)
 
@@ -173,7 +175,9 @@ class _ProgramPage:
         found = None if self._is_guest else await self._try(self._deeds.mine(self._page.session))
         self._mine = [program.name for program in found or ()]
         titles = {name: name for name in self._mine}
-        titles |= {name: self._page.say("{name} (example)", name=name) for name in examples() if name not in titles}
+        titles |= {
+            name: self._page.translate("{name} (example)", name=name) for name in examples() if name not in titles
+        }
         self._choice.set_options(titles, value=self._name if self._name in titles else None)
 
     async def _chosen(self) -> None:
@@ -220,8 +224,10 @@ class _ProgramPage:
         source = self._source
 
         async def deed(session: Session) -> ChangeResult:
-            number = await self._deeds.keep(session, name, source)
-            return ChangeResult(words=self._page.say("{name} is kept, version {number}.", name=name, number=number))
+            number = await self._deeds.store(session, name, source)
+            return ChangeResult(
+                words=self._page.translate("{name} is kept, version {number}.", name=name, number=number)
+            )
 
         if await self._page.do(deed, quiet=quiet) is None:
             return False
@@ -235,7 +241,7 @@ class _ProgramPage:
         if self._source != self._kept and not self._is_guest:
             source = self._source
             try:
-                await self._deeds.keep(self._page.session, self._name, source)
+                await self._deeds.store(self._page.session, self._name, source)
             except MsbotError:
                 return  # signed out, or too long: the person was told when it was kept or run
             self._kept = source
@@ -263,7 +269,7 @@ class _ProgramPage:
         self._put_in(self._name, text)
         await self._blocks.opened(self._name, source)
         if found.get("isAway"):
-            ui.notify(self._page.say("What you typed while the robot was out of reach is here again."))
+            ui.notify(self._page.translate("What you typed while the robot was out of reach is here again."))
 
     def _mark(self, event: GenericEventArguments) -> None:
         """Mark the lines that an error names; `event.args` comes from the browser."""
@@ -301,7 +307,7 @@ class _ProgramPage:
         await self._keep_if_changed()
         self._choice.value = self._name
         ui.notify(
-            self._page.say(
+            self._page.translate(
                 "{name} is a new program of blocks; {before} stays as it is.", name=self._name, before=before
             )
         )
@@ -313,7 +319,7 @@ class _ProgramPage:
         return f"{word}{number}.py"
 
     def _keep_as(self) -> None:
-        say = self._page.say
+        say = self._page.translate
         with ui.dialog() as dialog, ui.card():
             field = ui.input(say("Name"), value=self._name).props("outlined autofocus")
 
@@ -334,7 +340,7 @@ class _ProgramPage:
         if found is None:
             return
         with ui.dialog() as dialog, ui.card():
-            ui.label(page.say("Earlier versions of {name}", name=self._name)).props("role=heading aria-level=2")
+            ui.label(page.translate("Earlier versions of {name}", name=self._name)).props("role=heading aria-level=2")
             for version in found:
 
                 async def back(number: int = version.number) -> None:
@@ -346,7 +352,7 @@ class _ProgramPage:
                         self._kept = kept  # of the newest version: this one becomes the next when it is kept
 
                 when = page.when(version.saved_ns // 1_000_000)
-                words = page.say(
+                words = page.translate(
                     "{number}: {when}, {size} characters", number=version.number, when=when, size=version.size
                 )
                 ui.button(words, on_click=back).props("flat no-caps align=left")
@@ -363,12 +369,12 @@ class _ProgramPage:
     def _remove(self) -> None:
         page = self._page
         with ui.dialog() as dialog, ui.card():
-            ui.label(page.say("Remove {name} with all its versions?", name=self._name))
+            ui.label(page.translate("Remove {name} with all its versions?", name=self._name))
 
             async def remove() -> None:
                 async def deed(session: Session) -> ChangeResult:
                     await self._deeds.remove(session, self._name)
-                    return ChangeResult(words=page.say("{name} is removed.", name=self._name))
+                    return ChangeResult(words=page.translate("{name} is removed.", name=self._name))
 
                 dialog.close()
                 if await page.do(deed) is not None:
@@ -377,8 +383,8 @@ class _ProgramPage:
                     await self._open(self._first())
 
             with ui.element("div").classes("row"):
-                ui.button(page.say("Yes"), on_click=remove).props("color=negative")
-                ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+                ui.button(page.translate("Yes"), on_click=remove).props("color=negative")
+                ui.button(page.translate("Cancel"), on_click=dialog.close).props("flat")
         show_dialog(dialog)
 
     async def _try(self, asked: Awaitable[Any]) -> Any:  # noqa: ANN401 - whatever was asked for
@@ -386,7 +392,7 @@ class _ProgramPage:
         try:
             return await asked
         except MsbotError as error:
-            ui.notify(self._page.say(str(error)), type="negative", multi_line=True, timeout=10_000)
+            ui.notify(self._page.translate(str(error)), type="negative", multi_line=True, timeout=10_000)
             return None
 
 

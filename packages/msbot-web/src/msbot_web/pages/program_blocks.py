@@ -49,7 +49,7 @@ class ProgramBlocks:
 
     def lay_out_switch(self) -> None:
         """The two buttons."""
-        say = self._page.say
+        say = self._page.translate
         views = {BLOCKS: say("Blocks"), PYTHON: say("Python")}
         self.switch = ui.toggle(views, value=PYTHON, on_change=self._switched)
         # In the browser a view is its number. Blocks that stay until the answer comes would take keys, and write over
@@ -69,14 +69,14 @@ class ProgramBlocks:
 
     def lay_out_place(self) -> None:
         """Where the blocks are."""
-        ui.html(Markup(render("blocks", say=self._page.say)), sanitize=False).classes("w-full ms-blocks-box")
+        ui.html(Markup(render("blocks", say=self._page.translate)), sanitize=False).classes("w-full ms-blocks-box")
 
     def lay_out_editor(self, editor: ui.codemirror) -> None:
         """The editor that holds the Python."""
         code = self._page.language.code
         self._editor = editor
         ui.run_javascript(
-            f"msbotBlocks.use({editor.id}, {json.dumps(block_words(self._page.say))}, "
+            f"msbotBlocks.use({editor.id}, {json.dumps(block_words(self._page.translate))}, "
             f"{json.dumps(code if _has_blockly(code) else ENGLISH)})"
         )
         self._tell_robot()
@@ -122,7 +122,9 @@ class ProgramBlocks:
         if event.value == PYTHON:
             self.doc = with_view(self.doc, PYTHON)
             self._show_python()
-            ui.notify(self._page.say("From here on it is text. The blocks are kept; text does not turn into blocks."))
+            ui.notify(
+                self._page.translate("From here on it is text. The blocks are kept; text does not turn into blocks.")
+            )
         elif not self.doc:
             await self._on_new()
         else:
@@ -142,11 +144,11 @@ class ProgramBlocks:
             self._refused(str(answer["error"]))
             return
         with ui.dialog() as dialog, ui.card():
-            ui.label(page.say("The text has been changed since it was made of blocks.")).props(
+            ui.label(page.translate("The text has been changed since it was made of blocks.")).props(
                 "role=heading aria-level=2"
             )
             ui.label(
-                page.say(
+                page.translate(
                     "The blocks do not know of it: text does not turn into blocks. The text stays under Earlier versions."
                 )
             )
@@ -156,8 +158,8 @@ class ProgramBlocks:
                 await self._show_blocks()
 
             with ui.element("div").classes("row"):
-                ui.button(page.say("Back to the blocks"), on_click=back)
-                ui.button(page.say("Stay with the text"), on_click=dialog.close).props("flat")
+                ui.button(page.translate("Back to the blocks"), on_click=back)
+                ui.button(page.translate("Stay with the text"), on_click=dialog.close).props("flat")
         self._set_switch()
         show_dialog(dialog)
 
@@ -170,14 +172,14 @@ class ProgramBlocks:
         if name != self._name or self._view is not BLOCKS:  # another one, or a teacher has written into it meanwhile
             return
         if isinstance(answer, dict):
-            self._refused(self._page.say("The text has been changed since it was made of blocks."))
+            self._refused(self._page.translate("The text has been changed since it was made of blocks."))
             return
         if answer is None or answer:
             self._refused(str(answer or ""))
             return
         self._set_writable()
         self._editor.set_line_wrapping(True)  # it is narrow beside the blocks
-        self._note.text = self._page.say("This Python is made of the blocks, while you move them.")
+        self._note.text = self._page.translate("This Python is made of the blocks, while you move them.")
         self._set_switch()
 
     def _show_python(self) -> None:
@@ -186,7 +188,7 @@ class ProgramBlocks:
         self._set_writable()
         self._editor.set_line_wrapping(False)
         self._note.text = (
-            self._page.say(
+            self._page.translate(
                 "Text does not turn into blocks. The blocks are kept as they were: Blocks leads back to them."
             )
             if self.doc
@@ -205,7 +207,9 @@ class ProgramBlocks:
         """The blocks cannot be shown; the text is there, and so are they."""
         self._show_python()
         if error:
-            ui.notify(error, type="warning", multi_line=True, timeout=10_000, close_button=self._page.say("Close"))
+            ui.notify(
+                error, type="warning", multi_line=True, timeout=10_000, close_button=self._page.translate("Close")
+            )
 
     def _set_switch(self) -> None:
         self._is_setting = True
@@ -249,7 +253,7 @@ class ProgramBlocks:
 
     def _robot(self) -> RobotWords:
         service = self._page.service
-        return robot_words(service.robot().slots, service.views.ports(), service.views.library, self._page.say)
+        return robot_words(service.robot().slots, service.views.ports(), service.views.library, self._page.translate)
 
 
 def _has_blockly(code: str) -> bool:

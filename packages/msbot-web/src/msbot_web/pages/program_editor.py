@@ -90,7 +90,7 @@ class ShareDialog:
 
     async def show(self) -> None:
         """Open the dialog with a ticket for one device."""
-        say = self._page.say
+        say = self._page.translate
         choices = {1: say("One phone, without an account")}
         if self._page.may(Right.ARRANGE):
             choices[MOST_GUESTS] = say("A class, without accounts")
@@ -121,14 +121,14 @@ class ShareDialog:
             else:
                 path = f"/program?shared={await deeds.share(page.session, self._name)}"
         except MsbotError as error:
-            ui.notify(page.say(str(error)), type="negative", multi_line=True, timeout=10_000)
+            ui.notify(page.translate(str(error)), type="negative", multi_line=True, timeout=10_000)
             return
         self._until = f"{datetime.now().astimezone() + timedelta(seconds=TICKET_S):%H:%M}"
         self._show(self._base + path)
         self._look()
 
     def _show(self, link: str) -> None:
-        say = self._page.say
+        say = self._page.translate
         self._shown.clear()
         with self._shown:
             ui.label(
@@ -152,7 +152,7 @@ class ShareDialog:
 
     def _look(self) -> None:
         """How far the ticket is used: whoever shows it sees a stranger come in."""
-        say, ticket = self._page.say, self._ticket
+        say, ticket = self._page.translate, self._ticket
         self._new.set_visibility(ticket is not None)
         if ticket is None:
             words = ""

@@ -65,7 +65,7 @@ def part_sentences(say: Callable[[str], str]) -> dict[str, str]:
         ),
         "divide by zero": say("Nothing can be divided by 0: ask first, with `if`."),
     }
-    known = {form: say(form) for form in (*PART_SAYS, *(one.words for one in Refusal))}
+    known = {form: say(form) for form in (*PART_SAYS, *(one.describe for one in Refusal))}
     return {form: f"{form} – {hint}" for form, hint in hints.items()} | known
 
 
@@ -89,7 +89,7 @@ def program_words(say: Callable[[str], str]) -> dict[str, object]:
         "states": states,
         "said": part_sentences(say),
         "reloaded": say("{name} ended when this page was left or loaded anew: press Run, and it runs again."),
-        "no_slot": Refusal.NO_SLOT.words,
+        "no_slot": Refusal.NO_SLOT.describe,
         "slot": say("In slot {slot}"),
         "unwired": say("not wired in this robot"),
         "stopped": say("STOP holds: messages do not reach the program"),

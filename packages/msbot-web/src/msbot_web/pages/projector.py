@@ -21,13 +21,13 @@ def register(service: Service) -> None:
     def projector(request: Request) -> None:
         with page_frame(service, request, "/projector", "Our class") as page:
             if not page.may(Right.ARRANGE):
-                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _wall(page)
 
 
 def _wall(page: Page) -> None:
-    say = page.say
+    say = page.translate
     ui.query("body").classes("ms-projector")
     names = ui.switch(say("With names")).classes("ms-projector-switch")
     shown = ui.html("", sanitize=False).classes("w-full")

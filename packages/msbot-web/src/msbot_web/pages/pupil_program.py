@@ -27,7 +27,7 @@ def register(service: Service) -> None:
     def pupil(request: Request, name: str = "") -> None:
         with page_frame(service, request, "/pupils", "A pupil's program") as page:
             if not page.may(Right.ARRANGE):
-                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _PupilProgramView(page, name)
 
@@ -46,7 +46,7 @@ class _PupilProgramView:
         """Its text, as it was read or shown to the pupil last; None: not yet."""
         self._kept = ""
         """Its text, as the pupil has it or as it was kept for the pupil last."""
-        say = page.say
+        say = page.translate
         ui.link(say("Back to the pupils"), "/pupils")
         with ui.element("div").classes("row spread w-full"):
             self._title = ui.label(pupil).classes("ms-pupil-name").style("font-weight:600;font-size:1.2rem")
@@ -66,7 +66,7 @@ class _PupilProgramView:
         return taken is not None and taken.by == self._page.session.name
 
     async def _look(self) -> None:
-        page, say, mine = self._page, self._page.say, self._is_mine
+        page, say, mine = self._page, self._page.translate, self._is_mine
         self._take.set_visibility(not mine)
         for button in (self._run, self._hold, self._back):
             button.set_visibility(mine)
@@ -138,7 +138,7 @@ class _PupilProgramView:
 
         def deed(session: Session) -> ChangeResult:
             page.service.pupils.steer(session, self._pupil, run=run)
-            say, name = page.say, self._pupil
+            say, name = page.translate, self._pupil
             if run:
                 return ChangeResult(words=say("The program runs in the browser of {name}.", name=name))
             return ChangeResult(words=say("The program of {name} has ended.", name=name))
@@ -182,7 +182,7 @@ class TakenOverPage:
 
     def show(self, text: str) -> None:
         """See `ProgramScreen`."""
-        with self._page.here():
+        with self._page.in_page():
             self._blocks.put_text(text)
 
     def run(self) -> None:
@@ -195,7 +195,7 @@ class TakenOverPage:
 
     def _do(self, script: str) -> None:
         if not self._page.is_gone:
-            with self._page.here():
+            with self._page.in_page():
                 ui.run_javascript(script)
 
     def _follow(self) -> None:
@@ -207,4 +207,4 @@ class TakenOverPage:
         self._blocks.lock(is_locked=is_taken)
         for button in self._buttons:
             button.set_enabled(not is_taken)
-        ui.run_javascript(f"msbotProgram.hold({json.dumps(self._page.say(held) if held else '')})")
+        ui.run_javascript(f"msbotProgram.hold({json.dumps(self._page.translate(held) if held else '')})")

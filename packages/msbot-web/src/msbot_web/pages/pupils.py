@@ -29,7 +29,7 @@ from msbot_xrce.errors import MsbotError
 
 def relay_tickets(page: Page) -> None:
     """The panel of page Pupils."""
-    service, say = page.service, page.say
+    service, say = page.service, page.translate
     with panel().classes("w-full"):
         heading(say("Relays and agents"))
         ui.label(
@@ -72,7 +72,7 @@ def _remove(page: Page, ticket: RelayTicket) -> None:
 
     ask_first(
         page,
-        page.say("Remove the ticket for {purpose}? What it brings is gone at once.", purpose=ticket.purpose),
+        page.translate("Remove the ticket for {purpose}? What it brings is gone at once.", purpose=ticket.purpose),
         remove,
     )
 
@@ -87,7 +87,7 @@ def register(service: Service) -> None:
     def pupils(request: Request) -> None:
         with page_frame(service, request, "/pupils", "Pupils") as page:
             if not page.may(Right.ARRANGE):
-                ui.label(page.say("Only a teacher sees this page.")).classes("ms-banner warn")
+                ui.label(page.translate("Only a teacher sees this page.")).classes("ms-banner warn")
                 return
             _controls(page)
             _who_waits(page)
@@ -98,7 +98,7 @@ def register(service: Service) -> None:
 
 
 def _controls(page: Page) -> None:
-    say = page.say
+    say = page.translate
     with ui.element("div").classes("row w-full"):
         reason = (
             ui.input(say("Why, for the pupils' pages"))
@@ -127,7 +127,7 @@ def _controls(page: Page) -> None:
 
 def _who_waits(page: Page) -> None:
     """Those who are not in the list and want to come in."""
-    say, pupils = page.say, page.service.pupils
+    say, pupils = page.translate, page.service.pupils
     shown: list[str] = []
     with panel().classes("w-full") as box:
         heading(say("Want to come in"))
@@ -167,13 +167,13 @@ class _PupilTable:
         self._page = page
         self._shown: list[PupilStatus] | None = None
         with panel().classes("w-full"):
-            heading(page.say("Everybody"))
+            heading(page.translate("Everybody"))
             self._count = ui.label("").classes("soft num").props("aria-live=polite")
             self._table = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 
     async def _show(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         here = page.service.views.pupils_here()
         found = await page.service.pupils.now(page.session, page.language.code, here)
         same = [replace(one, hand_s=None if one.hand_s is None else 0.0) for one in found]
@@ -197,7 +197,7 @@ class _PupilTable:
                 ui.label(say("Nobody yet: paste your list below, or show a class ticket.")).classes("soft")
 
     def _line(self, one: PupilStatus) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         with ui.element("div").classes("row spread w-full line ms-pupil"):
             with ui.element("div").style("min-width:min(14rem,100%);flex:1"):
                 with ui.element("div").classes("row").style("gap:.4rem"):
@@ -219,7 +219,7 @@ class _PupilTable:
                     )
 
     def _where(self, one: PupilStatus) -> str:
-        say = self._page.say
+        say = self._page.translate
         words = []
         if one.slots:
             words.append(say("program in {slots}", slots=", ".join(one.slots)))
@@ -239,11 +239,11 @@ class _PupilTable:
 def _seen(page: Page, session: Session, name: str) -> ChangeResult:
     page.service.accounts.require(session, Right.ARRANGE)
     page.service.operations.pupils.answer_hand(name)
-    return ChangeResult(words=page.say("The hand of {name} is down.", name=name))
+    return ChangeResult(words=page.translate("The hand of {name} is down.", name=name))
 
 
 def _groups(page: Page) -> None:
-    say, control = page.say, page.service.operations.pupils
+    say, control = page.translate, page.service.operations.pupils
     shown: list[object] = []
     with panel().classes("w-full"):
         heading(say("Groups"))
@@ -288,7 +288,7 @@ def _groups(page: Page) -> None:
 
 
 def _edit_group(page: Page, name: str) -> None:
-    say, control = page.say, page.service.operations.pupils
+    say, control = page.translate, page.service.operations.pupils
     known = next((group for group in control.groups if group.name == name), None)
     pupils = sorted({*page.service.pupils.pupils(), *(known.pupils if known else ())}, key=str.casefold)
     slots = [card.name for card in page.service.robot().slots]
@@ -331,9 +331,9 @@ async def _simulate(page: Page) -> None:
         try:
             await page.service.operations.do("simulate", who=page.service.asker(page.session), slot=slot)
         except MsbotError as error:
-            failed.append(page.say(str(error)))
+            failed.append(page.translate(str(error)))
         await asyncio.sleep(0)
-    with page.here():
+    with page.in_page():
         if failed:
             ui.notify(failed[0], type="negative", multi_line=True)
         words = page.language.count(
@@ -351,7 +351,7 @@ class _Accounts:
         self._page = page
         self._base = base.rstrip("/")
         self._is_busy = False
-        say = page.say
+        say = page.translate
         with panel().classes("w-full"):
             heading(say("New pupils"))
             ui.label(
@@ -409,7 +409,7 @@ class _Accounts:
             self._print(made)
 
     def _tell_groups_without_slots(self, new: set[str]) -> None:
-        groups, say = self._page.service.operations.pupils.groups, self._page.say
+        groups, say = self._page.service.operations.pupils.groups, self._page.translate
         bare = [group.name for group in groups if group.name in new and not group.slots]
         if bare and any(group.slots for group in groups):  # the others have some: perhaps a name is misspelt
             words = say(
@@ -432,7 +432,7 @@ class _Accounts:
 
     def _print(self, tickets: list[PupilTicket]) -> None:
         """A ticket for each pupil to print and cut out."""
-        say = self._page.say
+        say = self._page.translate
         shown = [(one, qr_svg(self._base + one.path, scale=3)) for one in tickets]
         with ui.dialog() as dialog, ui.card().classes("tickets"):
             with ui.element("div").classes("row no-print"):
@@ -458,7 +458,7 @@ class _Accounts:
         show_dialog(dialog)
 
     async def _class_ticket(self) -> None:
-        page, say = self._page, self._page.say
+        page, say = self._page, self._page.translate
         try:
             path, code = page.service.pupils.class_ticket(page.session, MOST_GUESTS)
         except MsbotError as error:

@@ -74,7 +74,7 @@ class _Quiz:
         self._row: FrameLine | None = None
         self._asked = asked
         self._right = min(right, asked)
-        say = page.say
+        say = page.translate
         with panel().style("display:flex;flex-direction:column;gap:.6rem;max-width:60rem"):
             with ui.element("div").classes("row spread"):
                 sources = {MADE_UP: say("made up")}
@@ -112,7 +112,7 @@ class _Quiz:
             )
         else:
             self._question = next(self._made)
-        say = self._page.say
+        say = self._page.translate
         self._shown.set_content(render("quiz_question", say=say, question=self._question))
         self._result.set_content("")
         self._answer.set_value("")
@@ -126,7 +126,9 @@ class _Quiz:
             button.set_visibility(can_answer)
         self._next.set_visibility(not can_answer)
         self._score.set_text(
-            self._page.say("{right} of {asked} are right", right=self._right, asked=self._asked) if self._asked else ""
+            self._page.translate("{right} of {asked} are right", right=self._right, asked=self._asked)
+            if self._asked
+            else ""
         )
 
     def _note_place(self) -> None:
@@ -139,7 +141,7 @@ class _Quiz:
     def _check(self) -> None:
         given = str(self._answer.value or "").strip()
         if not given:
-            ui.notify(self._page.say("Write an answer first, or say that you do not know."), type="warning")
+            ui.notify(self._page.translate("Write an answer first, or say that you do not know."), type="warning")
             return
         self._grade(given)
 
@@ -154,7 +156,7 @@ class _Quiz:
         self._asked += 1
         self._right += is_right
         self._result.set_content(
-            render("quiz_result", say=self._page.say, question=question, is_right=is_right, row=self._row)
+            render("quiz_result", say=self._page.translate, question=question, is_right=is_right, row=self._row)
         )
         self._let_answer(False)
         self._past += self._row is None  # a question about the bus is none of the made-up ones

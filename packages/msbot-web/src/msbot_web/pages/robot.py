@@ -48,7 +48,7 @@ def register(service: Service) -> None:
             back_to_rover(page)
             _summary(page)
             if len(page.service.robot().slots) > MANY:
-                ui.html(render("cards_find", say=page.say), sanitize=False).classes("w-full")
+                ui.html(render("cards_find", say=page.translate), sanitize=False).classes("w-full")
             _Grid(page)
             if slot:
                 open_slot_drawer(page, slot)
@@ -63,14 +63,14 @@ def _summary(page: Page) -> None:
         for card in robot.slots:
             counts[card.state] = counts.get(card.state, 0) + 1
         chips = [
-            state_chip(state, page.say("{count} {state}", count=count, state=page.say(state)))
+            state_chip(state, page.translate("{count} {state}", count=count, state=page.translate(state)))
             for state, count in counts.items()
         ]
-        links = [page.say(link) for link in robot.links]  # one of them is no address: "simulated here"
+        links = [page.translate(link) for link in robot.links]  # one of them is no address: "simulated here"
         words = [word for word in (robot.version, robot.serial_number, robot.manufacturer, *links) if word]
         hint = ""
         if robot.slots and set(counts) == {"empty"} and not page.is_past:
-            hint = page.say(
+            hint = page.translate(
                 "Nothing is plugged in yet. Plug a part in, start one ({command} in a terminal), or open a "
                 "card and let a simulated part stand in.",
                 command=f"msbot part {robot.slots[0].part_number}",
@@ -131,7 +131,7 @@ class _Grid:
             }
             for card in robot.slots
         ]
-        return render("grid", say=self._page.say, sections=self._sections(places))
+        return render("grid", say=self._page.translate, sections=self._sections(places))
 
     @property
     def _groups(self) -> list[tuple[str, tuple[str, ...]]]:
@@ -150,15 +150,15 @@ class _Grid:
         others = [place for place in places if place["group"] not in ("", own)]
         common = [place for place in places if not place["group"]]
         sections: list[Mapping[str, object]] = [
-            {"title": page.say("Your group: {group}", group=own), "places": mine, "look": "own"},
-            {"title": page.say("For everybody"), "places": common, "look": ""},
-            {"title": page.say("Other groups ({count})", count=len(others)), "places": others, "look": "others"},
+            {"title": page.translate("Your group: {group}", group=own), "places": mine, "look": "own"},
+            {"title": page.translate("For everybody"), "places": common, "look": ""},
+            {"title": page.translate("Other groups ({count})", count=len(others)), "places": others, "look": "others"},
         ]
         return [section for section in sections if section["places"]]
 
     def _open_words(self, card: SlotCard) -> str:
         """A card's name for who does not see it: what a click does, and in which state the slot is."""
-        say, port = self._page.say, main_port(card)
+        say, port = self._page.translate, main_port(card)
         words = [say(card.state), *map(say, card.faults)]
         if port is not None and port.held not in ("", "gone"):
             words.append(say(HELD_WORDS[port.held]))
@@ -167,11 +167,11 @@ class _Grid:
     def _plug_words(self, card: SlotCard) -> str:
         if card.plugged is None:
             return ""
-        return self._page.say("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
+        return self._page.translate("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
 
     def _plug_short(self, card: SlotCard) -> str:
         """What is on the button, as lessons call it."""
-        return self._page.say("Unplug") if card.plugged else self._page.say("Plug in")
+        return self._page.translate("Unplug") if card.plugged else self._page.translate("Plug in")
 
     async def _clicked(self, event: GenericEventArguments) -> None:
         name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
@@ -235,18 +235,18 @@ def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
     is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
     return render(
         "card",
-        say=page.say,
+        say=page.translate,
         card=card,
         look=card.state,
         port=port,
         ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language),
-        chip=state_chip(card.state, page.say(card.state)),
+        chip=state_chip(card.state, page.translate(card.state)),
         drawing="" if port is None else draw(port.type_name, fields, page.language),
         values=fields_html(fields, page.language),
         spark=""
         if port is None or is_gone
-        else sparkline(page.sight.spark(port.topic), page.language, width=72, height=36),
-        held="" if port is None or is_gone or not port.held else page.say(HELD_WORDS[port.held]),
+        else sparkline(page.sight.sparkline(port.topic), page.language, width=72, height=36),
+        held="" if port is None or is_gone or not port.held else page.translate(HELD_WORDS[port.held]),
         stale_age="" if port is None or port.held else _stale_age(port),
-        beat=age and page.say("beat {age} s ago", age=page.language.digits(age)),
+        beat=age and page.translate("beat {age} s ago", age=page.language.digits(age)),
     )

@@ -28,9 +28,9 @@ def register(service: Service) -> None:
     async def settings(request: Request) -> None:
         with page_frame(service, request, "/settings", "Settings") as page:
             with ui.tabs().props("align=left no-caps") as tabs:
-                slots = ui.tab("slots", page.say("Slots"))
-                robot = ui.tab("robot", page.say("Robot"))
-                blueprint = ui.tab("blueprint", page.say("Blueprint"))
+                slots = ui.tab("slots", page.translate("Slots"))
+                robot = ui.tab("robot", page.translate("Robot"))
+                blueprint = ui.tab("blueprint", page.translate("Blueprint"))
             with ui.tab_panels(tabs, value=slots).classes("w-full").style("background:transparent"):
                 with ui.tab_panel(slots).style("padding:0"):
                     _slots(page)
@@ -44,7 +44,9 @@ def _slots(page: Page) -> None:
     """The forms of the slots; of a large robot those that fit what is searched for."""
     cards = page.service.views.slots()
     if len(cards) > MOST_FORMS:
-        find = ui.input(page.say("Search"), placeholder="fan, POT-10K").props("outlined clearable").classes("w-full")
+        find = (
+            ui.input(page.translate("Search"), placeholder="fan, POT-10K").props("outlined clearable").classes("w-full")
+        )
         find.on_value_change(lambda: fill(str(find.value or "")))
     count = ui.label("").classes("soft").props("role=status")
     grid = ui.element("div").classes("grid")
@@ -53,26 +55,26 @@ def _slots(page: Page) -> None:
     def fill(wanted: str) -> None:
         words = wanted.casefold().split()
         texts = [
-            (card, f"{card.name} {card.shown_number} {card.type_name} {page.say(card.type_name)}".casefold())
+            (card, f"{card.name} {card.shown_number} {card.type_name} {page.translate(card.type_name)}".casefold())
             for card in cards
         ]
         found = [card for card, text in texts if all(word in text for word in words)]
         count.set_text(
-            page.say("{count} slots; {shown} are shown.", count=len(found), shown=min(len(found), MOST_FORMS))
+            page.translate("{count} slots; {shown} are shown.", count=len(found), shown=min(len(found), MOST_FORMS))
         )
         count.set_visibility(len(found) > MOST_FORMS or not found)
         grid.clear()
         with grid:
             for card in found[:MOST_FORMS]:
                 with ui.element("div").classes("panel"):
-                    ui.html(render("slot_title", say=page.say, card=card), sanitize=False)
+                    ui.html(render("slot_title", say=page.translate, card=card), sanitize=False)
                     parameter_panel(page, card.name)
 
     fill("")
 
 
 def _robot(page: Page) -> None:
-    robot, say, number = page.service.robot(), page.say, partial(page.number, form="g")
+    robot, say, number = page.service.robot(), page.translate, partial(page.number, form="g")
     facts = [
         (say("name"), robot.name),
         (say("version"), robot.version),
@@ -95,11 +97,11 @@ def _robot(page: Page) -> None:
 async def _blueprint(page: Page) -> None:
     from msbot_web.pages.program_editor import Editor  # with CodeMirror, which the first page does not need
 
-    service, say = page.service, page.say
+    service, say = page.service, page.translate
     try:
         text = await service.blueprint()
     except MsbotError as error:
-        ui.label(page.say(str(error))).classes("ms-banner warn")
+        ui.label(page.translate(str(error))).classes("ms-banner warn")
         return
     with ui.element("div").classes("panel"):
         heading("robot.toml")

@@ -18,12 +18,12 @@ def simulator_panel(page: Page, slot: str, *, title: str = "") -> None:
     """The controls of a simulated part and what one would see of it."""
     service = page.service
     with ui.element("div").classes("panel").style("background:var(--accent-soft)"):
-        heading(title or page.say("Simulated part"))
-        plugged = ui.switch(page.say("Plugged in"), value=service.views.bench.is_plugged(slot))
+        heading(title or page.translate("Simulated part"))
+        plugged = ui.switch(page.translate("Plugged in"), value=service.views.bench.is_plugged(slot))
         controls = ui.element("div").classes("w-full")
         seen = ui.html("", sanitize=False)
         if slot in service.operations.stand_ins.names:
-            ui.label(page.say(END_WITH_MASTER)).classes("soft")
+            ui.label(page.translate(END_WITH_MASTER)).classes("soft")
 
     def plug() -> None:
         wanted = bool(plugged.value)
@@ -55,13 +55,13 @@ _HELD = '(event) => { if ([" ", "Enter"].includes(event.key) && !event.repeat) e
 
 
 def _control(page: Page, slot: str, control: SimulatedPartControl) -> None:
-    title = page.say(control.words) or control.name
+    title = page.translate(control.words) or control.name
     unit = f" [{control.unit}]" if control.unit else ""
 
     async def changed(value: Scalar | None) -> None:
         await page.do(partial(page.operate, slot, control.name, "" if value is None else value), quiet=True)
 
-    rest = page.service.views.bench.rest(slot, control.name)
+    rest = page.service.views.bench.rest_value(slot, control.name)
     if control.kind == "bool" and rest is not None:
         # Not what it is now: somebody else may be pressing it.
         button = ui.button(title, icon="touch_app").props("outline")

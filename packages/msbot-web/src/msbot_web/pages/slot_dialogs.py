@@ -36,7 +36,7 @@ async def connect_ports(page: Page, start: str, end: str) -> None:
     if not source.topic:
         _ask_for_topic(page, start, end)
     elif target.topic == source.topic:
-        ui.notify(page.say("These two are joined already."), type="info")
+        ui.notify(page.translate("These two are joined already."), type="info")
     else:
         await _bind(page, source, target, source.topic)
 
@@ -48,7 +48,7 @@ def say_misfit(page: Page, one: str, other: str) -> None:
         return  # another blueprint holds by now
     is_service = service_type(first.type_name) is not None
     if first.type_name != second.type_name:
-        words = page.say(
+        words = page.translate(
             "{one} carries {type}, {other} carries {other_type}: only ports with the same message can be joined.",
             one=one,
             other=other,
@@ -56,7 +56,7 @@ def say_misfit(page: Page, one: str, other: str) -> None:
             other_type=second.type_name,
         )
     elif first.publishes:
-        words = page.say(
+        words = page.translate(
             "{one} and {other} both serve: join one that serves with one that calls."
             if is_service
             else "{one} and {other} both publish: join one that publishes with one that hears.",
@@ -64,7 +64,7 @@ def say_misfit(page: Page, one: str, other: str) -> None:
             other=other,
         )
     else:
-        words = page.say(
+        words = page.translate(
             "{one} and {other} both call: join one that serves with one that calls."
             if is_service
             else "{one} and {other} both hear: join one that publishes with one that hears.",
@@ -88,7 +88,7 @@ def _port(page: Page, end: str) -> WirePort | None:
 
 
 def _ask_for_topic(page: Page, start: str, end: str) -> None:
-    say, views = page.say, page.service.views
+    say, views = page.translate, page.service.views
 
     async def make() -> None:
         topic = str(name.value or "").strip()
@@ -139,7 +139,7 @@ def types_found(page: Page, wanted: str) -> list[TypeLine]:
         line
         for line in page.service.views.types("")
         if line.number not in known
-        and all(word in f"{page.say(line.name)} {page.say(line.description)}".casefold() for word in words)
+        and all(word in f"{page.translate(line.name)} {page.translate(line.description)}".casefold() for word in words)
     ]
 
 
@@ -150,7 +150,7 @@ def ask_for_slot(page: Page, number: str = "") -> None:
 
 def ask_to_take_out(page: Page, slot: str) -> None:
     """Ask once more before a slot is taken out of the robot."""
-    words = page.say(
+    words = page.translate(
         "Take slot {slot} out of the robot? Its wires go with it, and its part leaves the robot. The journal brings "
         "the slot back; so does robot.toml when it is applied again, if it has the slot.",
         slot=slot,
@@ -189,7 +189,7 @@ class _NewSlot:
     def __init__(self, page: Page, number: str) -> None:
         self._page = page
         self._proposed = ""
-        say = page.say
+        say = page.translate
         with ui.dialog() as self._dialog, ui.card().classes("w-full").style("max-width:min(32rem,95vw)"):
             heading(say("New slot"))
             self._search = ui.input(
@@ -225,7 +225,7 @@ class _NewSlot:
         """The part types that fit the search; what was chosen stays chosen while it is among them."""
         found = types_found(self._page, str(self._search.value or ""))
         chosen = self._types.value
-        options = {line.number: f"{self._page.say(line.name)} · {line.number}" for line in found}
+        options = {line.number: f"{self._page.translate(line.name)} · {line.number}" for line in found}
         self._types.set_options(options, value=chosen if chosen in options else None)
         self._nothing.set_visibility(not options)
 
@@ -240,13 +240,13 @@ class _NewSlot:
         part_type = self._page.service.views.library.get(str(self._types.value or ""))
         taken = {card.name for card in self._page.service.robot().slots}
         self._proposed = "" if part_type is None else free_name(slot_name(part_type.name), taken)
-        words = self._page.say("Left empty, it is called {name}.", name=self._proposed)
+        words = self._page.translate("Left empty, it is called {name}.", name=self._proposed)
         self._hint.set_text(words if self._proposed else "")
 
     async def _make(self) -> None:
         name, purpose = str(self._name.value or "").strip() or self._proposed, str(self._purpose.value or "").strip()
         if not self._types.value:
-            ui.notify(self._page.say("Choose a part type first."), type="negative")
+            ui.notify(self._page.translate("Choose a part type first."), type="negative")
             return
         done = await self._page.act("add_slot", slot=name, part=str(self._types.value), description=purpose)
         if done is not None:

@@ -49,8 +49,10 @@ def manual_control_panel(page: Page, slot: str, part_number: str) -> None:
     services = [port for port in part_type.ports if port.direction is Direction.SERVE and port.message is not None]
     if services:
         with ui.element("div").classes("panel"):
-            ui.label(page.say("Call")).props("role=heading aria-level=2").style("font-weight:650;font-size:1.1rem")
-            ui.label(page.say("Sends a request to the part, and shows its reply.")).classes("soft")
+            ui.label(page.translate("Call")).props("role=heading aria-level=2").style(
+                "font-weight:650;font-size:1.1rem"
+            )
+            ui.label(page.translate("Sends a request to the part, and shows its reply.")).classes("soft")
             for port in services:
                 assert port.message is not None
                 _ServiceControl(page, slot, port, port.message)
@@ -58,8 +60,12 @@ def manual_control_panel(page: Page, slot: str, part_number: str) -> None:
     if not ports:
         return
     with ui.element("div").classes("panel"):
-        ui.label(page.say("Drive by hand")).props("role=heading aria-level=2").style("font-weight:650;font-size:1.1rem")
-        ui.label(page.say("The wire is not heard meanwhile. Afterwards the port gets its safe value.")).classes("soft")
+        ui.label(page.translate("Drive by hand")).props("role=heading aria-level=2").style(
+            "font-weight:650;font-size:1.1rem"
+        )
+        ui.label(page.translate("The wire is not heard meanwhile. Afterwards the port gets its safe value.")).classes(
+            "soft"
+        )
         for port in ports:
             assert port.message is not None
             _PortControl(page, slot, port, port.message)
@@ -76,7 +82,7 @@ class _PortControl:
         self._saying = asyncio.Lock()
         """Values are sent one after the other, so that the last one set is the last one sent."""
         with ui.element("div").style("margin-top:.6rem;width:100%"):
-            self._held = ui.switch(page.say("{port} by hand", port=port.name), on_change=self._switched)
+            self._held = ui.switch(page.translate("{port} by hand", port=port.name), on_change=self._switched)
             with ui.element("div").style("padding-left:1rem;width:100%") as self._fields:
                 _fields(page, message, self._values, self._changed, port.ranges)
         self._fields.bind_visibility_from(self._held, "value")
@@ -87,7 +93,7 @@ class _PortControl:
     @property
     def _is_held(self) -> bool:
         slot, _, port = self._where.rpartition(".")
-        return (slot, port) in self._page.service.operations.by_hand.held()
+        return (slot, port) in self._page.service.operations.by_hand.held_ports()
 
     async def _switched(self) -> None:
         self._renewing.active = bool(self._held.value)
@@ -132,7 +138,9 @@ class _ServiceControl:
             ui.label(port.name).style("font-weight:600")
             with ui.element("div").style("padding-left:1rem;width:100%"):
                 _fields(page, message, self._values, self._changed, port.ranges)
-                self._button = ui.button(page.say("Call {port}", port=port.name), icon="send", on_click=self._call)
+                self._button = ui.button(
+                    page.translate("Call {port}", port=port.name), icon="send", on_click=self._call
+                )
                 self._reply = ui.label("").props("role=status").style("margin-top:.4rem")
 
     async def _changed(self, name: str, value: Scalar) -> None:
@@ -145,7 +153,7 @@ class _ServiceControl:
         done = await self._page.act("call", quiet=True, port=self._where, values=values)
         if not self._page.is_gone:
             self._button.enable()
-            self._reply.text = "" if done is None else self._page.say(done.words)
+            self._reply.text = "" if done is None else self._page.translate(done.words)
 
 
 Changed = Callable[[str, Scalar], Awaitable[None]]
@@ -189,7 +197,7 @@ def _colour(page: Page, values: Mapping[str, Scalar], changed: Changed) -> None:
                 await changed(name, int(digits[2 * place : 2 * place + 2], 16))
 
     start = "#" + "".join(f"{int(values[name]):02x}" for name in COLOUR)
-    ui.color_input(page.say("Colour"), value=start, on_change=take)
+    ui.color_input(page.translate("Colour"), value=start, on_change=take)
 
 
 async def _take(changed: Changed, name: str, kind: FieldKind, event: ValueChangeEventArguments[Scalar | None]) -> None:
@@ -210,15 +218,15 @@ def open_slot_drawer(page: Page, slot: str) -> None:
     try:
         page.sight.slot(slot)
     except MsbotError as error:
-        ui.notify(page.say(str(error)), type="negative")
+        ui.notify(page.translate(str(error)), type="negative")
         return
     with ui.dialog().props("position=right full-height") as dialog, ui.card().classes("ms-drawer"):
         with ui.element("div").classes("row spread w-full").style("flex-wrap:nowrap"):
             heading(slot).classes("ellipsis").style("font-size:1.35rem")
             close = ui.button(icon="close", on_click=dialog.close).props("flat round dense")
-            close.props["aria-label"] = close.props["title"] = page.say("Close")
+            close.props["aria-label"] = close.props["title"] = page.translate("Close")
         if page.is_past:
-            ui.label(page.say("This was so at the chosen moment.")).classes("ms-banner info")
+            ui.label(page.translate("This was so at the chosen moment.")).classes("ms-banner info")
             _state(page, slot)
             _ports(page, slot)
         else:
@@ -233,7 +241,7 @@ def open_slot_drawer(page: Page, slot: str) -> None:
         try:
             page.sight.slot(slot)
         except NotThere as error:  # another blueprint holds by now
-            ui.notify(page.say(str(error)), type="warning")
+            ui.notify(page.translate(str(error)), type="warning")
             dialog.close()
 
     page.every_look(look_whether_there, dialog)
@@ -249,7 +257,7 @@ def _present(page: Page, slot: str) -> None:
     _following(
         page, slot, lambda card: card.part_number, lambda card: manual_control_panel(page, slot, card.part_number)
     )
-    heading(page.say("Settings"))
+    heading(page.translate("Settings"))
     parameter_panel(page, slot)
     _following(page, slot, lambda card: card.part_number, partial(_wires, page))
     _rhythm(page, slot)
@@ -290,29 +298,34 @@ def _state(page: Page, slot: str) -> None:
             return  # the drawer is being closed
         card = page.sight.slot(slot)
         part = card.part
-        rows = [(page.say("part number"), f"{card.shown_number} {page.say(card.type_name)}".strip())]
+        rows = [(page.translate("part number"), f"{card.shown_number} {page.translate(card.type_name)}".strip())]
         if part is not None:
-            rows += [(page.say("part"), part.part)]
+            rows += [(page.translate("part"), part.part)]
             if page.may(Right.ARRANGE):  # knowing these lets somebody impersonate that part
-                rows += [(page.say("UID"), part.uid or "–")]
+                rows += [(page.translate("UID"), part.uid or "–")]
             if page.may(Right.ARRANGE) and not is_past:
-                rows += [(page.say("address"), part.address), (page.say("session"), part.client_key)]
-            rows += [] if is_past else [(page.say("beats"), f"{part.beats}")]
+                rows += [(page.translate("address"), part.address), (page.translate("session"), part.client_key)]
+            rows += [] if is_past else [(page.translate("beats"), f"{part.beats}")]
             rows += [
-                (page.say("last beat"), "–" if part.beat_age_s is None else f"{page.number(part.beat_age_s, '.1f')} s"),
+                (
+                    page.translate("last beat"),
+                    "–" if part.beat_age_s is None else f"{page.number(part.beat_age_s, '.1f')} s",
+                ),
             ]
             if part.plug_in_to_active_ms is not None:
-                rows.append((page.say("plug-in to active"), f"{page.number(part.plug_in_to_active_ms, '.1f')} ms"))
+                rows.append(
+                    (page.translate("plug-in to active"), f"{page.number(part.plug_in_to_active_ms, '.1f')} ms")
+                )
         if card.spares:
-            rows.append((page.say("standby"), ", ".join(card.spares)))
-        chip = state_chip(card.state, page.say(card.state))
-        set_html(shown, render("slot_facts", say=page.say, chip=chip, card=card, rows=rows))
+            rows.append((page.translate("standby"), ", ".join(card.spares)))
+        chip = state_chip(card.state, page.translate(card.state))
+        set_html(shown, render("slot_facts", say=page.translate, chip=chip, card=card, rows=rows))
 
     page.every_look(show, shown)
 
 
 def _ports(page: Page, slot: str) -> None:
-    heading(page.say("Topics"))
+    heading(page.translate("Topics"))
     shown = ui.html("", sanitize=False).classes("w-full")
 
     is_past = page.is_past
@@ -326,13 +339,18 @@ def _ports(page: Page, slot: str) -> None:
                     "line": port,
                     "drawing": draw(port.type_name, fields, page.language),
                     "fields": fields_html(fields, page.language),
-                    "held": page.say(HELD_WORDS[port.held]) if port.held else "",
+                    "held": page.translate(HELD_WORDS[port.held]) if port.held else "",
                 }
             )
         set_html(
             shown,
             render(
-                "slot_ports", say=page.say, number=page.number, count=page.language.count, ports=ports, is_past=is_past
+                "slot_ports",
+                say=page.translate,
+                number=page.number,
+                count=page.language.count,
+                ports=ports,
+                is_past=is_past,
             ),
         )
 
@@ -343,12 +361,12 @@ def _wires(page: Page, card: SlotCard) -> None:
     """How such a part is wired to a Linux board, where a driver for it exists."""
     found = page.service.views.library.find(card.part_number)
     if found is not None and found.driver.entry_point:
-        with ui.expansion(page.say("Wiring"), icon="cable").classes("w-full"):
-            ui.html(wiring_picture(found, say=page.say), sanitize=False).classes("wiring w-full")
+        with ui.expansion(page.translate("Wiring"), icon="cable").classes("w-full"):
+            ui.html(wiring_picture(found, say=page.translate), sanitize=False).classes("wiring w-full")
 
 
 def _rhythm(page: Page, slot: str) -> None:
-    heading(page.say("Time between beats"))
+    heading(page.translate("Time between beats"))
     shown = ui.html("", sanitize=False).classes("w-full")
 
     def show() -> None:
@@ -356,7 +374,7 @@ def _rhythm(page: Page, slot: str) -> None:
         words = (
             f"{page.number(min(intervals), '.2f')} – {page.number(max(intervals), '.2f')} s"
             if intervals
-            else page.say("no beats yet")
+            else page.translate("no beats yet")
         )
         set_html(shown, render("rhythm", curve=sparkline(intervals, page.language, least=0.0), words=words))
 
@@ -411,30 +429,30 @@ class _PartActions:
             uid = ("part", part.uid)
             if page.may_at(Right.OPERATE, card.name):
                 named = uid if page.may(Right.ARRANGE) else ("part", card.name)
-                yield _PartAction(page.say("Identify"), "lightbulb", "identify", (named,))
+                yield _PartAction(page.translate("Identify"), "lightbulb", "identify", (named,))
             if page.may(Right.ARRANGE):
-                yield _PartAction(page.say("Release slot"), "eject", "release", (slot,))
-                yield _PartAction(page.say("Block part"), "block", "block", (uid,), "outline color=negative")
+                yield _PartAction(page.translate("Release slot"), "eject", "release", (slot,))
+                yield _PartAction(page.translate("Block part"), "block", "block", (uid,), "outline color=negative")
                 for spare in _spares(page):
-                    words = page.say("Swap to {part}", part=spare.part)
+                    words = page.translate("Swap to {part}", part=spare.part)
                     yield _PartAction(words, "swap_horiz", "swap", (slot, ("to", spare.uid)))
         # One click lets a simulated part stand in for that of the slot, another gives the slot back.
         is_here = _has_stand_in(page, card)
         if page.may(Right.ARRANGE) and (is_here or not card.simulated):
-            words = page.say("Give the slot back") if is_here else page.say("Simulate this slot")
+            words = page.translate("Give the slot back") if is_here else page.translate("Simulate this slot")
             icon = "settings_backup_restore" if is_here else "smart_toy"
             yield _PartAction(words, icon, "simulate", (slot, ("end", is_here)))
 
 
 def _why(page: Page, slot: str) -> None:
-    heading(page.say("Why?"))
+    heading(page.translate("Why?"))
     shown = ui.html("", sanitize=False).classes("why")
     last: list[Markup] = []
 
     def show() -> None:
         part = page.service.views.slot(slot).part
         lines = page.service.views.why(slot if part is None else part.part)
-        content = render("lines", say=page.say, lines=lines[:WHY_LINES])
+        content = render("lines", say=page.translate, lines=lines[:WHY_LINES])
         if not last:
             shown.set_content(content)
         elif last != [content]:  # not set_content: whoever is marking a sentence would lose it

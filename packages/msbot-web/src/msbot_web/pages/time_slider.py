@@ -50,12 +50,12 @@ class TimeSlider:
         self._listeners: list[Callable[[float | None], object]] = []
         self._begin_s: float | None = None
         ui.add_head_html(f'<script src="{root()}/web/moment.js"></script>')
-        ui.html(render("look_back", say=page.say), sanitize=False).classes("w-full ms-moment-place")
+        ui.html(render("look_back", say=page.translate), sanitize=False).classes("w-full ms-moment-place")
         ui.on("ms_moment", self._asked)
         ui.run_javascript(f"msbotMoment.begin({json.dumps(self._setup())})")
         if page.client is not None:
             page.client.on_connect(self._tell_clock)
-        page.later(self._arrive(_moment_of(at)))
+        page.show_when_ready(self._arrive(_moment_of(at)))
 
     def on_change(self, listener: Callable[[float | None], object]) -> None:
         """Call the listener whenever another moment is shown; None: the present."""
@@ -104,10 +104,10 @@ class TimeSlider:
         if not self._reads:
             self._show(at_s)
             return
-        with page.here():
+        with page.in_page():
             ui.run_javascript("msbotMoment.reading()")
         try:
-            moment = await page.service.past.moment(at_s)
+            moment = await page.service.past.snapshot_at(at_s)
         except MsbotError as error:
             if self._wanted == at_s:
                 self._wanted = page.at_s
@@ -135,15 +135,15 @@ class TimeSlider:
 
     def _tell(self, trouble: str = "") -> None:
         if not self._page.is_gone:
-            with self._page.here():
+            with self._page.in_page():
                 ui.run_javascript(f"msbotMoment.show({json.dumps({**self._setup(), 'trouble': trouble})})")
 
     def _say(self, words: str) -> None:
-        self._tell(self._page.say(words))
+        self._tell(self._page.translate(words))
 
     def _setup(self) -> dict[str, object]:
         """What the browser needs: times are milliseconds since 1970, shown by the clock of the robot's computer."""
-        now, at_s, say = time.time(), self._page.at_s, self._page.say
+        now, at_s, say = time.time(), self._page.at_s, self._page.translate
         begin_s = (
             now - SHORTEST_S if self._begin_s is None else min(max(self._begin_s, now - LONGEST_S), now - SHORTEST_S)
         )

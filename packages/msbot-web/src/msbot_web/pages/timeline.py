@@ -33,8 +33,8 @@ def _bars(page: Page) -> None:
         with ui.element("div").classes("row spread"):
             zoom = _choice(page, SPANS_S, "5 min")
             with ui.element("div").classes("row"):
-                picture = ui.button(page.say("Picture (SVG)"), icon="image").props("flat")
-                data = ui.button(page.say("Data (JSON)"), icon="download").props("flat")
+                picture = ui.button(page.translate("Picture (SVG)"), icon="image").props("flat")
+                data = ui.button(page.translate("Data (JSON)"), icon="download").props("flat")
         shown = ui.html("", sanitize=False).classes("w-full")
         events = (
             ui.html("", sanitize=False)
@@ -67,11 +67,11 @@ def _event_rows(page: Page, lanes: list[TimelineLane], span_s: float) -> Markup:
     spans = [(span, lane.slot) for lane in lanes for span in lane.spans if span.begin_age_s <= span_s]
     spans.sort(key=lambda pair: pair[0].begin_age_s)
     rows: list[tuple[str, ...]] = [
-        (f"{span.begin_age_s:.0f} s", slot, page.say(span.state), page.say(span.reason))
+        (f"{span.begin_age_s:.0f} s", slot, page.translate(span.state), page.translate(span.reason))
         for span, slot in spans[:EVENTS]
-    ] or [(page.say("Nothing has changed in this time."),)]
-    return render("table", heads=[page.say(title) for title in ("Ago", "Slot", "State", "Reason")], rows=rows)
+    ] or [(page.translate("Nothing has changed in this time."),)]
+    return render("table", heads=[page.translate(title) for title in ("Ago", "Slot", "State", "Reason")], rows=rows)
 
 
 def _choice(page: Page, spans: dict[str, float], value: str) -> ui.toggle:
-    return ui.toggle(list(spans), value=value).props(f'no-caps aria-label="{page.say("Zoom")}"')
+    return ui.toggle(list(spans), value=value).props(f'no-caps aria-label="{page.translate("Zoom")}"')

@@ -54,7 +54,7 @@ def _spares(page: Page) -> None:
             for name in names:
                 with ui.element("div"):
                     simulator_panel(
-                        page, name, title=page.say("Simulated part {name}, without a slot of its own", name=name)
+                        page, name, title=page.translate("Simulated part {name}, without a slot of its own", name=name)
                     )
 
     page.every_look(show)
@@ -66,20 +66,22 @@ def _window(page: Page) -> None:
         words = ui.label("").props("aria-live=polite")
         if page.may(Right.ARRANGE):
             open_button = ui.button(
-                page.say("Open for {seconds} s", seconds=f"{WINDOW_S:.0f}"),
+                page.translate("Open for {seconds} s", seconds=f"{WINDOW_S:.0f}"),
                 icon="lock_open",
                 on_click=lambda: page.act("window", seconds=WINDOW_S),
             )
-            close_button = ui.button(page.say("Close"), icon="lock", on_click=lambda: page.act("close_window")).props(
-                "outline"
-            )
+            close_button = ui.button(
+                page.translate("Close"), icon="lock", on_click=lambda: page.act("close_window")
+            ).props("outline")
 
     def show() -> None:
         left = page.service.robot().window_s
         words.set_text(
-            page.say("The adoption window is open for {seconds} s more: parts can be adopted.", seconds=f"{left:.0f}")
+            page.translate(
+                "The adoption window is open for {seconds} s more: parts can be adopted.", seconds=f"{left:.0f}"
+            )
             if left > 0
-            else page.say("The adoption window is closed. A teacher opens it to let unknown parts in.")
+            else page.translate("The adoption window is closed. A teacher opens it to let unknown parts in.")
         )
         if page.may(Right.ARRANGE):
             open_button.set_visibility(left <= 0)
@@ -98,14 +100,16 @@ class ArrivalsPanel:
         with self._tray:
             self._nobody = ui.element("div").classes("panel")
         with self._nobody:
-            ui.label(page.say("Nobody waits. Plug a part in: it shows up here when its slot is not clear."))
+            ui.label(page.translate("Nobody waits. Plug a part in: it shows up here when its slot is not clear."))
         self._cards: dict[tuple[str, str], _Card] = {}
 
     def show(self, waiting: Sequence[PartLine]) -> None:
         """Show these, in this order."""
         parts = {(part.client_key, part.uid): part for part in waiting[:MOST_SHOWN]}
         self._more.set_text(
-            self._page.say("{count} parts wait; the newest {shown} are shown.", count=len(waiting), shown=len(parts))
+            self._page.translate(
+                "{count} parts wait; the newest {shown} are shown.", count=len(waiting), shown=len(parts)
+            )
         )
         self._more.set_visibility(len(waiting) > len(parts))
         self._nobody.set_visibility(not parts)
@@ -140,9 +144,9 @@ class _Card:
             self._facts,
             render(
                 "arrival",
-                say=page.say,
+                say=page.translate,
                 part=parts_for(page.session, [part])[0],
-                chip=state_chip(part.state, page.say(part.state)),
+                chip=state_chip(part.state, page.translate(part.state)),
                 is_unknown=part.refusal == "unknown_part",
             ),
         )
@@ -158,27 +162,31 @@ class _Card:
 def _actions(page: Page, part: PartLine) -> None:
     name = part.uid or part.client_key
     if page.may(Right.DESIGN) and part.says is not None and part.says.checked:
-        ui.button(page.say("Adopt"), icon="add_circle", on_click=partial(adopt, page, name)).props("color=positive")
+        ui.button(page.translate("Adopt"), icon="add_circle", on_click=partial(adopt, page, name)).props(
+            "color=positive"
+        )
     if page.may(Right.ARRANGE):
-        with ui.button(page.say("Adopt into slot …"), icon="add_link").props("outline") as into:
+        with ui.button(page.translate("Adopt into slot …"), icon="add_link").props("outline") as into:
             into.on_click(_Offers(page, part).show)  # as they are then, not when the part came
-        ui.button(page.say("Ignore"), on_click=lambda: page.act("ignore", part=name)).props("flat")
+        ui.button(page.translate("Ignore"), on_click=lambda: page.act("ignore", part=name)).props("flat")
         if part.refusal == "blocked":
-            ui.button(page.say("Unblock"), on_click=lambda: page.act("unblock", part=name)).props("flat")
+            ui.button(page.translate("Unblock"), on_click=lambda: page.act("unblock", part=name)).props("flat")
         else:
-            ui.button(page.say("Block"), on_click=lambda: page.act("block", part=name)).props("flat color=negative")
+            ui.button(page.translate("Block"), on_click=lambda: page.act("block", part=name)).props(
+                "flat color=negative"
+            )
     if page.may(Right.OPERATE):
         ui.button(
-            page.say("Identify"),
+            page.translate("Identify"),
             icon="lightbulb",
             on_click=lambda: page.act("identify", part=name if page.may(Right.ARRANGE) else part.part),
         ).props("flat")
-    ui.button(page.say("Why?"), on_click=partial(_why, page, part)).props("flat")
+    ui.button(page.translate("Why?"), on_click=partial(_why, page, part)).props("flat")
 
 
 async def adopt(page: Page, name: str) -> None:
     """Make the part what it says it is, and offer the wires that fit."""
-    with page.here():
+    with page.in_page():
         done = await page.act("adopt", part=name)
         if done is not None and done.offers:
             offer_wires(page, done.offers)
@@ -187,12 +195,12 @@ async def adopt(page: Page, name: str) -> None:
 def offer_wires(page: Page, offers: Sequence[WireOffer]) -> None:
     """Show wires that would fit; each is made with one press."""
     with ui.dialog() as dialog, ui.card().style("max-width:min(40rem,95vw)"):
-        heading(page.say("Wires that fit"))
-        ui.label(page.say("These ports carry the same message. Press what is to be joined."))
+        heading(page.translate("Wires that fit"))
+        ui.label(page.translate("These ports carry the same message. Press what is to be joined."))
         with ui.element("div").classes("ms-offers"):
             for offer in offers:
                 _offered(page, offer)
-        ui.button(page.say("Close"), on_click=dialog.close).props("flat")
+        ui.button(page.translate("Close"), on_click=dialog.close).props("flat")
     show_dialog(dialog)
 
 
@@ -252,19 +260,19 @@ class _Offers:
         if part_type is not None and page.may(Right.DESIGN):
             taken = {card.name for card in page.service.robot().slots}
             new = free_name(slot_name(part_type.name), taken)
-            words = page.say("Into a new slot, {name}", name=new)
+            words = page.translate("Into a new slot, {name}", name=new)
             yield _Offer(words, "add_slot", (("slot", new), ("part", part_type.number)))
         if not free:
-            yield _Offer(page.say("No slot is free: release or swap one."))
+            yield _Offer(page.translate("No slot is free: release or swap one."))
         for card in free:
-            words = f"{card.name} · {card.part_number} · {page.say(card.state)}"
+            words = f"{card.name} · {card.part_number} · {page.translate(card.state)}"
             yield _Offer(words, "adopt", (("part", part.uid or part.client_key), ("slot", card.name)))
 
 
 def _why(page: Page, part: PartLine) -> None:
     lines = page.service.views.why(part.uid or part.part)
     with page_dialog(page) as dialog, ui.card().style("max-width:min(44rem,95vw)"):
-        heading(page.say("Why?"))
-        ui.html(render("lines", say=page.say, lines=lines), sanitize=False)
-        ui.button(page.say("Close"), on_click=dialog.close).props("flat")
+        heading(page.translate("Why?"))
+        ui.html(render("lines", say=page.translate, lines=lines), sanitize=False)
+        ui.button(page.translate("Close"), on_click=dialog.close).props("flat")
     show_dialog(dialog)

@@ -50,16 +50,16 @@ class _Drawing:
         self._by_finger = False
         with ui.element("div").classes("panel"):
             with ui.element("div").classes("row spread"):
-                ui.label(page.say("Green: samples are flowing. Dashed: silence. Click a slot to open it.")).classes(
-                    "soft"
-                )
+                ui.label(
+                    page.translate("Green: samples are flowing. Dashed: silence. Click a slot to open it.")
+                ).classes("soft")
                 with ui.element("div").classes("row"):
-                    new = ui.button(page.say("New slot"), icon="add", on_click=lambda: ask_for_slot(page))
+                    new = ui.button(page.translate("New slot"), icon="add", on_click=lambda: ask_for_slot(page))
                     self._only_now: list[ui.element] = [new]
-                    ui.button(page.say("Picture (SVG)"), icon="image", on_click=self._save).props("flat")
+                    ui.button(page.translate("Picture (SVG)"), icon="image", on_click=self._save).props("flat")
             if self._may_change:
                 hint = ui.label(
-                    page.say(
+                    page.translate(
                         "Drag from one port to another, or click one after the other, or press Enter on both: ports that "
                         "fit light up. Delete takes a port off its topic, the cross a slot out of the robot. The journal "
                         "undoes each change."
@@ -67,7 +67,7 @@ class _Drawing:
                 ).classes("soft")
                 self._only_now.append(hint)
             ui.label(
-                page.say(
+                page.translate(
                     "The drawing goes on to the right: swipe, or scroll. On a touch screen tap one port "
                     "after the other."
                 )
@@ -152,8 +152,8 @@ def _table(page: Page) -> None:
 
     def show() -> None:
         rows = [_row(topic, page) for topic in page.sight.topics()]
-        empty = page.say("Nothing is wired yet. Drag from one port to another in the drawing above.")
-        content = render("table", heads=[page.say(title) for title in titles], rows=rows or [(empty,)])
+        empty = page.translate("Nothing is wired yet. Drag from one port to another in the drawing above.")
+        content = render("table", heads=[page.translate(title) for title in titles], rows=rows or [(empty,)])
         set_html(table, content)
 
     page.every_look(show)
@@ -185,7 +185,7 @@ async def edit_wires(page: Page, slot: str, parameter: str, changed: Callable[[]
     """Open the form for one part of the board in a slot; `changed` is called after it has been set."""
     values = {value.name: str(value.value) for value in await page.service.values(slot) if value.kind == "part"}
     with ui.dialog() as dialog, ui.card().style("max-width:56rem;width:100%"):
-        ui.label(page.say("What is wired to {board}: {place}", board=slot, place=parameter)).props(
+        ui.label(page.translate("What is wired to {board}: {place}", board=slot, place=parameter)).props(
             "role=heading aria-level=2"
         )
         form = _Form(page, values, parameter)
@@ -196,9 +196,9 @@ async def edit_wires(page: Page, slot: str, parameter: str, changed: Callable[[]
                 await changed()
 
         with ui.element("div").classes("row"):
-            form.save = ui.button(page.say("Wire it so"), icon="check", on_click=lambda: save(form.text()))
-            ui.button(page.say("Nothing is wired"), icon="delete", on_click=partial(save, "")).props("outline")
-            ui.button(page.say("Cancel"), on_click=dialog.close).props("flat")
+            form.save = ui.button(page.translate("Wire it so"), icon="check", on_click=lambda: save(form.text()))
+            ui.button(page.translate("Nothing is wired"), icon="delete", on_click=partial(save, "")).props("outline")
+            ui.button(page.translate("Cancel"), on_click=dialog.close).props("flat")
         form.look()
     show_dialog(dialog)
 
@@ -214,19 +214,21 @@ class _Form:
         self._others = {name: text for name, text in values.items() if name != parameter and text.strip()}
         self._parameter = parameter
         now = self._now(values.get(parameter, ""))
-        types = {one.number: f"{one.number}: {page.say(one.name)}" for one in self._library if one.driver.board.driver}
+        types = {
+            one.number: f"{one.number}: {page.translate(one.name)}" for one in self._library if one.driver.board.driver
+        }
         self._fields: dict[str, ui.input] = {}
         with ui.element("div").classes("row").style("align-items:flex-start;gap:1.5rem"):
             with ui.column().style("flex:1;min-width:min(15rem,100%);gap:.3rem"):
-                self._number = ui.select(types, label=page.say("Part type"), value=now and now.part_type.number)
+                self._number = ui.select(types, label=page.translate("Part type"), value=now and now.part_type.number)
                 self._number.props("dense use-input").classes("w-full").on_value_change(lambda: self._fill(None))
-                self._name = ui.input(page.say("Name of its slot"), value=now.name if now else "").props("dense")
+                self._name = ui.input(page.translate("Name of its slot"), value=now.name if now else "").props("dense")
                 self._name.classes("w-full").on_value_change(self.look)
                 boards = {
-                    OTHER_BOARD: page.say("another board: its pins are not checked"),
+                    OTHER_BOARD: page.translate("another board: its pins are not checked"),
                     **{one: one for one in CHIPS},
                 }
-                self._board = ui.select(boards, label=page.say("Board"), value=OTHER_BOARD).props("dense")
+                self._board = ui.select(boards, label=page.translate("Board"), value=OTHER_BOARD).props("dense")
                 self._board.classes("w-full").on_value_change(self.look)
                 self._wires = ui.column().classes("w-full").style("gap:.3rem")
             with ui.column().style("flex:2;min-width:min(18rem,100%)"):
@@ -242,7 +244,7 @@ class _Form:
 
     def look(self) -> None:
         """Check what the form says, and draw it."""
-        part_type, say = self._type(), self._page.say
+        part_type, say = self._type(), self._page.translate
         faults: list[str] = []
         part: WiredPart | None = None
         if part_type is not None:
@@ -280,7 +282,7 @@ class _Form:
         self._wires.clear()
         self._fields = {}
         if part_type is not None:
-            spec, say = part_type.driver, self._page.say
+            spec, say = part_type.driver, self._page.translate
             with self._wires:
                 for wire in spec.board.pins:
                     self._field(

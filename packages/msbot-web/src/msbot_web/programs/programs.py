@@ -38,7 +38,7 @@ class ProgramStore(Protocol):
     async def versions(self, owner: str, name: str) -> Sequence[ProgramVersion]:
         """What is kept of a program, the newest first; raises NotThere."""
 
-    async def keep(self, owner: str, name: str, source: ProgramSource) -> int:
+    async def store(self, owner: str, name: str, source: ProgramSource) -> int:
         """Keep a program; returns its version."""
 
     async def remove(self, owner: str, name: str) -> None:
@@ -70,9 +70,9 @@ class RegistryProgramStore:
         """See `ProgramStore`."""
         return await self._storage.in_time(self._kept.versions, owner, name)
 
-    async def keep(self, owner: str, name: str, source: ProgramSource) -> int:
+    async def store(self, owner: str, name: str, source: ProgramSource) -> int:
         """See `ProgramStore`."""
-        return await self._storage.in_time(self._kept.keep, owner, name, source)
+        return await self._storage.in_time(self._kept.store, owner, name, source)
 
     async def remove(self, owner: str, name: str) -> None:
         """See `ProgramStore`."""
@@ -97,7 +97,7 @@ class NoProgramStore:
     async def _refuse(self, *_: object) -> NoReturn:
         raise ConfigError(said("this robot has no database: programs are not kept, copy them elsewhere"))
 
-    source = versions = keep = remove = share = shared = _refuse
+    source = versions = store = remove = share = shared = _refuse
 
 
 def check_program(name: str, source: ProgramSource) -> None:
@@ -195,12 +195,12 @@ class ProgramActions:
         self._accounts.require(session, Right.OPERATE)
         return await self._shelf.versions(session.owner, name)
 
-    async def keep(self, session: Session, name: str, source: ProgramSource) -> int:
+    async def store(self, session: Session, name: str, source: ProgramSource) -> int:
         """Keep a program; returns its version."""
         self._accounts.require(session, Right.OPERATE)
         self._check_writing(session)
         check_program(name, source)
-        return await self._shelf.keep(session.owner, name, source)
+        return await self._shelf.store(session.owner, name, source)
 
     async def remove(self, session: Session, name: str) -> None:
         """Forget a program with all its versions."""

@@ -36,7 +36,7 @@ class SimulatedControls(Protocol):
             ConfigError: there is no such control, or it does not take that value.
         """
 
-    def rest(self, slot: str, control: str) -> Scalar | None:
+    def rest_value(self, slot: str, control: str) -> Scalar | None:
         """The value that a control goes back to when it is released; None: it stays, or is not there."""
 
     def readings(self, slot: str) -> Mapping[str, Scalar]:
@@ -71,7 +71,7 @@ class NoSimulatedControls:
     def operate(self, slot: str, control: str, value: Scalar) -> None:
         """There is nothing to operate."""
 
-    def rest(self, slot: str, control: str) -> Scalar | None:  # noqa: ARG002
+    def rest_value(self, slot: str, control: str) -> Scalar | None:  # noqa: ARG002
         """None."""
         return None
 

@@ -38,7 +38,7 @@ class HeldControls:
 
     def operated(self, who: str, by: Collection[object], slot: str, control: str, value: Scalar) -> bool:
         """Somebody has set a control, a pupil or (an empty name) a teacher; says whether a pupil holds it now."""
-        rest = self._bench().rest(slot, control)
+        rest = self._bench().rest_value(slot, control)
         if rest is None or value == rest:
             self._held.pop((slot, control), None)
             return False
@@ -62,7 +62,7 @@ class HeldControls:
             if not is_over(slot, hold):
                 continue
             del self._held[slot, control]
-            rest = self._bench().rest(slot, control)
+            rest = self._bench().rest_value(slot, control)
             if rest is None:  # it was pulled out: what is plugged in next is not pressed
                 continue
             self._bench().operate(slot, control, rest)

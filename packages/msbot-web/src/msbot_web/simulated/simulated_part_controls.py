@@ -90,8 +90,8 @@ class SimulatedPartControls:
         is_number = wanted.kind is ControlKind.NUMBER and isinstance(value, int) and not isinstance(value, bool)
         simulated.set(control, float(value) if is_number else value)
 
-    def rest(self, slot: str, control: str) -> Scalar | None:
-        """See `SimulatedControls.rest`."""
+    def rest_value(self, slot: str, control: str) -> Scalar | None:
+        """See `SimulatedControls.rest_value`."""
         simulated = self._robot.simulated(slot)
         controls = () if simulated is None else simulated.controls
         return next((one.start for one in controls if one.name == control and one.momentary), None)

@@ -57,7 +57,7 @@ def beat_ring(card: SlotCard, beat_s: float, life: int, language: Language) -> M
 
     The browser lets it run down by itself, in steps: 120 rings that move smoothly would keep a tablet busy.
     """
-    next_s, say = card.next_beat_s, language.say
+    next_s, say = card.next_beat_s, language.translate
     if card.part is None or not life:
         words = say("no life status")
     elif next_s is None:
@@ -84,9 +84,9 @@ def draw(type_name: str, fields: Fields, language: Language = PLAIN) -> Markup:
     """A value as a picture, 84 by 84 pixels; an empty frame when there is no value yet."""
     drawing = _DRAWERS.get(type_name, _any)(fields) if fields else {"kind": "nothing"}
     values = [f"{name} {value_words(value, language)}" for name, value in fields.items()]
-    words = ", ".join(values) or language.say("no value yet")
+    words = ", ".join(values) or language.translate("no value yet")
     under = str(drawing.get("under", ""))
-    under = language.say(under) if under in UNDER_WORDS else language.digits(under)
+    under = language.translate(under) if under in UNDER_WORDS else language.digits(under)
     text = language.digits(str(drawing.get("text", "")))
     return render("drawing", **{"words": words, **drawing, "under": under, "text": text})
 
@@ -94,7 +94,7 @@ def draw(type_name: str, fields: Fields, language: Language = PLAIN) -> Markup:
 def value_words(value: Scalar, language: Language = PLAIN) -> str:
     """A value for people: at most four significant digits, yes and no as words."""
     if isinstance(value, bool):
-        return language.say("on") if value else language.say("off")
+        return language.translate("on") if value else language.translate("off")
     if isinstance(value, float):
         return language.number(value, ".4g")
     return str(value)
@@ -117,7 +117,7 @@ def sparkline(
 ) -> Markup:
     """A small curve of numbers, oldest left."""
     if len(values) < 2:
-        return render("sparkline", width=width, height=height, points="", words=language.say("no curve yet"))
+        return render("sparkline", width=width, height=height, points="", words=language.translate("no curve yet"))
     low = min(values) if least is None else min(least, *values)
     high = max(values)
     # The last digit of a value that stays still is not a mountain.
@@ -128,7 +128,7 @@ def sparkline(
         f"{2 + number * step:.1f},{height - 4 - (value - low) / span * (height - 8):.1f}"
         for number, value in enumerate(values)
     )
-    words = language.say("{least:.3g} to {most:.3g}", least=float(min(values)), most=float(high))
+    words = language.translate("{least:.3g} to {most:.3g}", least=float(min(values)), most=float(high))
     return render("sparkline", width=width, height=height, points=points, words=words)
 
 

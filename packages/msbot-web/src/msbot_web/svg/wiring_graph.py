@@ -45,7 +45,7 @@ def bars_svg(lanes: Sequence[TimelineLane], span_s: float, language: Language, *
     ]
     return render(
         "bars",
-        say=language.say,
+        say=language.translate,
         look="narrow" if is_narrow else "wide",
         width=width,
         height=40 + _ROW * max(len(lanes), 1),
@@ -64,7 +64,7 @@ def _bar(span: SpanLine, span_s: float, left: float, room: float, language: Lang
         "width": f"{max(end - begin, 2):.1f}",
         "text_x": f"{begin + 8:.1f}",
         "is_wide": end - begin > 60,
-        "state": language.say(span.state),
+        "state": language.translate(span.state),
         "reason": span.reason,
         "colour": STATE_COLOURS.get(span.state, "#666"),
         "ink": "#10202c" if span.state in _DARK_ON else "#fff",
@@ -81,7 +81,7 @@ def _time_ticks(span_s: float, left: float, right: float, count: int, language: 
     for step in range(count):
         share = step / (count - 1)
         anchor = "start" if step == 0 else "end" if step == count - 1 else "middle"
-        word = language.say("now") if step == count - 1 else language.digits(_ago_words(span_s * (1 - share)))
+        word = language.translate("now") if step == count - 1 else language.digits(_ago_words(span_s * (1 - share)))
         ticks.append((f"{left + (right - left) * share:.0f}", anchor, word))
     return ticks
 
@@ -212,7 +212,7 @@ def _column(
                 "name": shortened(slot, 16),
                 "colour": box_colour(states.get(slot, "empty")),
                 "ports": lines,
-                "take_out": language.say("Take slot {slot} out", slot=slot),
+                "take_out": language.translate("Take slot {slot} out", slot=slot),
             }
         )
         column.height += height + _GAP
@@ -222,12 +222,12 @@ def _column(
 def _port_words(port: WirePort, language: Language) -> str:
     end = f"{port.slot}.{port.port} ({port.type_name})"
     if not port.topic:
-        return language.say("{port}: not wired", port=end)
+        return language.translate("{port}: not wired", port=end)
     if service_type(port.type_name) is not None:
-        return language.say(
+        return language.translate(
             "{port}: serves {topic}" if port.publishes else "{port}: calls {topic}", port=end, topic=port.topic
         )
-    return language.say(
+    return language.translate(
         "{port}: publishes on {topic}" if port.publishes else "{port}: hears {topic}", port=end, topic=port.topic
     )
 
@@ -244,7 +244,7 @@ def _wire(topic: TopicLine, x1: float, y1: float, x2: float, y2: float) -> dict[
 
 def _words(topics: Sequence[TopicLine], language: Language) -> str:
     return "; ".join(
-        language.say(
+        language.translate(
             "{sources} to {targets} by {topic}",
             sources=", ".join(topic.publishers),
             targets=", ".join(topic.subscribers),

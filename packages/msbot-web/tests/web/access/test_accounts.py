@@ -261,7 +261,7 @@ class SlowUsers(MemoryUsers):
 
 async def test_a_browser_that_was_used_before_is_not_kept_out_by_guesses_from_elsewhere() -> None:
     accounts, _ = make()
-    device = accounts.browsers.use("", "ada")
+    device = accounts.browsers.note_sign_in("", "ada")
     for number in range(100):
         with pytest.raises(SignInRefused):
             await sign_in(accounts, password="guess", address=f"address {number}")
@@ -269,12 +269,12 @@ async def test_a_browser_that_was_used_before_is_not_kept_out_by_guesses_from_el
         await sign_in(accounts, address="a new desk")
     await accounts.sign_in("ada", "correct horse", "a", device)
     with pytest.raises(SignInRefused, match="too many"):
-        await accounts.sign_in("ada", "correct horse", "a", accounts.browsers.use("", "bob"))
+        await accounts.sign_in("ada", "correct horse", "a", accounts.browsers.note_sign_in("", "bob"))
 
 
 async def test_guesses_in_a_browser_that_a_teacher_has_used_keep_the_teacher_out_nowhere_else() -> None:
     accounts, _ = make()
-    own, pupils = accounts.browsers.use("", "ada"), accounts.browsers.use("", "ada")
+    own, pupils = accounts.browsers.note_sign_in("", "ada"), accounts.browsers.note_sign_in("", "ada")
     for number in range(100):
         with pytest.raises(SignInRefused, match="too many" if number >= FREE_TRIES else "wrong"):
             await accounts.sign_in("ada", "guess", "school", pupils)
@@ -284,7 +284,7 @@ async def test_guesses_in_a_browser_that_a_teacher_has_used_keep_the_teacher_out
 
 async def test_a_browser_is_known_until_its_person_signs_out_there_or_has_a_new_password() -> None:
     accounts, _ = make()
-    first, second = accounts.browsers.use("", "ada"), accounts.browsers.use("", "ada")
+    first, second = accounts.browsers.note_sign_in("", "ada"), accounts.browsers.note_sign_in("", "ada")
     accounts.sign_out(await accounts.sign_in("ada", "correct horse", "a", first), first)
     assert not accounts.browsers.find(first, "ada")
     assert accounts.browsers.find(second, "ada")

@@ -86,7 +86,7 @@ def test_a_try_that_was_told_nothing_does_not_count() -> None:
     attempts = SignInThrottle()
     for _ in range(FREE_TRIES + 20):
         attempts.admit("ada", "a", "", 0.0)
-        attempts.left("ada", "a", "")
+        attempts.abandoned("ada", "a", "")
     assert not attempts._tries
 
 

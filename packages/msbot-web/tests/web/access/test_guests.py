@@ -134,7 +134,7 @@ def test_a_guest_gets_neither_token_nor_password_nor_a_shelf(tmp_path: Path) -> 
             await service.change_password(guest, "student", "another horse", "correct horse")
         for deed in (
             service.programs.mine(guest),
-            service.programs.keep(guest, "x.py", ProgramSource("")),
+            service.programs.store(guest, "x.py", ProgramSource("")),
             service.programs.share(guest, "x.py"),
             service.programs.invite(guest, "phone.py", 1),
         ):
@@ -151,14 +151,14 @@ def test_a_guest_of_a_lesson_outlives_the_master_but_not_the_lesson(lesson: Less
     guest, _ = lesson.accounts.guests.admit(lesson.word(lesson.teacher))
     accounts = Accounts(lesson.users, clock=lesson.clock, hasher=PlainHasher())
     accounts.sessions.bring_back(
-        lesson.accounts.sessions.kept(accounts.mark_of), 5.0, accounts.role_of, accounts.mark_of
+        lesson.accounts.sessions.to_persist(accounts.mark_of), 5.0, accounts.role_of, accounts.mark_of
     )
     back = accounts.session(guest.token)
     assert back is not None
     assert (back.guest_of, back.role, back.may(Right.JOIN)) == ("tom", Role.VIEWER, True)
     for _ in range(9):
         lesson.clock.now += GUEST_S / 9
-        accounts.sessions.use(back)
+        accounts.sessions.touch(back)
     assert accounts.session(guest.token) is None
 
 

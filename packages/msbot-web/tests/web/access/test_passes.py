@@ -101,10 +101,10 @@ def test_a_class_ticket_has_places_for_an_hour() -> None:
     office = Office()
     tickets = office.passes.class_tickets
     word, ticket = tickets.make("novak", "/program", 2)
-    tickets.use(word)
-    tickets.use(word)
+    tickets.admit(word)
+    tickets.admit(word)
     with pytest.raises(SignInRefused):
-        tickets.use(word)
+        tickets.admit(word)
     tickets.give_back(word)
     assert (ticket.left, ticket.guests) == (1, 1)
     office.now = CLASS_TICKET_S

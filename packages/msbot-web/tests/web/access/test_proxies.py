@@ -34,7 +34,7 @@ class Seen:
     async def answer(self, scope: Scope, _receive: Receive, send: Send) -> None:
         self.scope = scope
         self.root = root()
-        about = {"language": PLAIN, "say": PLAIN.say, "title": "", "robot": "", "stop": "", "why": ""}
+        about = {"language": PLAIN, "say": PLAIN.translate, "title": "", "robot": "", "stop": "", "why": ""}
         self.html = str(render("refused", **about, comes_back=True, ways=()))
         if scope["type"] == "http":
             self.base = base_of(Request(scope))

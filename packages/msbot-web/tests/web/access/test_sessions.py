@@ -65,7 +65,7 @@ def test_who_is_removed_while_no_master_runs_is_told_so() -> None:
     before = Sessions(Clock())
     session = before.begin("bob", Role.STUDENT)
     after = Sessions(Clock())
-    after.bring_back(before.kept(lambda _: ""), 5.0, lambda _: None, lambda _: "")
+    after.bring_back(before.to_persist(lambda _: ""), 5.0, lambda _: None, lambda _: "")
     assert after.why_ended(session.token).startswith("the account bob was removed")
 
 
@@ -94,9 +94,9 @@ async def test_sessions_survive_a_restart_and_the_file_signs_nobody_in(folder: P
     users, clock = MemoryUsers(user("ada"), user("bob")), Clock()
     before, file = restarted(folder, users, clock)
     ada, bob = await before.sign_in("ada", "correct horse", "a"), await before.sign_in("bob", "correct horse", "a")
-    device = before.browsers.use("", "ada")
-    gone = before.browsers.use("", "bob")
-    await file.keep()
+    device = before.browsers.note_sign_in("", "ada")
+    gone = before.browsers.note_sign_in("", "bob")
+    await file.save()
     assert mode_of(folder / "sessions.json") & 0o077 == 0
     assert ada.token not in text_of(folder / "sessions.json")
     await users.remove_user("bob", "ada")
@@ -118,14 +118,14 @@ def test_a_file_that_makes_no_sense_is_none(content: str, tmp_path: Path) -> Non
     tmp_path.chmod(0o700)
     (tmp_path / "sessions.json").write_text(content)
     accounts, _ = restarted(tmp_path, MemoryUsers(user("ada")), Clock())
-    assert accounts.sessions.kept(accounts.mark_of) == []
+    assert accounts.sessions.to_persist(accounts.mark_of) == []
 
 
 def test_a_folder_of_somebody_else_is_not_believed(tmp_path: Path) -> None:
     tmp_path.chmod(0o777)
     (tmp_path / "sessions.json").write_text('{"at": 0, "sessions": [], "ticket_key": ""}')
     accounts, _ = restarted(tmp_path, MemoryUsers(user("ada")), Clock())
-    assert accounts.sessions.kept(accounts.mark_of) == []
+    assert accounts.sessions.to_persist(accounts.mark_of) == []
 
 
 def test_files_that_sign_nobody_in_any_more_are_removed_and_others_are_not(folder: Path) -> None:

@@ -23,7 +23,7 @@ def test_one_page_shows_both_robots_and_one_stop_reaches_them(browser: Browser, 
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
     away = f"http://127.0.0.1:{free_port()}"
-    RemoteAccessFile(tmp_path / "msbot").keep(RemoteAccess(away, "msbot_x", "GONE", "1"))
+    RemoteAccessFile(tmp_path / "msbot").add(RemoteAccess(away, "msbot_x", "GONE", "1"))
     state = {"XDG_STATE_HOME": str(tmp_path), GROUP_VARIABLE: f"{os.getpid()}class"}  # both have chosen it
     with (
         running("demo", "--robot", "rover", "--port", "0", cwd=tmp_path / "one", env=state) as first,

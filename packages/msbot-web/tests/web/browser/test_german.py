@@ -135,7 +135,7 @@ def test_every_page_opens_without_an_error_fits_and_can_be_read(
     page.set_viewport_size({"width": 1280, "height": 900})
     go(page, demo.base + path)
     assert page.evaluate("document.documentElement.lang") == "de"
-    heading = languages()["de"].say(PAGES[path.partition("?slot")[0]])
+    heading = languages()["de"].translate(PAGES[path.partition("?slot")[0]])
     expect(page.get_by_role("heading", level=1)).to_have_text(heading)
     expect(page.locator("#ms-stop")).to_have_text("STOPP")
     expect(page.locator("#ms-stop")).to_be_visible()

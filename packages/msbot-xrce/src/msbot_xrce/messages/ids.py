@@ -123,7 +123,7 @@ class Status(IntEnum):
     ERR_RESOURCES = 0x87
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The status for a person."""
         return _STATUS_WORDS[self]
 

@@ -182,7 +182,7 @@ class Locator:
     port: int = 0
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The address for a person, `127.0.0.1:2018`."""
         match self.format:
             case LocatorFormat.MEDIUM:

@@ -221,7 +221,7 @@ class AgentSession(Session[AgentEvent]):
             return True
         if stream_id == STREAM_NONE:
             # After its end, an ACKNACK could be mistaken for one of the client's next session.
-            self._sender.settle(self.last_heard)
+            self._sender.queue_due_acknacks(self.last_heard)
         self.events.append(SessionDeleteRequested(request_id, object_id))
         return True
 

@@ -136,7 +136,7 @@ class ReliableInput:
         self._moves: deque[tuple[int, int]] = deque(maxlen=MOVES_KEPT)
         self._reported_at: deque[float] = deque(maxlen=REPORTS_KEPT)
 
-    def told(self, first: int, bits: int, now: float) -> None:
+    def acknack_sent(self, first: int, bits: int, now: float) -> None:
         """Note an ACKNACK that goes to the peer."""
         if first != self.told_first:
             if distance(self.told_first, first) > LONGEST_MOVE:

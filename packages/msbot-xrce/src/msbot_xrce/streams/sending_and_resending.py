@@ -126,7 +126,7 @@ class ReliableOutput:
         self._first = 0
         self._next = 0
         self.moved = False
-        """Whether `rest` has something to do."""
+        """Whether `link_drained` has something to do."""
         self._heartbeat_sent_at = _NEVER_YET
         self._timed: int | None = None
         self._timed_at = 0.0
@@ -162,7 +162,7 @@ class ReliableOutput:
         last = last_number((self._next - 1) & 0xFFFF)
         return StreamState(self.stream_id, outgoing=True, last=last, unacked=self.unacked, waiting=self.waiting)
 
-    def book(self, body: bytes) -> None:
+    def queue(self, body: bytes) -> None:
         """Queue a body, whatever its size; the caller has checked `has_room` or bounds `waiting`."""
         if len(body) > self._capacity:
             self._waiting_large += 1
@@ -177,7 +177,7 @@ class ReliableOutput:
             if len(joined) <= self._capacity:
                 waiting[-1] = joined
                 return
-        self.book(body)
+        self.queue(body)
 
     def send(self, body: bytes, most_waiting: int | None = None) -> bool:
         """Book a body and send as much as the window allows; False: so many wait already, and it was not booked."""
@@ -191,7 +191,7 @@ class ReliableOutput:
         elif most_waiting is not None and len(self._waiting) >= most_waiting:
             return False
         else:
-            self.book(body)
+            self.queue(body)
             self.advance()
         return True
 
@@ -203,7 +203,7 @@ class ReliableOutput:
             return False
         is_barred = self._status_nr is not None and self._is_barred()
         if self._waiting or len(body) > self._capacity or is_barred:
-            self.book(body)
+            self.queue(body)
             self.advance()
         else:
             self._emit(body)
@@ -266,7 +266,7 @@ class ReliableOutput:
             self.heartbeat_at = None
         return packets
 
-    def rest(self, now: float, heartbeat_s: float, heartbeat_min_s: float) -> None:
+    def link_drained(self, now: float, heartbeat_s: float, heartbeat_min_s: float) -> None:
         """Note that the link has pulled everything: the wait for an acknowledgement begins."""
         self.moved = False
         if not self._unacked:

@@ -149,7 +149,7 @@ class SessionOutput:
         """Have the ACKNACK that is due ask for the next message, even if nobody has said that there is one."""
         self._guesses.add(stream_id)
 
-    def settle(self, now: float) -> None:
+    def queue_due_acknacks(self, now: float) -> None:
         """Book the ACKNACKs that are due now, ahead of what is booked after this."""
         for packet in self._acknacks(now):
             self.put_answer(packet)
@@ -161,7 +161,7 @@ class SessionOutput:
             if not bitmap and stream_id in self._guesses:
                 bitmap = 1
             if self._watches_order:
-                stream.told(first, bitmap, now)
+                stream.acknack_sent(first, bitmap, now)
             packets.append(self._answer_header + write_acknack(first, bitmap, stream_id))
         self.owed.clear()
         if self._guesses:
@@ -207,7 +207,7 @@ class SessionOutput:
         if stream is None or not stream.acknowledge(first, bitmap, now):
             return False
         if stream.moved and not self.outbox.items:
-            stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+            stream.link_drained(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         if stream.refused and stream.has_room():
             stream.refused = False
             return True
@@ -233,7 +233,7 @@ class SessionOutput:
             if stream.missed:
                 packets += stream.pull_missed(now)
             if stream.moved:
-                stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+                stream.link_drained(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         if self.outbox.items:
             packets += self.outbox.pull()
         if self.owed:
@@ -243,7 +243,7 @@ class SessionOutput:
 
     def _pull_some(self, now: float, limit: int) -> list[bytes]:
         if self.owed:
-            self.settle(now)
+            self.queue_due_acknacks(now)
         packets: list[bytes] = []
         for stream in self.reliables.values():
             if stream.missed:
@@ -254,7 +254,7 @@ class SessionOutput:
         if not outbox.items:
             for stream in self.reliables.values():
                 if stream.moved:
-                    stream.rest(now, self.heartbeat_s, self._settings.heartbeat_min_s)
+                    stream.link_drained(now, self.heartbeat_s, self._settings.heartbeat_min_s)
         self._counters.packets_out += len(packets)
         return packets
 

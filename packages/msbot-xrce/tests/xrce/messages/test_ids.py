@@ -27,8 +27,8 @@ def test_object_id_is_12_bits_of_number_and_4_of_kind(number: int, kind: ObjectK
 
 @pytest.mark.parametrize("status", list(Status))
 def test_every_status_has_words(status: Status) -> None:
-    assert status.words
-    assert status_words(int(status)) == status.words
+    assert status.describe
+    assert status_words(int(status)) == status.describe
 
 
 def test_unknown_status_has_words_too() -> None:

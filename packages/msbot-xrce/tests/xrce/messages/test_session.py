@@ -147,7 +147,7 @@ def test_wrong_info_is_refused(octets: str, reason: str) -> None:
     ],
 )
 def test_locators_have_words(locator: Locator, words: str) -> None:
-    assert locator.words == words
+    assert locator.describe == words
 
 
 @given(TIMES, TIMES, TIMES)

@@ -181,7 +181,7 @@ class SenderMachine(RuleBasedStateMachine):
         self.now += seconds
         again = self.ours.pull_missed(self.now)
         self.sent += self.outbox.pull()
-        self.ours.rest(self.now, 0.2, 0.005)
+        self.ours.link_drained(self.now, 0.2, 0.005)
         known = {message(0x80, at, self.model.at(at)): at for at in range(self.model.acked, self.model.end)}
         positions = [known[packet] for packet in again]  # octet by octet what was sent at first
         assert len(set(positions)) == len(positions)

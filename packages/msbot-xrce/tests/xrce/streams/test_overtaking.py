@@ -27,7 +27,7 @@ class Rig:
                 pass
 
     def tell(self, now: float) -> None:
-        self.stream.told(*self.stream.missing(), now)
+        self.stream.acknack_sent(*self.stream.missing(), now)
 
 
 def test_what_comes_late_before_anything_was_reported_was_overtaken() -> None:
@@ -57,7 +57,7 @@ def test_reports_of_what_comes_later_do_not_count() -> None:
     rig.tell(1.0)
     rig.take(0, 1.001)
     for _ in range(10):
-        rig.stream.told(2, 1, 1.002)  # asks for message 2
+        rig.stream.acknack_sent(2, 1, 1.002)  # asks for message 2
     rig.take(0, 1.02)
     assert rig.overtaking.is_seen(1.02)
 

@@ -232,7 +232,7 @@ def test_the_reports_on_a_message_end_with_its_acknowledgement(told: list[tuple[
             moves.clear()
         if step:
             moves.append((first, reports))
-        stream.told(first & 0xFFFF, 1 if asks else 0, 0.0)
+        stream.acknack_sent(first & 0xFFFF, 1 if asks else 0, 0.0)
         reports += asks
         for asked in (first + apart, first + apart % 80 - 40):
             after = [count for move, count in moves[-MOVES_KEPT:] if move > asked]

@@ -28,7 +28,7 @@ class Rig:
     def pull(self, now: float = 0.0) -> list[int]:
         """Let the link take everything; the sequence numbers."""
         packets = self.stream.pull_missed(now) + self.outbox.pull()
-        self.stream.rest(now, 0.2, 0.005)
+        self.stream.link_drained(now, 0.2, 0.005)
         return [packet[2] | packet[3] << 8 for packet in packets]
 
     def send(self, count: int) -> None:
@@ -221,10 +221,10 @@ def test_a_heartbeat_is_due_one_period_after_the_link_took_the_last_message() ->
     heartbeat = rig.stream.heartbeat(1.2)
     assert (heartbeat.first, heartbeat.last, heartbeat.stream_id) == (0, 1, 0x80)
     assert rig.stream.heartbeat_at is None
-    rig.stream.rest(1.3, 0.2, 0.005)
+    rig.stream.link_drained(1.3, 0.2, 0.005)
     assert rig.stream.heartbeat_at == 1.5
     rig.stream.acknowledge(2, 0, 1.35)
-    rig.stream.rest(1.35, 0.2, 0.005)
+    rig.stream.link_drained(1.35, 0.2, 0.005)
     assert rig.stream.heartbeat_at is None
 
 
@@ -233,7 +233,7 @@ def test_progress_puts_the_heartbeat_off() -> None:
     rig.send(2)
     rig.pull(0.0)
     rig.stream.acknowledge(1, 0, 0.15)
-    rig.stream.rest(0.15, 0.2, 0.005)
+    rig.stream.link_drained(0.15, 0.2, 0.005)
     assert rig.stream.heartbeat_at == pytest.approx(0.35)
 
 

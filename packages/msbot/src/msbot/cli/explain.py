@@ -95,7 +95,7 @@ def _told(what: tuple[str, ...], agent_port: int, library: object, *, fields: bo
         listener = listener_for(known, legacy=False)
         for word in what:
             frame = parse_frame(word)
-            words = listener.hear(frame, 0.0)
+            words = listener.explain_frame(frame, 0.0)
             yield {"frame": word, "plain": list(words.plain), "words": list(words.protocol), **_frame_facts(frame)}
     else:
         text = " ".join(what)
@@ -120,7 +120,7 @@ def _file(path: Path, agent_port: int, library: object, *, fields: bool) -> Iter
 
         reader = FrameReader()
         for line in reader.read(str(path)):
-            words = listener.hear(line.frame, line.at or 0.0)
+            words = listener.explain_frame(line.frame, line.at or 0.0)
             facts = _frame_facts(line.frame) if fields else {}
             yield {
                 "at_s": line.at,
@@ -151,7 +151,7 @@ def _captured(
             way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
             told = _relayed(relayed, overhearer, (*carried, relayed.part), len(found.octets), fields=fields)
             return {"at_s": found.at, "way": way, **told}
-        said = None if other else overhearer.hear(found.octets, peer, up=up)
+        said = None if other else overhearer.explain_packet(found.octets, peer, up=up)
         way = f"{found.source}:{found.source_port} -> {found.target}:{found.target_port}"
         facts = _message_facts(found.octets) if fields and said is not None else {}
         return {
@@ -163,7 +163,7 @@ def _captured(
             **facts,
         }
     assert isinstance(listener, FrameListener)
-    heard = listener.hear(found.frame, found.at)
+    heard = listener.explain_frame(found.frame, found.at)
     facts = _frame_facts(found.frame) if fields else {}
     return {
         "at_s": found.at,
@@ -177,7 +177,7 @@ def _captured(
 def _message(octets: bytes) -> dict[str, object]:
     if (relayed := relay_words(octets)) is not None:
         return _relayed(relayed, SessionListener(), relayed.part, len(octets), fields=True)
-    heard = SessionListener().hear(octets, "here", up=True)
+    heard = SessionListener().explain_packet(octets, "here", up=True)
     return {"octets": len(octets), "plain": list(heard.plain), "words": list(heard.protocol), **_message_facts(octets)}
 
 
@@ -187,7 +187,7 @@ def _relayed(
     """A message of a relay, and the packet of a part in it."""
     if not relayed.packet:
         return {"octets": octets, "plain": [], "words": [relayed.words]}
-    heard = overhearer.hear(relayed.packet, peer, up=relayed.up)
+    heard = overhearer.explain_packet(relayed.packet, peer, up=relayed.up)
     facts = _message_facts(relayed.packet) if fields else {}
     return {"octets": octets, "plain": list(heard.plain), "words": [relayed.words, *heard.protocol], **facts}
 

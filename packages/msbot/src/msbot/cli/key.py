@@ -106,7 +106,7 @@ def new(part: str, uid: str | None, name: str, db: str | None, *, here: bool, no
         local_name = name or (known.local_name if known is not None else "") or number
         octets = _uid(uid, known, number, local_name, here=here)
         key = secrets.token_bytes(KEY_OCTETS)
-        edit = registry.keys.keep(octets, key, WHO)
+        edit = registry.keys.store(octets, key, WHO)
     click.echo(f"{edit.words}; it is not shown again.\n")
     click.echo(f"  part number   {number}")
     click.echo(f"  UID           {octets.hex()}")
@@ -153,7 +153,7 @@ def board(board: str, wired: tuple[str, ...], slot: str, db: str | None) -> None
             raise ConfigError('a text is empty: write part number and name, for example "HC-SR04 eye"')
         for number, name in shown:
             mine = uid_on_board(uid, number, name)
-            registry.keys.keep(mine, key, WHO)
+            registry.keys.store(mine, key, WHO)
             click.echo(f"{mine.hex()}  {name}, part {number}: has the board's key")
 
 

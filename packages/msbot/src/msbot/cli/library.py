@@ -443,7 +443,7 @@ def _port_row(port: Port) -> tuple[str, ...]:
 
 
 def _range(parameter: Parameter) -> str:
-    return _between(parameter.least, parameter.most) or parameter.kind.words
+    return _between(parameter.least, parameter.most) or parameter.kind.describe
 
 
 def _between(least: float | None, most: float | None) -> str:

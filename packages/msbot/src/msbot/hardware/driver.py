@@ -33,11 +33,11 @@ class Mount:
 
 
 class Driver:
-    """Base of all drivers; one that reads has `sample`, one that switches has `wanted` and `drive`.
+    """Base of all drivers; one that reads has `sample`, one that switches has `outputs_for` and `drive`.
 
-    All but `wanted` are called in the thread of the bus and may block: `prepare` for long, the others for up to a
-    second. They raise HardwareFault with a sentence that says what to check. After a fault the driver is closed and
-    opened again until it works.
+    All but `outputs_for` are called in the thread of the bus and may block: `load_libraries` for long, the others for up
+    to a second. They raise HardwareFault with a sentence that says what to check. After a fault the driver is closed
+    and opened again until it works.
     """
 
     samples: ClassVar[bool] = False
@@ -54,7 +54,7 @@ class Driver:
         self.wiring = place.wiring
         self.machine = place.machine
 
-    def prepare(self) -> None:
+    def load_libraries(self) -> None:
         """Load the libraries that the driver needs, which may take seconds on a small computer; touches no hardware."""
 
     def open(self) -> None:
@@ -71,12 +71,12 @@ class Driver:
         """
         raise NotImplementedError
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """What the outputs should be according to the model; pure, and unchanged when there is nothing to do."""
         raise NotImplementedError
 
     def drive(self, wanted: object) -> None:
-        """Set the outputs to what `wanted` returned."""
+        """Set the outputs to what `outputs_for` returned."""
         raise NotImplementedError
 
 

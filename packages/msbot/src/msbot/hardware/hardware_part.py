@@ -179,7 +179,7 @@ class HardwarePart(ModelPart):
         self._loop = asyncio.get_running_loop()
         self._ended = asyncio.Event()
         try:
-            await self._loop.run_in_executor(self._bus, self._driver.prepare)
+            await self._loop.run_in_executor(self._bus, self._driver.load_libraries)
             while not self._ended.is_set():
                 if await self._opened():
                     await self._absence.end()
@@ -378,7 +378,7 @@ class HardwarePart(ModelPart):
         """Hand the newest outputs to the driver, if they have changed."""
         if not (self._driver.drives and self._open):
             return
-        wanted = self._driver.wanted(self._world.values)
+        wanted = self._driver.outputs_for(self._world.values)
         if wanted == self._given:
             return
         if not self._driver.blocking:
@@ -414,8 +414,8 @@ class HardwarePart(ModelPart):
     def _be_safe(self) -> None:
         super()._be_safe()
         if not self._is_commanded and self._driver.drives and self._open:
-            self._world.settle(self._time())
-            self._drive_now(self._driver.wanted(self._world.values))
+            self._world.jump_to_targets(self._time())
+            self._drive_now(self._driver.outputs_for(self._world.values))
 
     def _drive_now(self, wanted: object) -> None:
         """Switch the outputs before returning.

@@ -214,7 +214,7 @@ class PartsHost:
             words = "simulated"
         else:
             unit = self._bench.make(hosted.part_type, hosted.wiring, number=hosted.number, name=hosted.name)
-            words = hosted.wiring.words() or "this computer"
+            words = hosted.wiring.describe() or "this computer"
         _log.info("%s: %s, %s", hosted.name, hosted.part_type.name, words)
         self._prepare(unit.part, hosted)
         self._running[hosted.name] = _Running(hosted, unit, asyncio.create_task(self._run(hosted, unit)))

@@ -77,7 +77,7 @@ class PinDriver(Driver):
         super().__init__(place)
         self._devices: list[Any] = []
 
-    def prepare(self) -> None:
+    def load_libraries(self) -> None:
         """Load gpiozero; where it is missing, `open` says so."""
         with suppress(HardwareFault):
             gpiozero()

@@ -40,7 +40,7 @@ class PartWiring:
         """An option that is true or false."""
         return bool(self.options[name])
 
-    def words(self) -> str:
+    def describe(self) -> str:
         """Where it is connected, in words."""
         words = [f"{name} = GPIO {gpio}" for name, gpio in self.pins.items()]
         words += [
@@ -210,7 +210,7 @@ def _options(number: str, spec: DriverSpec, said: Iterable[str] | Mapping[str, o
         if isinstance(parsed, bool | int | float | str):
             fault = option.fault(parsed)
         else:
-            fault = f"is {given!r}; it must be {option.kind.words}"
+            fault = f"is {given!r}; it must be {option.kind.describe}"
         if fault is not None:
             raise ConfigError(f"option {name} of part {number} {fault}")
         assert isinstance(parsed, bool | int | float | str)

@@ -369,7 +369,7 @@ class Master:
             with contextlib.suppress(RuntimeError):  # the robot has ended in the meantime
                 loop.call_soon_threadsafe(self._stop_stored, record, trouble)
 
-        self._keeper.keep(self._stop.record, stored)
+        self._keeper.store(self._stop.record, stored)
 
     def _stop_said(self, by: str, reason: str, place: str, *, is_news: bool) -> StopStatus:
         status = self.stop

@@ -83,7 +83,7 @@ class TopicBridge:
         """GUIDs of these writers."""
         self._next_guid = int.from_bytes(os.urandom(_GUID_OCTETS - 1), "big")
 
-    def use(self, topics: Iterable[OpenTopic]) -> None:
+    def set_topics(self, topics: Iterable[OpenTopic]) -> None:
         """Carry these topics from now on, each in the direction in which parts here use it, and no others."""
         wanted = {
             _TopicDirection(topic.topic, topic.topic_type, bool(topic.reliable), bool(topic.publishes)): None
@@ -367,7 +367,7 @@ class RemoteAgent:
         if octets is None:
             self.gate.dropped.count("message to the master that cannot be said")
         elif not goes_at_once(message):
-            self._sayings.say(octets)
+            self._sayings.send(octets)
         else:
             try:
                 self._client.write(self._at_once, octets, stream_id=STREAM_BEST_EFFORT)
@@ -380,7 +380,7 @@ class RemoteAgent:
 
     def topics_changed(self) -> None:
         """Other topics than before are used by clients that are in."""
-        self.bridge.use(self.gate.topics())
+        self.bridge.set_topics(self.gate.topics())
 
     def answer(self, in_compat: bool, identity: bytes, body: bytes) -> None:
         """The inventory says something to a part."""
@@ -405,7 +405,7 @@ class RemoteAgent:
             )
         self._welcomed.set()
 
-    def gone(self, client_key: int) -> None:
+    def session_ended(self, client_key: int) -> None:
         """A client's session has ended."""
         self._deputy.forget(client_key)
 

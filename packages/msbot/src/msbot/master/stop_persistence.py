@@ -320,7 +320,7 @@ class StopStore:
             return StopRecord(number, True, "msbot", why, 0)
         return in_file if in_file is not None and in_file.is_newer_than(kept) else kept
 
-    def keep(self, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
+    def store(self, record: StopRecord, done: Callable[[StopRecord, str], None]) -> None:
         """Have the record stored soon; a later one replaces it.
 
         Args:

@@ -335,7 +335,7 @@ def answer_of(status: StopStatus) -> dict[str, object]:
         "place": status.place,
         "reason": status.reason,
         "since": None if status.since_ns is None else status.since_ns / 1e9,
-        "told": status.told,
+        "told": status.told_count,
         "confirmed": [{"part": one.part, "ms": round(one.ms, 1)} for one in status.confirmed],
         "silent": list(status.silent),
         "not_confirmed": len(status.silent),

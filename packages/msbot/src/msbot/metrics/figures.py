@@ -181,7 +181,7 @@ class FrameMeter:
 
         return tap
 
-    def hear(self, ends: Iterable[CanEnd]) -> None:
+    def listen_to(self, ends: Iterable[CanEnd]) -> None:
         """Measure the frames of these links from now on."""
         for end in ends:
             tap = self.tap_of(end.bus_info)
@@ -207,5 +207,5 @@ def meter_of(links: Sequence[Link], clock: Callable[[], float]) -> FrameMeter | 
     if not ends:
         return None
     meter = FrameMeter([end.bus_info for end in ends], clock)
-    meter.hear(ends)
+    meter.listen_to(ends)
     return meter

@@ -68,12 +68,12 @@ class MetricsSampler:
             self.delays.add(max(0.0, loop.time() - due))
             rounds += 1
             if rounds % LOOK_EVERY == 0:
-                self.look(loop.time())
+                self.sample(loop.time())
 
-    def look(self, now: float) -> None:
+    def sample(self, now: float) -> None:
         """Note the beats since the last look, of several by one part their mean interval; and of each client, how long
         it took to acknowledge the message that was measured last."""
-        for _, seconds in self._acknowledgements.look(self._agent.latency.acknowledgements()):
+        for _, seconds in self._acknowledgements.newest(self._agent.latency.acknowledgements()):
             self.acknowledgements.add(seconds)
         if self._master is not None:
             self._look_at_beats(self._master, now)

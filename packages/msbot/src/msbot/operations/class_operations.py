@@ -255,7 +255,7 @@ class ClassControl:
         self._note(words, who)
         return Outcome(words)
 
-    def hand(self, down: bool, who: str) -> Outcome:
+    def set_hand(self, down: bool, who: str) -> Outcome:
         """Put one's hand up, or down; in a lesson, the lesson knows it, too.
 
         Raises:
@@ -370,7 +370,7 @@ class ClassControl:
         if self._running.registry is not None and self._running.robot is not None:
 
             def keep(registry: Registry, robot: RobotRecord) -> None:
-                registry.class_groups.keep(robot, groups)
+                registry.class_groups.replace(robot, groups)
 
             await self._running.read(keep)
         self._pupils.use_groups(groups)

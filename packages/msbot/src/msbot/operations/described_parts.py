@@ -99,7 +99,7 @@ class DescribedParts:
         running.inventory.descriptions.on_described(self._check_soon)
 
     def _check_soon(self, client_key: int, number: str, asked: SelfDescription) -> None:
-        self._running.later(self._check(client_key, number, asked))
+        self._running.run_later(self._check(client_key, number, asked))
 
     async def _check(self, client_key: int, number: str, asked: SelfDescription) -> None:
         try:

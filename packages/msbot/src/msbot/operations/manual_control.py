@@ -106,11 +106,11 @@ class ManualControl:
             if not hold.ending and is_over(hold.held.slot, hold.who):
                 self._end(hold)
 
-    def held(self) -> Mapping[tuple[str, str], str]:
+    def held_ports(self) -> Mapping[tuple[str, str], str]:
         """Who drives which port: `(slot, port)` -> name."""
         return {where: hold.who for where, hold in self._holds.items() if not hold.ending}
 
-    def said(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
+    def sent_values(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
         """What people send to the ports that they hold: `(slot, port)` -> fields."""
         return {
             where: {field.name: getattr(hold.message, field.name) for field in fields_of(type(hold.message))}

@@ -231,7 +231,7 @@ class Placement:
         """
         for uid, slot in edit.placed_before:
             holder = None if slot is None else self._running.holder(slot)
-            if holder is not None and holder.uid != uid and self._running.here(uid) is None:
+            if holder is not None and holder.uid != uid and self._running.present_part(uid) is None:
                 raise ConfigError(
                     said(
                         "the part that had slot {slot} before (UID {uid}) is not plugged in: plug it in, then undo",
@@ -245,7 +245,7 @@ class Placement:
         moves = {
             info.client_key: slot
             for uid, slot in edit.placed
-            if (info := self._running.here(uid)) is not None and info.state not in _NOT_YET
+            if (info := self._running.present_part(uid)) is not None and info.state not in _NOT_YET
         }
         if moves:
             self._move(moves, said("{who} undid a change", who=who))
@@ -290,7 +290,7 @@ class Placement:
 
     def _soon(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
         """Store what has already happened, after the part was told: the robot does not wait for its database."""
-        self._running.later(self._keep(uid, slot, who, words, by_hand=by_hand))
+        self._running.run_later(self._keep(uid, slot, who, words, by_hand=by_hand))
 
     async def _keep(self, uid: bytes, slot: str, who: str, words: str, *, by_hand: bool) -> None:
         if not self._running.master.is_serving:

@@ -29,7 +29,7 @@ class RecorderControl(Protocol):
     def end_record(self) -> str:
         """End that file; its path, empty if there was none."""
 
-    async def ended(self, file: str) -> Sequence[str] | None:
+    async def wait_until_complete(self, file: str) -> Sequence[str] | None:
         """Wait until that file is complete: topics of which something is not in it; None: it could not be finished."""
 
     def as_json(self) -> Mapping[str, object]:
@@ -42,7 +42,7 @@ class Recording:
     def __init__(self) -> None:
         self._recorder: RecorderControl | None = None
 
-    def use(self, recorder: RecorderControl) -> None:
+    def attach(self, recorder: RecorderControl) -> None:
         """Say what records this robot."""
         self._recorder = recorder
 
@@ -59,7 +59,7 @@ class Recording:
             begun = said("everything is recorded in {file} from now on", file=file)
         if not earlier:
             return Outcome(begun)
-        ended = _in_words(earlier, await recorder.ended(earlier))
+        ended = _in_words(earlier, await recorder.wait_until_complete(earlier))
         return Outcome(joined("; ", (ended, begun)))
 
     async def end_record(self, who: str) -> Outcome:  # noqa: ARG002 - as above
@@ -68,7 +68,7 @@ class Recording:
         file = recorder.end_record()
         if not file:
             raise ConfigError(said("nothing is recorded but the ring: `msbot rec save` keeps that"))
-        return Outcome(_in_words(file, await recorder.ended(file)))
+        return Outcome(_in_words(file, await recorder.wait_until_complete(file)))
 
     def recording(self) -> Outcome:
         """Where the robot is recorded; an empty answer: nowhere."""

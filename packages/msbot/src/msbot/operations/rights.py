@@ -24,7 +24,7 @@ class Role(IntEnum):
         return self.name.lower()
 
     @property
-    def one(self) -> str:
+    def with_article(self) -> str:
         """The same in a sentence: `a teacher`, `an administrator`."""
         return said(f"{'an' if self.word[0] in 'aeiou' else 'a'} {self.word}")
 

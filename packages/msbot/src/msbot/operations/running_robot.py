@@ -91,7 +91,7 @@ class RunningRobot:
         if not self.inventory.find(word, self.now(), by_name=True):
             one_part(word, [], self.inventory.view(self.now()), lambda _: True)
 
-    def here(self, uid: bytes) -> PartInfo | None:
+    def present_part(self, uid: bytes) -> PartInfo | None:
         """The part with that UID, if it is present."""
         everybody = self.inventory.view(self.now())
         return next((info for info in everybody if info.uid == uid and not info.state.is_over), None)
@@ -151,7 +151,7 @@ class RunningRobot:
         if self.registry is not None:
             self.registry.edits.note_again(line, words)
 
-    def later(self, work: Coroutine[object, object, None]) -> None:
+    def run_later(self, work: Coroutine[object, object, None]) -> None:
         """Do something in the event loop that nobody waits for."""
         task = self.loop.create_task(work)
         self._tasks.add(task)

@@ -90,7 +90,7 @@ class StandIns:
         stand_in = self._slots.get(target)
         if stand_in is None:
             raise ConfigError(said("slot {slot} is not simulated here", slot=target))
-        back = self._running.here(stand_in.displaced) if stand_in.displaced else None
+        back = self._running.present_part(stand_in.displaced) if stand_in.displaced else None
         holder = self._running.holder(target)
         if back is not None and holder is not None and holder.uid == stand_in.uid:
             await self._placement.swap(target, back.uid.hex(), who)
@@ -157,7 +157,7 @@ class StandIns:
         """
         end_at = self._running.now() + JOIN_S
         while self._running.now() < end_at:
-            info = self._running.here(stand_in.uid)
+            info = self._running.present_part(stand_in.uid)
             if info is not None and (info.state.is_registered or info.state is PartState.STANDBY):
                 return info
             if info is not None and info.state is PartState.REFUSED:

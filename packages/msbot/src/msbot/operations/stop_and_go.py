@@ -64,7 +64,7 @@ class StopOperations:
         """Say STOP to all parts, before anything else; then have it stored; then answer."""
         said_now = self._running.master.say_stop(who, reason, place)
         words = counted(
-            said_now.told,
+            said_now.told_count,
             "STOP: {count} part is told to go to the safe state",
             "STOP: {count} parts are told to go to the safe state",
         )

@@ -29,7 +29,7 @@ class LessonControl(Protocol):
     def answer(self, check: str, answer: str, who: str) -> str:
         """Answer a question of the lesson."""
 
-    def hand(self, who: str, *, up: bool) -> str:
+    def set_hand(self, who: str, *, up: bool) -> str:
         """A person asks for help, or does not any more."""
 
     def as_json(self) -> Mapping[str, object]:
@@ -43,7 +43,7 @@ class Lessons:
         self.running = running
         self._desk: LessonControl | None = None
 
-    def use(self, desk: LessonControl) -> None:
+    def attach(self, desk: LessonControl) -> None:
         """Say who carries lessons out."""
         self._desk = desk
 
@@ -71,7 +71,7 @@ class Lessons:
         """Somebody's hand is up, or down: the lesson that runs knows it; empty: none runs."""
         if self._desk is None or self._desk.as_json().get("lesson") is None:
             return ""
-        return self._desk.hand(who, up=up)
+        return self._desk.set_hand(who, up=up)
 
     def lesson(self) -> Outcome:
         """The lesson that runs."""
@@ -119,7 +119,7 @@ class Missions:
         self._control: MissionControl | None = None
         self._listeners: list[Callable[[Mapping[str, object]], object]] = []
 
-    def use(self, control: MissionControl) -> None:
+    def attach(self, control: MissionControl) -> None:
         """Say what plays missions."""
         self._control = control
 
@@ -197,7 +197,7 @@ class FaultControl(Protocol):
     def as_json(self, *, with_answers: bool) -> Mapping[str, object]:
         """What is planted; without answers, nothing of what a mission wants to be found."""
 
-    def told(self, slot: str) -> Sequence[str]:
+    def visible_faults(self, slot: str) -> Sequence[str]:
         """What may be told to everybody of the faults at a slot, or, for an empty slot, of those of the robot."""
 
 
@@ -210,7 +210,7 @@ class Faults:
         self._listeners: list[Callable[[Mapping[str, object]], object]] = []
         self._looked_listeners: list[Callable[[str], object]] = []
 
-    def use(self, lab: FaultControl) -> None:
+    def attach(self, lab: FaultControl) -> None:
         """Say who carries faults out."""
         self._lab = lab
 
@@ -228,9 +228,9 @@ class Faults:
         for listener in self._listeners:
             listener(change)
 
-    def told(self, slot: str) -> Sequence[str]:
-        """See `FaultControl.told`; nothing without a lab."""
-        return () if self._lab is None else self._lab.told(slot)
+    def visible_faults(self, slot: str) -> Sequence[str]:
+        """See `FaultControl.visible_faults`; nothing without a lab."""
+        return () if self._lab is None else self._lab.visible_faults(slot)
 
     def listed(self) -> Sequence[Mapping[str, object]]:
         """What is planted, also what is hidden, but no answers of a mission; nothing without a lab."""
@@ -317,7 +317,7 @@ class Worlds:
     def __init__(self) -> None:
         self._world: WorldControl | None = None
 
-    def use(self, world: WorldControl) -> None:
+    def attach(self, world: WorldControl) -> None:
         """Say which world it is."""
         self._world = world
 

@@ -40,7 +40,7 @@ class ReplyStatus(IntEnum):
     """The robot itself replies: nobody gets the request now."""
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """Why there is no reply message, and what would help."""
         return _WORDS[self]
 
@@ -80,7 +80,7 @@ def decode_reply(reply: bytes) -> bytes:
     if status is ReplyStatus.DONE:
         return reply[1:]
     said = "".join(letter for letter in reply[1:].decode(errors="ignore") if letter.isprintable())
-    words = status.words
+    words = status.describe
     raise CallError(f"{words}: {said[:LONGEST_SENTENCE]}" if said else words)
 
 

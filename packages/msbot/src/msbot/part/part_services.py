@@ -64,7 +64,7 @@ class PartCalls:
         if port not in ports:
             raise CallError(
                 f"call of {port}: this robot does not use the port: join it in a [[binding]] whose `to` names it; "
-                f"{ports.words}"
+                f"{ports.describe}"
             )
         if fault := ports.service_fault(port, exchange.type_name, BindingDirection.CALL):
             raise CallError(f"call of {port}: the port {fault}")

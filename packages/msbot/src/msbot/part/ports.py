@@ -116,7 +116,7 @@ class Ports:
         """Why a port that has a function will receive nothing useful, in words; "" = all is well."""
         binding = self.binding(port)
         if binding is None:
-            return "" if optional else f"nothing will come in; {self.words}"
+            return "" if optional else f"nothing will come in; {self.describe}"
         if binding.direction == BindingDirection.PUBLISH:
             return f"publishes, so nothing comes in there: use part.publish({port!r}, ...), or another port"
         if binding.direction in (BindingDirection.SERVE, BindingDirection.CALL):
@@ -184,7 +184,7 @@ class Ports:
     def _publishing(self, port: str) -> BoundPort:
         bound = self._bound.get(port)
         if bound is None or not bound.publishes:
-            raise ConfigError(f"there is no port {port!r} to publish on; {self.words}")
+            raise ConfigError(f"there is no port {port!r} to publish on; {self.describe}")
         return bound
 
     def _write(self, bound: BoundPort, octets: bytes, type_name: str) -> bool:
@@ -196,7 +196,7 @@ class Ports:
         return True
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The bound ports, for messages to a person."""
         if not self._bound:
             return "this robot binds no port of the part"

@@ -178,7 +178,7 @@ class ClaimHandler:
             rival.note_duplicate(record.address)
             reason = said(
                 "{duplicate}: {rival} in slot {slot}, from {address}",
-                duplicate=said(Refusal.DUPLICATE.words),
+                duplicate=said(Refusal.DUPLICATE.describe),
                 rival=rival.name,
                 slot=rival.slot,
                 address=rival.address,
@@ -194,7 +194,7 @@ class ClaimHandler:
         self._changes.retire(rival, PartState.LOST, now, reason, facts)  # `identify` continues its record
         if is_probed:
             for handler in self.superseded_handlers:
-                self._changes.later(partial(handler, rival.client_key))
+                self._changes.after_events(partial(handler, rival.client_key))
         return None
 
     def _decide(self, record: InventoryRecord, claim: Claim, now: float) -> Verdict:
@@ -208,7 +208,7 @@ class ClaimHandler:
             configuration = self._store.configuration(slot)
             self._store.remember(claim.uid, slot, claim)
         except RegistryError as error:
-            reason = said("{refusal}: {error}", refusal=said(Refusal.NOT_READY.words), error=str(error))
+            reason = said("{refusal}: {error}", refusal=said(Refusal.NOT_READY.describe), error=str(error))
             refused = Match(
                 PartState.REFUSED, reason, (*match.evidence, (said("registry"), str(error))), None, Refusal.NOT_READY
             )

@@ -95,7 +95,7 @@ class StopStatus:
     """The number of the STOP that parts confirm: the first of those that hold."""
 
     @property
-    def told(self) -> int:
+    def told_count(self) -> int:
         """How many parts were told to stop."""
         return len(self.confirmed) + len(self.silent)
 
@@ -134,7 +134,7 @@ class EmergencyStop:
         return self.record.holds
 
     @property
-    def number(self) -> int:
+    def stop_number(self) -> int:
         """The number of the STOP that parts confirm, or that is over."""
         return self.record.number
 
@@ -178,7 +178,7 @@ class EmergencyStop:
 
     def confirm(self, identity: bytes, number: int, now: float) -> bool:
         """A part has sent a beat with the number of a STOP; False: that is not the STOP that holds."""
-        if not self.holds or number & 0xFFFF != self.number & 0xFFFF:
+        if not self.holds or number & 0xFFFF != self.stop_number & 0xFFFF:
             return False
         waiting = self._waiting.pop(identity, None)
         if waiting is not None:
@@ -191,7 +191,7 @@ class EmergencyStop:
         """The names of the parts that still say STOP."""
         return tuple(self._sayers.values())
 
-    def hear(self, identity: bytes, name: str, number: int | None) -> bool:
+    def handle_beat(self, identity: bytes, name: str, number: int | None) -> bool:
         """A part that holds a slot has sent a beat; True: it says a STOP that nobody here knows of, `say` it.
 
         Args:
@@ -205,7 +205,7 @@ class EmergencyStop:
             self._sayers.pop(identity, None)
         if number is None or self.holds:
             return False
-        return number == 0 or (self.number - number) & 0xFFFF >= _HALF
+        return number == 0 or (self.stop_number - number) & 0xFFFF >= _HALF
 
     def fall_silent(self, identity: bytes) -> None:
         """A part is not heard any more: nobody knows whether it would still say STOP."""
@@ -225,12 +225,12 @@ class EmergencyStop:
 
     def go(self, by: str) -> int:
         """End the STOP that holds; returns its number."""
-        self.record = StopRecord(self.number, False, by, "", self.record.at_ns, self.latest)
+        self.record = StopRecord(self.stop_number, False, by, "", self.record.at_ns, self.latest)
         self._waiting.clear()
         self._confirmed.clear()
         self._also_by.clear()
         self._place = ""
-        return self.number
+        return self.stop_number
 
     def status(self, *, is_stored: bool = True, trouble: str = "") -> StopStatus:
         """What is known now."""

@@ -107,9 +107,9 @@ class SessionListener:
 
     def explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
         """Explain a packet from that peer (`up`) or to it; a message appears below the sample that carries it."""
-        return list(self.hear(packet, peer, up=up).protocol)
+        return list(self.explain_packet(packet, peer, up=up).protocol)
 
-    def hear(self, packet: bytes, peer: Hashable, *, up: bool) -> PacketWords:
+    def explain_packet(self, packet: bytes, peer: Hashable, *, up: bool) -> PacketWords:
         """What a packet says, in sentences and in the words of the protocol."""
         session = self._sessions.get(peer)
         if session is None:
@@ -391,7 +391,7 @@ class FrameListener:
         """Samples whose topic was agreed upon before anybody listened."""
         return self._overhearer.unknown
 
-    def hear(self, frame: Frame, at: float) -> FrameWords:
+    def explain_frame(self, frame: Frame, at: float) -> FrameWords:
         """What the next frame of the bus says; `at` is its time in seconds."""
         self._heard = _NOTHING
         protocol = tuple(self._decoder.decode(frame, at))
@@ -399,7 +399,7 @@ class FrameListener:
         return FrameWords(heard.plain, heard.about or (() if heard.plain else (self._about(frame),)), protocol)
 
     def _explain(self, packet: bytes, peer: Hashable, *, up: bool) -> list[str]:
-        self._heard = self._overhearer.hear(packet, peer, up=up)
+        self._heard = self._overhearer.explain_packet(packet, peer, up=up)
         return list(self._heard.protocol)
 
     def _about(self, frame: Frame) -> Sentence:

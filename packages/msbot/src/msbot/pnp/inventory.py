@@ -451,7 +451,7 @@ class Inventory:
     def _publish(self, now: float) -> None:
         for taken in self._assignment.fill(now):
             for handler in self._take_over_handlers:
-                self._changes.later(partial(handler, taken))
+                self._changes.after_events(partial(handler, taken))
         self._changes.publish()
 
     def _note_return(self, client_key: int, now: float) -> None:

@@ -239,7 +239,9 @@ class InventoryService:
         if request is None or reply is None:
             return
         if isinstance(reply, pnp_messages.ConfigurationMessage) and self.stop.holds:
-            reply.settings.append(pnp_messages.Setting(name=pnp_messages.STOP_SETTING, value=str(self.stop.number)))
+            reply.settings.append(
+                pnp_messages.Setting(name=pnp_messages.STOP_SETTING, value=str(self.stop.stop_number))
+            )
         octets = self.requests.encode(reply, client_key)
         if octets is not None:
             self._say(client_key, identity, octets)
@@ -247,22 +249,22 @@ class InventoryService:
             self._speak_of_stop(request, client_key, now)
         elif isinstance(reply, pnp_messages.ConfigurationMessage) and self.stop.holds:
             self._notify(
-                client_key, pnp_messages.NoticeKind.STOP, self.stop.number
+                client_key, pnp_messages.NoticeKind.STOP, self.stop.stop_number
             )  # for parts that do not read the setting
 
     def _speak_of_stop(self, beat: pnp_messages.Request, client_key: int, now: float) -> None:
         """Take a beat that says or confirms STOP, or repeat STOP or GO: a single notice may be lost."""
         number = beat.number if isinstance(beat, pnp_messages.StoppedBeat) else None
         member = self._inventory.member(client_key)
-        if member is not None and self.stop.hear(*member, number):
+        if member is not None and self.stop.handle_beat(*member, number):
             self._on_stop(member[1], _why_said(number))
         elif self.stop.holds:
             if member is None or number is None or not self.stop.confirm(member[0], number, now):
-                self._notify(client_key, pnp_messages.NoticeKind.STOP, self.stop.number)
+                self._notify(client_key, pnp_messages.NoticeKind.STOP, self.stop.stop_number)
         elif number is not None:
-            self._notify(client_key, pnp_messages.NoticeKind.GO, self.stop.number)
+            self._notify(client_key, pnp_messages.NoticeKind.GO, self.stop.stop_number)
         elif left := self._go_again.pop(client_key, 0):
-            self._notify(client_key, pnp_messages.NoticeKind.GO, self.stop.number)
+            self._notify(client_key, pnp_messages.NoticeKind.GO, self.stop.stop_number)
             if left > 1:
                 self._go_again[client_key] = left - 1
 
@@ -328,7 +330,7 @@ class InventoryService:
             in_any_case(elsewhere.tell_stop)  # one message for all parts of an agent
         for client_key in list(self._askers):
             if elsewhere is None or not elsewhere.has(client_key):
-                in_any_case(self._notify, client_key, kind, self.stop.number)
+                in_any_case(self._notify, client_key, kind, self.stop.stop_number)
 
     def _notify(
         self, client_key: int, kind: pnp_messages.NoticeKind, number: int = 0, binding: int = pnp_messages.NO_BINDING

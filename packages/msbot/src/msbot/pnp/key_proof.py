@@ -191,7 +191,7 @@ def _keep(table: dict[bytes, _V], key: bytes, value: _V, most: int) -> None:
 def _match(refusal: Refusal, words: str) -> Match:
     return Match(
         PartState.REFUSED,
-        said("{refusal} ({words})", refusal=said(refusal.words), words=words),
+        said("{refusal} ({words})", refusal=said(refusal.describe), words=words),
         ((said("key"), words),),
         refusal=refusal,
     )

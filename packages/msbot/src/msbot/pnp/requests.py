@@ -89,11 +89,11 @@ class RequestHandler:
                 if (record := self._inventory.with_lease(lease, client_key)) is None:
                     self.dropped.count("hash of a type with an unknown lease")
                     return None
-                return self._inventory.types.told(record, place, octets)
+                return self._inventory.types.receive_hash(record, place, octets)
             case pnp_messages.DescriptionMessage(text=text) if self._inventory.waits_for_fields(client_key):
                 return None  # the answers are several notices: `fields_told`
             case pnp_messages.DescriptionMessage(text=text):
-                self._inventory.descriptions.said(client_key, text, now)
+                self._inventory.descriptions.receive_description(client_key, text, now)
                 return None
             case TroublePiece(lease=lease, place=place, text=text):
                 if (record := self._inventory.with_lease(lease, client_key)) is None:

@@ -233,7 +233,7 @@ class RobotGate:
             pupil=pupil,
         )
 
-    def left(self, client: AskingClient, reason: str) -> None:
+    def session_ended(self, client: AskingClient, reason: str) -> None:
         """The session has ended; if its own client is reopening it, the part keeps its slot."""
         if reason.startswith(REPLACED):
             return

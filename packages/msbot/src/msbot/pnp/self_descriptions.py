@@ -55,7 +55,7 @@ class SelfDescriptions:
         record.asked_what += 1
         return True
 
-    def said(self, client_key: int, text: str, now: float) -> None:
+    def receive_description(self, client_key: int, text: str, now: float) -> None:
         """A part says what it is: taken once, and only if it was asked."""
         record = self._record(client_key)
         if record is None or record.claim is None or record.state is None:
@@ -63,7 +63,7 @@ class SelfDescriptions:
         elif record.says is None and record.refusal is Refusal.UNKNOWN_PART and record.asked_what:
             record.says = SelfDescription(text)
             for checker in self._checkers:
-                self._changes.later(partial(checker, client_key, record.claim.part_number, record.says))
+                self._changes.after_events(partial(checker, client_key, record.claim.part_number, record.says))
         else:
             self._dropped.count("description that nobody asked for")
             if record.refusal is not Refusal.UNKNOWN_PART and not record.spoke_unasked:

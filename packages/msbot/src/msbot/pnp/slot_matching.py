@@ -138,7 +138,7 @@ class Matcher:
         except RegistryError as error:
             return _refused(
                 Refusal.NOT_READY,
-                said("{refusal}: {error}", refusal=said(Refusal.NOT_READY.words), error=str(error)),
+                said("{refusal}: {error}", refusal=said(Refusal.NOT_READY.describe), error=str(error)),
                 ((said("registry"), str(error)),),
             )
 

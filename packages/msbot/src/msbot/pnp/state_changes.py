@@ -42,10 +42,10 @@ class TopicIndex:
         self._touched.append(record)
 
     def has_publisher(self, topic: str) -> bool:
-        """Whether a registered part publishes a topic, as of the last `settle`."""
+        """Whether a registered part publishes a topic, as of the last `refresh`."""
         return bool(self._publishers.get(topic))
 
-    def settle(self) -> list[PartnerChange]:
+    def refresh(self) -> list[PartnerChange]:
         """Bring the indexes up to date; returns what changed for parts that were there before and still are."""
         there: dict[str, bool] = {}
         """Topics whose publishers changed -> whether they had one before."""
@@ -134,7 +134,7 @@ class HandControl:
         if self._held.get(slot, {}).pop(port, None) is not None:
             self._turn(slot)
 
-    def over(self, configuration: Configuration) -> Configuration:
+    def apply_to(self, configuration: Configuration) -> Configuration:
         """A slot's configuration with its held ports bound to their own topics."""
         generation = self._generation.get(configuration.slot, 0)
         if generation == 0:
@@ -220,7 +220,7 @@ class StateChanges:
         """Register a part: it gets the free slot of that configuration, a new lease and full life status."""
         self._matcher.take(configuration.slot)
         self._index.grant(record, configuration.slot)
-        record.configuration, record.refusal, record.contest = self._hand.over(configuration), None, None
+        record.configuration, record.refusal, record.contest = self._hand.apply_to(configuration), None, None
         record.life.register(now)
         self.move(record, PartState.ACTIVE, now, reason, evidence)
 
@@ -236,7 +236,7 @@ class StateChanges:
 
     def configure(self, record: InventoryRecord, configuration: Configuration) -> None:
         """Give a registered part another configuration."""
-        record.configuration = self._hand.over(configuration)
+        record.configuration = self._hand.apply_to(configuration)
         self.rights_changed(record)
 
     def rights_changed(self, record: InventoryRecord) -> None:
@@ -244,7 +244,7 @@ class StateChanges:
         self._changed.append(record.client_key)
         self._partners.touch(record)
 
-    def later(self, tell: Callable[[], object]) -> None:
+    def after_events(self, tell: Callable[[], object]) -> None:
         """Call `tell` after all rights and events have been announced."""
         self._later.append(tell)
 
@@ -253,7 +253,7 @@ class StateChanges:
 
         Handlers may call the inventory again; the consequences are announced after what they are being told now.
         """
-        for key, topic, is_there in self._partners.settle():
+        for key, topic, is_there in self._partners.refresh():
             self.tell_partner(key, topic, is_there=is_there)
         if self._is_publishing:
             return
@@ -270,7 +270,7 @@ class StateChanges:
 
     def tell_partner(self, key: int, topic: str, *, is_there: bool) -> None:
         """Tell a part, with the next `publish`, whether somebody publishes what it reads."""
-        self.later(partial(self._tell_partner, key, topic, is_there))
+        self.after_events(partial(self._tell_partner, key, topic, is_there))
 
     def _tell_partner(self, key: int, topic: str, is_there: bool) -> None:
         for handler in self.partner_handlers:

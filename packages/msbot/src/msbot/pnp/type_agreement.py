@@ -57,7 +57,7 @@ class TypeAgreement:
         fields = self.library_fields(type_name)
         return None if fields is None else type_hash(type_name, fields)
 
-    def told(self, record: InventoryRecord, place: int, octets: bytes) -> Notice | None:
+    def receive_hash(self, record: InventoryRecord, place: int, octets: bytes) -> Notice | None:
         """A part tells the hash of a port's type; the answer, if the library's is another one."""
         configuration = record.configuration
         bindings = () if configuration is None else configuration.bindings

@@ -29,7 +29,7 @@ class ClassGroups:
         """
         return self._storage.read(partial(read_groups, robot_id=robot.id))
 
-    def keep(self, robot: RobotRecord, groups: Iterable[Group]) -> None:
+    def replace(self, robot: RobotRecord, groups: Iterable[Group]) -> None:
         """From now on these are the groups of a robot; each pupil and each slot is in one at most.
 
         Raises:

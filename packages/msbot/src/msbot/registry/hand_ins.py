@@ -74,7 +74,7 @@ class HandIns:
         """
         return self._storage.read(partial(_get, number=number))
 
-    def keep(self, work: HandIn) -> int:
+    def store(self, work: HandIn) -> int:
         """Keep what somebody hands in; returns its number.
 
         Raises:

@@ -59,7 +59,7 @@ class Programs:
         """
         return self._storage.read(partial(_versions_of, owner=owner, name=name))
 
-    def keep(self, owner: str, name: str, source: ProgramSource) -> int:
+    def store(self, owner: str, name: str, source: ProgramSource) -> int:
         """Store a program; returns the number of its newest version. What is unchanged makes no new version.
 
         Raises:

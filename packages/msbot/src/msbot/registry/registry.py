@@ -110,7 +110,7 @@ class Registry:
     @property
     def database(self) -> str:
         """The database in words, without a password."""
-        return self.storage.words
+        return self.storage.describe
 
     def __enter__(self) -> Self:
         return self

@@ -139,7 +139,7 @@ class ModelPart:
             self._take_settings()
             fields: dict[str, Scalar] = {name: getattr(message, name) for name in names}
             self._world.receive(port.name, fields, self._time())
-            self._world.look()
+            self._world.note_changes()
             self._moved()
 
         self.part.on(port.name, message_type, optional=True)(take)
@@ -168,7 +168,7 @@ class ModelPart:
         now = self._time()
         self._take_settings()
         self._world.advance(now)
-        for port, fields in self._world.say(now):
+        for port, fields in self._world.due_messages(now):
             if port in self._stops:
                 self.part.hold_stop(bool(fields[self._stops[port]]))
             if self.part.bound(port) and port not in self._unsaid:
@@ -186,7 +186,7 @@ class ModelPart:
             if value is None or parameter.fault(value) is not None:
                 value = parameter.default
             self._world.set(parameter.name, value, self._time())
-        self._world.look()
+        self._world.note_changes()
 
     def _tick_s(self) -> float:
         shortest = LONGEST_TICK_S

@@ -94,7 +94,7 @@ class PartModel:
         self._is_changed = True
         self.advance(now)
 
-    def settle(self, now: float) -> None:
+    def jump_to_targets(self, now: float) -> None:
         """Let everything that moves arrive at once: a safe value has no ramp."""
         self.advance(now)
         self._evaluate(now, math.inf, final=True)
@@ -124,15 +124,15 @@ class PartModel:
         for mouth in self._mouths:
             mouth.begin(now)
 
-    def look(self) -> None:
+    def note_changes(self) -> None:
         """Note what has changed and must be published, even if it changes back before that can happen."""
         for mouth in self._mouths:
             if not mouth.look(self._values):
                 self.forgotten += 1
 
-    def say(self, now: float) -> list[tuple[str, dict[str, Scalar]]]:
+    def due_messages(self, now: float) -> list[tuple[str, dict[str, Scalar]]]:
         """The messages that are due, each with its port; call `advance` first."""
-        self.look()
+        self.note_changes()
         said = []
         for mouth in self._mouths:
             for fields in mouth.due(self._values, now):

@@ -82,14 +82,14 @@ class SimulatedPart(ModelPart):
         if fault := control.fault(value):
             raise ConfigError(f"control {name} {fault}")
         self._world.set(name, value, self._time())
-        self._world.look()
+        self._world.note_changes()
 
     def set_all(self, values: Mapping[str, Scalar]) -> None:
         """Set several controls at once, to values that they can have: what a world does to the device."""
         changed = {name: value for name, value in values.items() if self._world.value(name) != value}
         if changed:
             self._world.feed(changed, self._time())
-            self._world.look()
+            self._world.note_changes()
 
     def source(self, name: str) -> Scalar:
         """The value of a reading, shown or hidden, now."""

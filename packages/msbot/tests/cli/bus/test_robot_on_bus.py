@@ -59,7 +59,7 @@ def test_what_several_masters_know_is_put_together_and_nonsense_is_told(monkeypa
     said: list[str] = []
     found = robot_on_bus("can0", said.append)
     assert found is not None
-    assert found.know(3, 0x15) == KnownObject("t", "Level", "knob", "level")
-    assert found.know(4, 0x15) is None
+    assert found.learn_object(3, 0x15) == KnownObject("t", "Level", "knob", "level")
+    assert found.learn_object(4, 0x15) is None
     assert len(said) == 1
     assert "master R2: its answer about can:can0 makes no sense" in said[0]

@@ -143,13 +143,13 @@ def no_key(counter: Counter) -> None:
 
 
 def wrong_key(counter: Counter) -> None:
-    counter.registry.keys.keep(EFGH, KEY, "ann")
+    counter.registry.keys.store(EFGH, KEY, "ann")
     nonce = counter.ask()
     counter.show(prove(bytes(16), nonce, EFGH, part_number="EFGH", local_name="DD", session_key=77))
 
 
 def replayed(counter: Counter) -> None:
-    counter.registry.keys.keep(EFGH, KEY, "ann")
+    counter.registry.keys.store(EFGH, KEY, "ann")
     old = prove(KEY, counter.ask(), EFGH, part_number="EFGH", local_name="DD", session_key=77)
     counter.show(old)
     counter.inventory.client_left(77, "session deleted", counter.now, politely=True)
@@ -158,7 +158,7 @@ def replayed(counter: Counter) -> None:
 
 
 def never_proves(counter: Counter) -> None:
-    counter.registry.keys.keep(EFGH, KEY, "ann")
+    counter.registry.keys.store(EFGH, KEY, "ann")
     counter.ask()
     counter.now += UNANSWERED_S + 1
     claim = pnp_messages.ClaimMessage(part_number="EFGH", local_name="DD", uid=EFGH, session_nonce=1)

@@ -47,12 +47,12 @@ def test_changes_are_said_once_and_noise_is_no_news() -> None:
     unit = make_simulator("DHT22", library=LIBRARY)
     console = PartConsole(unit, lines.append)
     for _ in range(50):
-        console.look()
+        console.print_changes()
     assert len(lines) == 1
     assert lines[0].startswith("celsius 2")
     unit = make_simulator("TOGGLE", library=LIBRARY)
     console = PartConsole(unit, lines.append)
-    console.look()
+    console.print_changes()
     console.typed("lever=on\n")
     console.typed("\n")
     console.typed("lever=maybe\n")
@@ -67,7 +67,7 @@ def test_the_last_small_step_of_a_ramp_is_said(monkeypatch: pytest.MonkeyPatch) 
     console._readings[name] = replace(console._readings[name], noise=0.0)
     for value in (10.0, 20.0, 30.58, 30.9, 31.0, 31.0, 31.0):
         monkeypatch.setattr(unit, "readings", lambda value=value: {name: value})
-        console.look()
+        console.print_changes()
     assert [line.split()[1] for line in lines] == ["10", "20", "30.58", "31"]
 
 
@@ -98,9 +98,9 @@ def test_a_line_without_an_end_is_not_kept() -> None:
     lines: list[str] = []
     console = PartConsole(make_simulator("BUTTON", library=LIBRARY), lines.append, io.StringIO())
     for _ in range(100):
-        console.take("x" * MOST_TYPED)
+        console.execute_lines("x" * MOST_TYPED)
     assert len(console._unfinished) == MOST_TYPED + 1
-    console.take("\npress=true\n")
+    console.execute_lines("\npress=true\n")
     assert lines == ["a line of more than 4096 characters is left out: write CONTROL=VALUE", "output true"]
 
 

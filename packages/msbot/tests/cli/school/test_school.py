@@ -94,7 +94,7 @@ def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[School]:
             status, said, error = ask("join", made.page)
         assert status == 0, error
         assert said.startswith(f"MSBOT_MASTER X2 at {made.page} is in the class as lab (teacher)\n")
-        RemoteAccessFile().keep(RemoteAccess(made.away, "msbot_x", "MSBOT_MASTER", "X4"))
+        RemoteAccessFile().add(RemoteAccess(made.away, "msbot_x", "MSBOT_MASTER", "X4"))
         yield made
 
 

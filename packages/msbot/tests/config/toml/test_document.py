@@ -28,14 +28,14 @@ def test_a_good_file_becomes_values_and_lines(tmp_path: Path) -> None:
     document = read_document(path, Problems())
     assert document == Document(str(path), {"robot": {"name": "Ä"}}, "[robot]\nname = 'Ä'\n")
     assert document.lines == {("robot",): 1, ("robot", "name"): 2}
-    assert document.place(("robot", "name")) == FileLocation(str(path), 2, ("robot", "name"))
+    assert document.location(("robot", "name")) == FileLocation(str(path), 2, ("robot", "name"))
 
 
 def test_a_missing_key_is_placed_at_its_table() -> None:
     document = parse_document("\n[robot]\n", "robot.toml", Problems())
     assert document is not None
-    assert str(document.place(("robot", "version"))) == "robot.toml, line 2, robot.version"
-    assert str(document.place(("timing",))) == "robot.toml, timing"
+    assert str(document.location(("robot", "version"))) == "robot.toml, line 2, robot.version"
+    assert str(document.location(("timing",))) == "robot.toml, timing"
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ def watch() -> Watch:
 
 def test_it_is_off_until_started() -> None:
     made = Watch(quiet_s=2.0, ping_s=0.25, pings=2)
-    made.heard(1.0)
+    made.agent_heard(1.0)
     made.check(1.0)
     assert made.timer() is None
     assert made.step(100.0) is None
@@ -19,7 +19,7 @@ def test_it_is_off_until_started() -> None:
 
 def test_a_talking_agent_is_left_alone() -> None:
     made = watch()
-    made.heard(11.5)
+    made.agent_heard(11.5)
     assert made.step(12.5) is None
     assert made.timer() == 13.5
 
@@ -46,7 +46,7 @@ def test_any_answer_ends_the_suspicion() -> None:
     made = watch()
     made.check(10.5)
     made.step(10.5)
-    made.heard(10.6)
+    made.agent_heard(10.6)
     assert made.step(10.75) is None
     assert made.timer() == 12.6
 

@@ -29,7 +29,7 @@ def test_numbers_are_counted_per_kind_and_may_be_chosen() -> None:
     assert table.add(READER).object_id == 0x0016
     assert table.add(TOPIC, 5).object_id == 0x0052
     assert table.add(READER, 0xFFE).object_id == 0xFFE6
-    assert table.add(TOPIC, 0).words == "topic 0x0002"
+    assert table.add(TOPIC, 0).describe == "topic 0x0002"
 
 
 def test_a_number_is_not_given_again_soon() -> None:

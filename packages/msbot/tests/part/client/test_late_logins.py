@@ -30,10 +30,10 @@ class Echoes:
         self._copies = copies
         self._lost: list[float] = []
 
-    def concerns(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
+    def applies_to(self, peer: Peer, packet: bytes, *, inward: bool) -> bool:
         return packet[4] == 0x04 if inward else packet[0] == SESSION_NONE and packet[4] == 0
 
-    def waits(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
+    def delays(self, peer: Peer, now: float, *, inward: bool) -> Sequence[float]:
         if not inward:
             self._lost += [now + after / 1000 for after, is_lost in self._copies if is_lost]
             return [0.0, *(after / 1000 for after, _ in self._copies)]

@@ -13,17 +13,17 @@ def test_work_is_done_once_per_turn_however_often_it_was_booked() -> None:
     async def main() -> list[float]:
         done: list[float] = []
         turn = WorkScheduler(done.append)
-        turn.book()
+        turn.schedule()
         await asyncio.sleep(0)
         assert done == []
         turn.start(asyncio.get_running_loop())
-        turn.book()
-        turn.book()
+        turn.schedule()
+        turn.schedule()
         await asyncio.sleep(1.0)
-        turn.book()
+        turn.schedule()
         await asyncio.sleep(0)
         turn.cancel()
-        turn.book()
+        turn.schedule()
         await asyncio.sleep(0)
         return done
 

@@ -148,7 +148,7 @@ def test_any_octets_are_understood_or_a_remote_protocol_error(octets: bytes) -> 
 
 def test_every_refusal_has_words() -> None:
     assert [refusal.value for refusal in Refusal] == list(range(1, 12))
-    assert all(refusal.words for refusal in Refusal)
+    assert all(refusal.describe for refusal in Refusal)
 
 
 def test_a_safe_value_is_a_setting_with_a_name_that_no_parameter_has() -> None:

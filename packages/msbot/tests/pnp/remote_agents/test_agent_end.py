@@ -161,7 +161,7 @@ def test_sessions_and_their_ends_are_repeated_until_the_master_has_heard_of_them
     assert [type(one) for one in fed.beat()] == [AgentBeat]
     fed.end.joined(part(5))
     assert fed.sent() == [SessionOpen(number=1, times=2, client_key=0xC5, reads_profile=0, address="CAN node 1")]
-    fed.end.left(part(5), "session deleted")
+    fed.end.session_ended(part(5), "session deleted")
     over = SessionOver(number=1, reason="session deleted")
     assert fed.sent() == [over]
     assert fed.done() == [("gone", 5)]
@@ -177,14 +177,14 @@ def test_with_one_beat_only_so_many_are_repeated(fed: Gate) -> None:
         fed.end.joined(part(key))
     assert sum(isinstance(one, SessionOpen) for one in fed.beat()) == REPEATED_PER_BEAT
     for key in range(1, REPEATED_PER_BEAT + 3):
-        fed.end.left(part(key), "gone")
+        fed.end.session_ended(part(key), "gone")
     assert sum(isinstance(one, SessionOver) for one in fed.beat()) == REPEATED_PER_BEAT
 
 
 def test_of_too_many_ends_the_oldest_is_not_repeated(fed: Gate) -> None:
     for key in range(1, MOST_ENDED + 2):
         fed.end.joined(part(key))
-        fed.end.left(part(key), "gone")
+        fed.end.session_ended(part(key), "gone")
     overs = [one.number for one in fed.beat() if isinstance(one, SessionOver)]
     assert overs[0] == 2
     fed.hear(*(Forgotten(number=number) for number in range(1, MOST_ENDED + 1)))
@@ -201,7 +201,7 @@ def test_who_opens_its_session_again_is_not_gone_and_has_no_rights_until_they_ar
     assert list(fed.end.topics()) == [LIGHT]
     fed.hear(rights(1, LIGHT))
     assert not fed.done()  # nothing new
-    fed.end.left(part(5), "replaced by a new session of the same client")
+    fed.end.session_ended(part(5), "replaced by a new session of the same client")
     assert fed.end.is_settled(part(5))
     fed.end.joined(part(5))
     assert fed.done() == [("topics_changed",)]
@@ -276,7 +276,7 @@ def test_a_master_that_does_not_know_it_is_told_everything_again(fed: Gate) -> N
     fed.end.joined(part(5))
     fed.end.joined(part(6))
     fed.hear(rights(1, LIGHT), rights(2))
-    fed.end.left(part(6), "gone")
+    fed.end.session_ended(part(6), "gone")
     fed.sent()
     fed.hear(WhoIsThat())
     assert not fed.end.is_welcome
@@ -360,7 +360,7 @@ def test_what_speaks_for_the_agent_itself_is_not_limited(gate: Gate) -> None:
     assert gate.end.is_settled(own)
     assert not gate.end.limits(own, 1e6, 1.0)
     gate.end.joined(own)
-    gate.end.left(own, "gone")
+    gate.end.session_ended(own, "gone")
     assert not gate.sent()
     assert not gate.end.may_join(part(5))
     assert gate.end.limits(part(5), 1e6, 1.0)
@@ -388,9 +388,9 @@ def test_who_leaves_takes_its_topics_along(fed: Gate) -> None:
     heard_by = (fed.end.may_read(part(1), "light"), fed.end.may_write(part(1), "light"))
     assert heard_by == (False, True)
     fed.done()
-    fed.end.left(part(2, 2), "bye")
+    fed.end.session_ended(part(2, 2), "bye")
     assert fed.done() == [("gone", 2)], "it had none"
-    fed.end.left(part(1), "bye")
+    fed.end.session_ended(part(1), "bye")
     assert fed.done() == [("gone", 1), ("topics_changed",)]
     assert list(fed.end.topics()) == []
 
@@ -407,7 +407,7 @@ def test_what_was_not_confirmed_is_repeated_to_a_master_that_listens_and_to_no_o
 ) -> None:
     for key in (1, 2):
         fed.end.joined(part(key, key))
-    fed.end.left(part(2, 2), "bye")
+    fed.end.session_ended(part(2, 2), "bye")
     if not is_welcome:
         fed.end.lost_master()
     if is_cut_off:

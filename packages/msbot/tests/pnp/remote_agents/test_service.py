@@ -104,13 +104,13 @@ def test_what_finds_no_room_waits_in_order() -> None:
     way = Way(1)
     sayings = ReliableSendQueue(way.write)
     for number in range(4):
-        sayings.say(bytes((number,)))
+        sayings.send(bytes((number,)))
     assert way.written == [b"\0"]
     way.room = 2
     sayings.go_on()
     assert way.written == [b"\0", b"\1", b"\2"]
     way.room = 9
-    sayings.say(b"\4")
+    sayings.send(b"\4")
     sayings.go_on()
     assert way.written == [b"\0", b"\1", b"\2", b"\3", b"\4"]
 
@@ -118,11 +118,11 @@ def test_what_finds_no_room_waits_in_order() -> None:
 def test_without_a_session_what_waits_is_worth_nothing() -> None:
     way = Way(0)
     sayings = ReliableSendQueue(way.write)
-    sayings.say(b"1")
+    sayings.send(b"1")
     way.error, way.room = LocalProtocolError("no session"), 9
-    sayings.say(b"2")
+    sayings.send(b"2")
     way.error = None
-    sayings.say(b"3")
+    sayings.send(b"3")
     assert way.written == [b"3"]
 
 

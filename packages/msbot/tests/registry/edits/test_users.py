@@ -41,7 +41,7 @@ def test_the_ticks_of_lessons_go_with_who_is_removed(registry: Registry) -> None
     Hand(registry).keep_user("bob", "student", "setup", password_hash="")
     registry.lesson_ticks.note(["bob", "cid"], "ring", "1.1", 5)
     for name in ("bob", "cid"):
-        registry.hand_ins.keep(HandIn(name, "ring", 6, 5))
+        registry.hand_ins.store(HandIn(name, "ring", 6, 5))
     Hand(registry).remove_user("bob", "ann")
     assert [tick.person for tick in registry.lesson_ticks.all()] == ["cid"]
     assert [work.person for work in registry.hand_ins.of()] == ["cid"]
@@ -77,8 +77,8 @@ def test_a_user_that_cannot_be(registry: Registry, name: str, role: str, sentenc
 def test_a_part_has_one_key(registry: Registry, blueprint: Blueprint, library: Library) -> None:
     store = registry.runs.begin(registry.robots.apply_blueprint(blueprint, library))
     assert (registry.keys.find(UID), store.key_of(UID)) == (None, None)
-    assert registry.keys.keep(UID, b"old", "ann").words == f"part {UID.hex()} has a key"
-    edit = registry.keys.keep(UID, SECRET, "ann")
+    assert registry.keys.store(UID, b"old", "ann").words == f"part {UID.hex()} has a key"
+    edit = registry.keys.store(UID, SECRET, "ann")
     assert (edit.kind, edit.words) == ("key", f"part {UID.hex()} has another key")
     assert (registry.keys.find(UID), store.key_of(UID)) == (SECRET, SECRET)
     (key,) = registry.keys.all()
@@ -88,10 +88,10 @@ def test_a_part_has_one_key(registry: Registry, blueprint: Blueprint, library: L
     with pytest.raises(ConfigError, match="has no key"):
         registry.keys.remove(UID, "ann")
     with pytest.raises(ConfigError, match="a part without a UID cannot have a key"):
-        registry.keys.keep(bytes(8), SECRET, "ann")
+        registry.keys.store(bytes(8), SECRET, "ann")
 
 
 def test_the_secret_stands_in_no_edit(registry: Registry) -> None:
-    registry.keys.keep(UID, SECRET, "ann")
+    registry.keys.store(UID, SECRET, "ann")
     Hand(registry).keep_user("ann", "administrator", "setup", password_hash="salted hash")
     assert [name for name in ("salted hash", SECRET.hex()) if name in str(registry.edits.latest(None))] == []

@@ -39,12 +39,12 @@ def full(registry: Registry, blueprint: Blueprint, library: Library) -> Registry
     Hand(registry).undo(robot, None, "Ann")
     Hand(registry).block(robot, "number", "WXYZ", "hot", "Ann")
     Hand(registry).keep_user("ann", "administrator", "ann", password_hash="salt", tokens=(("desk", "abc"),))
-    registry.keys.keep(UID, b"\x00secret", "ann")
-    registry.programs.keep("ann", "blink", ProgramSource("from msbot import Part"))
+    registry.keys.store(UID, b"\x00secret", "ann")
+    registry.programs.store("ann", "blink", ProgramSource("from msbot import Part"))
     registry.lesson_ticks.note(["ann"], "ring", "1.1", 5)
-    registry.hand_ins.keep(HandIn("ann", "ring", 6, 5, "blink", "from msbot import Part", "done", {"1.3": "ten"}))
-    registry.class_groups.keep(robot, [Group("Red", ("ann",), ("AA",))])
-    registry.runs.node_ids(robot, "can:0").keep(7, UID)
+    registry.hand_ins.store(HandIn("ann", "ring", 6, 5, "blink", "from msbot import Part", "done", {"1.3": "ten"}))
+    registry.class_groups.replace(robot, [Group("Red", ("ann",), ("AA",))])
+    registry.runs.node_ids(robot, "can:0").assign(7, UID)
     registry.storage.flush()
     return registry
 
@@ -101,7 +101,7 @@ def test_a_backup_is_brought_back_and_what_was_there_is_kept(
         assert _content(registry) == before
         assert _content(copy) == later
         # Counters go on behind the rows.
-        assert registry.keys.keep(UID, b"new", "ann").id == before["edits"][-1][0] + 1  # type: ignore[operator]  # an int
+        assert registry.keys.store(UID, b"new", "ann").id == before["edits"][-1][0] + 1  # type: ignore[operator]  # an int
 
 
 def test_a_backup_goes_to_a_new_database(full: Registry, address: str, tmp_path: Path) -> None:

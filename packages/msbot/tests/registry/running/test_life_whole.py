@@ -206,7 +206,7 @@ class Lives:
                 self.store(index, random.choice((1, 2, 9)))
             case "use":
                 memory, stored = read_memory(self.connection, self.robots[index].id), store.stored
-                store.use(memory, stored)
+                store.load(memory, stored)
                 plain.use()
                 assert store.kept_stop() == plain.stop
             case "again":
@@ -221,7 +221,7 @@ class Lives:
                 if any(uid):
                     self.store(index, 99)
                     node_id = node_id or random.randrange(1, 4)
-                    self.nodes[index].keep(node_id, uid)
+                    self.nodes[index].assign(node_id, uid)
                     self.queues[index].store(1)
                     plain.keep_node(node_id, uid, self.now)
                     if random.random() < 0.2:

@@ -75,10 +75,10 @@ def test_what_is_told_between_a_change_and_its_memory_is_not_forgotten(registry:
     stored = store.stored
     memory = registry.storage.read(lambda connection: read_memory(connection, store.robot.id))
     store.remember(UID, "CC", CLAIM)
-    store.use(memory, stored)
+    store.load(memory, stored)
     assert store.remembered_slot(UID) == "CC"
     registry.storage.flush()
-    store.use(registry.storage.read(lambda connection: read_memory(connection, store.robot.id)), store.stored)
+    store.load(registry.storage.read(lambda connection: read_memory(connection, store.robot.id)), store.stored)
     assert store.remembered_slot(UID) == "CC"
 
 
@@ -89,7 +89,7 @@ def test_what_another_process_changes_is_seen_soon(
     registry.runs.on_news(store.robot, news.set)
     with open_registry(path) as other:
         Hand(other).block(other.robots.all()[0], "number", "ABCD", "stolen", "Ann")
-        other.keys.keep(UID, bytes(16), "Ann")
+        other.keys.store(UID, bytes(16), "Ann")
     while (store.blocked(UID, "ABCD"), store.key_of(UID)) != ("stolen", bytes(16)):
         assert news.wait(20)
         news.clear()

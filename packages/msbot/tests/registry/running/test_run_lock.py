@@ -264,7 +264,7 @@ def test_a_session_that_broke_on_the_way_does_not_keep_its_own_master_out(
         with monkeypatch.context() as broken:
             broken.setattr(held._connection, "execute", _broken)
             broken.setattr(held, "release", lambda: None)
-            assert lock.keep()
+            assert lock.renew()
         assert lock._lock is not held
         assert second.runs.is_run(robot)
         with pytest.raises(SQLAlchemyError):
@@ -294,7 +294,7 @@ def test_a_lock_that_is_given_back_while_it_is_taken_anew_stays_free(
         return taken
 
     monkeypatch.setattr(lock, "_take", meanwhile)
-    assert lock.keep()
+    assert lock.renew()
     assert not registry.runs.is_run(robot)
 
 

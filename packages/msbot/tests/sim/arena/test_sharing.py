@@ -138,7 +138,7 @@ def test_only_what_makes_sense_is_taken_from_a_line() -> None:
 
 
 class _Nobody:
-    def doing(self) -> dict[str, float]:
+    def drive_values(self) -> dict[str, float]:
         return {}
 
     def sense(self, values: object) -> None:

@@ -273,7 +273,7 @@ async def _run_in(  # noqa: PLR0917 - what `_main` was given, and the space
         agent.tap = packet_tap(link, click.echo)
     beside = [StatusServer(agent, what="agent", name=partial(bound_name, link)).run()]
     for one in wishes.services:
-        beside += one.beside(AgentContext(agent, (link,), space, up, click.echo))
+        beside += one.coroutines(AgentContext(agent, (link,), space, up, click.echo))
     if discovery is not None:
         beside.append(_answer_questions(link, up, discovery))
     await run_until_signal(work, beside=beside)

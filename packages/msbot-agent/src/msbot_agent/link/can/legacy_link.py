@@ -149,7 +149,7 @@ class PeerFraming:
         longest = mtu if self._codec is None else mtu + 1  # a packet that has no short form gets one octet longer
         self.joiner = FrameJoiner(longest, dropped=counters.dropped, repeat_s=repeat_s)
 
-    def cut(self, packet: bytes) -> list[Frame]:
+    def split(self, packet: bytes) -> list[Frame]:
         """The frames of a packet."""
         if self._codec is not None:
             packet = self._codec.compress(packet)

@@ -67,7 +67,7 @@ class NativeEnd(CanEnd):
         if len(packet) > self.info.mtu:
             raise LocalProtocolError(f"a packet of {len(packet)} bytes is longer than the link's {self.info.mtu}")
         self._port.check_room(peer, self.describe(peer))
-        frames = wire.cut(packet)
+        frames = wire.split(packet)
         now = self._port.now()
         self._sent(packet, peer, now)
         self._port.queue.put(peer, frames)
@@ -199,7 +199,7 @@ class CanMasterLink(NativeEnd):
                 return
             member.heard_at = now
             if not member.spoke:
-                self._join.spoke(node_id)
+                self._join.claim_address(node_id)
             message = wire.joiner.receive(frame.data, now)
             if message is not None:
                 self._deliver(message, node_id, wire, now)

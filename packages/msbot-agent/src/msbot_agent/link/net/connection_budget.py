@@ -46,7 +46,7 @@ class ConnectionBudget(Generic[C]):
         self._silent.setdefault(address, {})[connection] = None
         self._count += 1
 
-    def spoke(self, connection: C, address: Hashable) -> None:
+    def first_packet_received(self, connection: C, address: Hashable) -> None:
         """Note that its first packet has come."""
         if _discard(self._silent, address, connection):
             self._speaking.setdefault(address, {})[connection] = None

@@ -87,7 +87,7 @@ class FloodWatch:
         self._heard: dict[Hashable, float] = {}
         self._heard_before: dict[Hashable, float] = {}
 
-    def look(self, read: int, dropped: int, now: float) -> StrangersHeard | None:
+    def update(self, read: int, dropped: int, now: float) -> StrangersHeard | None:
         """Take the counts since the last look into account; returns who is heard from now on.
 
         Args:
@@ -187,14 +187,14 @@ class StrangerFilter:
 
     def __init__(self, opened: socket.socket, name: str, known: KnownPeers, dropped: Tally) -> None:
         self.next_at = 0.0
-        """When `look` is to be called."""
+        """When `update` is to be called."""
         self._socket = opened
         self._name = name
         self._known = known
         self._dropped = dropped
         self._watch = FloodWatch()
         self._read = 0
-        self._strangers = known.strangers
+        self._strangers = known.stranger_count
         self._drops = _drops(opened)
         self._set: tuple[StrangersHeard, tuple[Peer, ...]] | None = None
         self._told_at: float | None = None
@@ -205,17 +205,17 @@ class StrangerFilter:
         """Whether there is a flood, and `takes` decides."""
         return self._watch.admission is not None
 
-    def look(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Look at the counts, and set the filter accordingly."""
         was_on = self.is_on
-        heard, self._strangers = self._known.strangers - self._strangers, self._known.strangers
+        heard, self._strangers = self._known.stranger_count - self._strangers, self._known.stranger_count
         drops = _drops(self._socket)
         # While it is calm, the kernel drops only what a full buffer has no room for, whoever has sent it.
         dropped = (drops - self._drops) & _WHOLE if was_on else 0
         read, self._read, self._drops = self._read if was_on else heard, 0, drops
         if dropped:
             self._dropped.count(NOT_READ, dropped)
-        admission = self._watch.look(read, dropped, now)
+        admission = self._watch.update(read, dropped, now)
         self.next_at = now + LOOK_S
         if admission is None:
             if was_on:
@@ -247,7 +247,7 @@ class StrangerFilter:
         self._timer = None
         now = asyncio.get_running_loop().time()
         if self.is_on and now >= self.next_at - LOOK_S / 2:
-            self.look(now)
+            self.update(now)
 
     def _tell(self, now: float) -> None:
         if self._told_at is None or now - self._told_at >= TOLD_S:
@@ -259,7 +259,7 @@ class StrangerFilter:
             )
 
     def _attach(self, admission: StrangersHeard) -> None:
-        wanted = (admission, tuple(self._known.first(MOST_KNOWN)))
+        wanted = (admission, tuple(self._known.preferred_peers(MOST_KNOWN)))
         if wanted == self._set or sys.platform != "linux":
             return
         is_ipv6 = self._socket.family == socket.AF_INET6

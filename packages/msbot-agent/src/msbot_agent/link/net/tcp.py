@@ -190,7 +190,7 @@ class TcpServerLink(StreamLink):
     def stream_spoke(self, stream: TcpStream) -> None:
         """A whole packet has come."""
         if stream.heard_at is None:
-            self._budget.spoke(stream, self.origin(stream.peer))
+            self._budget.first_packet_received(stream, self.origin(stream.peer))
         stream.heard_at = asyncio.get_running_loop().time()
 
     def stream_closed(self, stream: Stream, words: str) -> None:

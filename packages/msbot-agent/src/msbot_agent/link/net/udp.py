@@ -208,7 +208,7 @@ class _UdpLink(BaseLink, ABC):
         lingering.woken(start)
         strangers = self._strangers
         if strangers is not None and start >= strangers.next_at:
-            strangers.look(start)
+            strangers.update(start)
             self._takes = strangers.takes if strangers.is_on else None
         while True:
             try:

@@ -1,9 +1,9 @@
 """Parts that connect through the page: one WebSocket each, with one binary message per packet.
 
 The page's server owns the connections and knows which person each belongs to; this link knows neither HTTP nor
-sessions. For each connection the server calls `join`, passes packets to `SocketPeer.took`, sends the packets from
-`SocketPeer.next_packet`, and finally calls `SocketPeer.gone`. A text message from the server is a sentence for the
-person; a part sends none.
+sessions. For each connection the server calls `join`, passes packets to `SocketPeer.receive`, sends the packets from
+`SocketPeer.next_packet`, and finally calls `SocketPeer.connection_ended`. A text message from the server is a sentence
+for the person; a part sends none.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class SocketPeer:
         """Whether `put` would succeed."""
         return self._octets < WRITE_LIMIT
 
-    def took(self, packet: bytes, now: float) -> tuple[float, str]:
+    def receive(self, packet: bytes, now: float) -> tuple[float, str]:
         """A binary message has come.
 
         Returns:
@@ -107,7 +107,7 @@ class SocketPeer:
             self._link.peer_has_room(self)
         return packet
 
-    def gone(self, words: str) -> None:
+    def connection_ended(self, words: str) -> None:
         """The connection has ended, on either side."""
         self._link.peer_gone(self, words)
 

@@ -51,7 +51,7 @@ class SerialLine(Stream, asyncio.Protocol):
         """See `Stream`."""
         for source, packet in self._receiver.receive(data):
             peer = (self.port, source)
-            if peer in self.known or self._owner.newcomer(self, source):
+            if peer in self.known or self._owner.accepts_newcomer(self, source):
                 yield peer, packet
 
     def encode(self, packet: bytes, peer: Peer) -> bytes:
@@ -87,7 +87,7 @@ class SerialLineLink(StreamLink):
         self._lines[line.port] = line
 
     @abstractmethod
-    def newcomer(self, line: SerialLine, source: int) -> bool:
+    def accepts_newcomer(self, line: SerialLine, source: int) -> bool:
         """A frame came from a new address on this line; returns whether to accept it."""
 
     async def _close_lines(self) -> None:
@@ -110,7 +110,7 @@ class SerialLineServer(SerialLineLink):
         for peer in sorted(self._gone.pop(line.port, ()), key=str):
             self._add(line, peer, Signal.PEER_BACK, "its port is there again")
 
-    def newcomer(self, line: SerialLine, source: int) -> bool:
+    def accepts_newcomer(self, line: SerialLine, source: int) -> bool:
         """See `SerialLineLink`."""
         self._add(line, (line.port, source), Signal.PEER_JOINED, "heard for the first time")
         return True

@@ -241,7 +241,7 @@ class SerialClientLink(SerialLineLink):
         self._streams[self.remote] = line
         self._tell(Signal.LINK_UP, self.remote, "opened")
 
-    def newcomer(self, line: SerialLine, source: int) -> bool:  # noqa: ARG002 - a client hears its agent only
+    def accepts_newcomer(self, line: SerialLine, source: int) -> bool:  # noqa: ARG002 - a client hears its agent only
         """See `SerialLineLink`."""
         self.counters.dropped.count(OTHER_SOURCE)
         return False

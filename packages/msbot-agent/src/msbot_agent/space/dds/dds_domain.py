@@ -107,7 +107,7 @@ class Domain:
         )
         if entity < 0:
             raise ConfigError(
-                f"topic {name!r} of type {type_name!r} cannot be in DDS ({self._library.words(entity)}): "
+                f"topic {name!r} of type {type_name!r} cannot be in DDS ({self._library.describe(entity)}): "
                 "names consist of letters, digits, _ and /"
             )
         return entity
@@ -142,6 +142,6 @@ class Domain:
     def _no_participant(self, code: int) -> ConfigError:
         port = 7400 + 250 * self.number
         return ConfigError(
-            f"DDS domain {self.number} cannot be joined ({self._library.words(code)}): its UDP ports, from {port} on, "
-            "are taken, or no network interface is up; another domain will do, or an end to who holds the ports"
+            f"DDS domain {self.number} cannot be joined ({self._library.describe(code)}): its UDP ports, from {port} "
+            "on, are taken, or no network interface is up; another domain will do, or an end to who holds the ports"
         )

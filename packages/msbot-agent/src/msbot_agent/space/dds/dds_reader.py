@@ -81,7 +81,7 @@ class LibraryReader(LibraryEndpoint):
             else:
                 self._take_converted(convert, body, peer)
 
-    def look(self) -> None:
+    def update_matches(self) -> None:
         """Find out which writers match and which cannot; called by the waiter."""
         calls = self._library.calls
         matched, lost = Matched(), Missed()

@@ -140,7 +140,7 @@ class DdsSpace:
             outlet.owner = owner
             self._outlets[outlet] = writer
             self._by_name.setdefault((outlet.domain, outlet.name), {})[outlet] = None
-            outlet.token = self._waiter.attach(outlet.entity, outlet.look)
+            outlet.token = self._waiter.attach(outlet.entity, outlet.update_matches)
         self._endpoints_changed()
         return writer
 
@@ -161,7 +161,7 @@ class DdsSpace:
             inlet.owner = owner
             self._inlets[inlet] = reader
             self._by_name.setdefault((inlet.domain, inlet.name), {})[inlet] = None
-            statuses = self._waiter.attach(inlet.entity, inlet.look)
+            statuses = self._waiter.attach(inlet.entity, inlet.update_matches)
             inlet.tokens = (self._waiter.attach(inlet.condition, partial(reader.arrived, inlet)), statuses)
         self._endpoints_changed()
         return reader
@@ -211,7 +211,7 @@ class DdsSpace:
             entity = calls.dds_create_writer(domain.participant, native.entity, made, None)
         if entity < 0:
             domain.release(dds_topic.name, dds_topic.type_name)
-            raise ConfigError(f"topic {dds_topic.name}: DDS makes no writer for it ({self._library.words(entity)})")
+            raise ConfigError(f"topic {dds_topic.name}: DDS makes no writer for it ({self._library.describe(entity)})")
         calls.dds_set_status_mask(entity, OFFERED_STATUSES)
         return LibraryWriter(
             self._library,
@@ -234,7 +234,7 @@ class DdsSpace:
             entity = calls.dds_create_reader(domain.participant, native.entity, made, None)
         if entity < 0:
             domain.release(dds_topic.name, dds_topic.type_name)
-            raise ConfigError(f"topic {dds_topic.name}: DDS makes no reader for it ({self._library.words(entity)})")
+            raise ConfigError(f"topic {dds_topic.name}: DDS makes no reader for it ({self._library.describe(entity)})")
         calls.dds_set_status_mask(entity, REQUESTED_STATUSES)
         condition = calls.dds_create_readcondition(entity, ANY_STATE)
         return LibraryReader(

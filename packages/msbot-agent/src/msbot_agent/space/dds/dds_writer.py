@@ -77,7 +77,7 @@ class LibraryWriter(LibraryEndpoint):
             backlog.popleft()
         return True
 
-    def look(self) -> None:
+    def update_matches(self) -> None:
         """Find out which readers match and which cannot; called by the waiter."""
         matched = Matched()
         if self._library.calls.dds_get_publication_matched_status(self.entity, byref(matched)) >= 0:

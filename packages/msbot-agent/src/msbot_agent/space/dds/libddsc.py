@@ -229,7 +229,7 @@ class DdsLibrary:
     knows_types: bool
     """Whether it reports the type of an entity (since 11); with older versions the type is read from a sample."""
 
-    def words(self, code: int) -> str:
+    def describe(self, code: int) -> str:
         """What a return code means."""
         text: bytes = self.calls.dds_strretcode(code)
         return text.decode("ascii", "replace")

@@ -123,7 +123,7 @@ def type_of(library: DdsLibrary, entity: int) -> int:
     found = c_void_p()
     code = library.calls.dds_get_entity_sertype(entity, byref(found))
     if code < 0 or not found.value:
-        raise ConfigError(f"DDS: {library.path} does not tell the type of a topic ({library.words(code)})")
+        raise ConfigError(f"DDS: {library.path} does not tell the type of a topic ({library.describe(code)})")
     return found.value
 
 
@@ -146,5 +146,5 @@ def type_by_sample(library: DdsLibrary, topic: int, participant: int) -> int:
     calls.dds_delete(writer)
     calls.dds_delete(reader)
     if not found:
-        raise ConfigError(f"DDS: a sample does not come back from {library.path} ({library.words(count)})")
+        raise ConfigError(f"DDS: a sample does not come back from {library.path} ({library.describe(count)})")
     return found

@@ -42,7 +42,7 @@ class Waiter:
         self._waitset: int = self._calls.dds_create_waitset(ALL_DOMAINS)
         self._bell: int = self._calls.dds_create_guardcondition(ALL_DOMAINS)
         if self._waitset < 0 or self._bell < 0:
-            raise ConfigError(f"DDS cannot wait for samples: {library.words(min(self._waitset, self._bell))}")
+            raise ConfigError(f"DDS cannot wait for samples: {library.describe(min(self._waitset, self._bell))}")
         self._calls.dds_waitset_attach(self._waitset, self._bell, 0)
         self._thread = threading.Thread(target=self._wait, name="msbot-dds", daemon=True)
         self._thread.start()

@@ -229,7 +229,7 @@ class RtpsParticipant:
             if writer is not None:
                 self._busy.add(writer)
             if writer is not None and isinstance(said, rtps_messages.AckNack):
-                writer.heard(sender + said.reader, said, now)
+                writer.handle_acknack(sender + said.reader, said, now)
             elif writer is not None and isinstance(said, rtps_messages.NackFrag):
                 writer.heard_fragments(sender + said.reader, said)
             return
@@ -270,7 +270,7 @@ class RtpsParticipant:
         if data.inline.status or data.is_key:
             self._lose(sender)
             return
-        peer = self._peers.hear(sender, data, source, now)
+        peer = self._peers.handle_announcement(sender, data, source, now)
         if peer is None:
             return
         for (writer, reader), teller in zip((_PUBLICATIONS, _SUBSCRIPTIONS), self._tellers.values(), strict=True):

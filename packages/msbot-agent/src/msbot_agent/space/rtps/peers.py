@@ -167,7 +167,7 @@ class Peers:
         """One that is there."""
         return self._there.get(prefix)
 
-    def hear(self, sender: Prefix, data: RtpsData, source: Address, now: float) -> Peer | None:
+    def handle_announcement(self, sender: Prefix, data: RtpsData, source: Address, now: float) -> Peer | None:
         """An announcement; the participant if it is new.
 
         Raises:

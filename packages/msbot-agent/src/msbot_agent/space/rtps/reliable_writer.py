@@ -129,7 +129,7 @@ class ReliableWriter:
         """A kept sample has been replaced: nobody gets it any more."""
         self._changes.pop(number, None)
 
-    def heard(self, guid: Guid, said: AckNack, now: float) -> None:
+    def handle_acknack(self, guid: Guid, said: AckNack, now: float) -> None:
         """A reader tells what it has and misses."""
         proxy = self.proxies.get(guid)
         if proxy is None or (0 <= proxy.heard - said.count < 1 << 16 and proxy.heard != said.count):

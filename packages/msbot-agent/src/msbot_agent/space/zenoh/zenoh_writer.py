@@ -245,5 +245,5 @@ class ZenohWriter:
 
     def _catch_up(self, outlet: LibraryWriter) -> None:
         """What was kept for late readers before there was a connection."""
-        for sample in tuple(self._memory.kept):
+        for sample in tuple(self._memory.history):
             outlet.write(sample.payload, sample.sequence_nr, sample.related, is_kept=True)

@@ -150,10 +150,10 @@ async def _holds_one_frame(bench: Bench) -> None:
     assert driver.pending() == 1
     with pytest.raises(LinkFull):
         driver.send(FRAME)
-    driver.room(channel, 0.0)
+    driver.room_available(channel, 0.0)
     assert bench.rooms == 0
     channel.room = 5
-    driver.room(channel, 0.0)
+    driver.room_available(channel, 0.0)
     assert (bench.rooms, channel.sent, driver.pending()) == (1, [FRAME], 0)
     assert driver.has_room()
 
@@ -212,7 +212,7 @@ async def _ignores_old_channels(bench: Bench) -> None:
     await asyncio.sleep(1)
     told = list(bench.states)
     bench.driver.lost(old, "gone again")
-    bench.driver.room(old, 0.0)
+    bench.driver.room_available(old, 0.0)
     bench.driver.state(old, BusState.OFF, "too late", 0.0)
     await asyncio.sleep(1)
     assert bench.states == told
@@ -270,7 +270,7 @@ async def _in_order(bench: Bench) -> None:
     assert [frame for frame, _ in bench.frames] == numbered(0, 1015)
     assert [at for _, at in bench.frames] == 10 * [1.0] + 1000 * [2.0] + 5 * [3.0]
     assert turns >= 1005 // FRAMES_PER_TURN
-    assert driver.free() == 4096
+    assert driver.free_slots() == 4096
 
 
 def test_a_burst_is_handled_in_order_and_the_loop_gets_its_turn() -> None:
@@ -284,7 +284,7 @@ def test_what_does_not_fit_the_ring_is_counted() -> None:
             bench.driver.dropped = shared
             bench.driver.take(numbered(0, 290), 0.0)
             bench.driver.take(numbered(290, 30), 0.0)
-            assert bench.driver.free() == 0
+            assert bench.driver.free_slots() == 0
             bench.driver.take(numbered(320, 7), 0.0)
             await asyncio.sleep(1)
             assert [frame for frame, _ in bench.frames] == numbered(0, 300)

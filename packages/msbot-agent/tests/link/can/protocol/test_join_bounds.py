@@ -108,7 +108,7 @@ def full(*, known: bool) -> tuple[MasterJoin, MemoryNodeIds]:
     for number in range(1, NODES + 1):
         join.receive(join_frame(uid(number), 0, IDS), BASE)
         if known:
-            join.spoke(number)
+            join.claim_address(number)
     join.take_frames()
     return join, node_ids
 

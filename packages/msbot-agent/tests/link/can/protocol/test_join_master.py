@@ -157,8 +157,8 @@ def test_a_part_gets_the_same_address_again_also_from_the_next_master() -> None:
     assert answer(join) == Assign(uid(1), 1, join.epoch, CAN_FD)
     assert join.receive(join_frame(uid(2), 0, IDS), 0.2) == [NodeJoined(2, uid(2), 0)]
     join.take_frames()
-    join.spoke(1)
-    join.spoke(2)
+    join.claim_address(1)
+    join.claim_address(2)
     following = master(node_ids, seed=2)
     assert following.receive(join_frame(uid(2), 0, IDS), 0.1) == [NodeJoined(2, uid(2), 0)]
     assert following.receive(join_frame(uid(1), 0, IDS), 0.1) == [NodeJoined(1, uid(1), 0)]
@@ -171,14 +171,14 @@ def test_a_repeated_join_is_answered_again_but_only_a_restart_is_an_event() -> N
     assert join.receive(frame, 0.1) == [NodeJoined(1, UID, 0)]
     assert join.receive(frame, 0.11) == []
     assert len(join.take_frames()) == 2
-    join.spoke(1)
+    join.claim_address(1)
     assert join.receive(frame, 5.0) == [NodeJoined(1, UID, 0)]
 
 
 def full_house(join: MasterJoin, now: float) -> None:
     for number in range(1, NODES + 1):
         join.receive(join_frame(uid(number), 0, IDS), now)
-        join.spoke(number)
+        join.claim_address(number)
     join.take_frames()
 
 
@@ -194,7 +194,7 @@ def test_a_flood_of_joins_never_keeps_a_known_part_without_its_address() -> None
             part = known[number // 40 % NODES]
             events = join.receive(join_frame(uid(part), 0, IDS), now)
             assert events[-1] == NodeJoined(part, uid(part), 0)
-            join.spoke(part)
+            join.claim_address(part)
         join.take_frames()
     assert [node_ids.find(uid(part)) for part in known] == list(known)
 
@@ -202,7 +202,7 @@ def test_a_flood_of_joins_never_keeps_a_known_part_without_its_address() -> None
 def test_newcomers_that_say_nothing_make_room_for_each_other_and_one_that_speaks_stays() -> None:
     join = master()
     assert join.receive(join_frame(UID, 0, IDS), 0.0) == [NodeJoined(1, UID, 0)]
-    join.spoke(1)
+    join.claim_address(1)
     for number in range(2, NODES + 1):
         join.receive(join_frame(uid(number), 0, IDS), 0.0)
     assert join.receive(join_frame(uid(200), 0, IDS), 0.5) == [NodeRefused(uid(200))]
@@ -237,7 +237,7 @@ def test_the_part_silent_for_longest_loses_its_address_to_a_newcomer() -> None:
             member.heard_at = node_id / 10.0
     assert join.receive(join_frame(UID, 0, IDS), 30.0) == [NodeEvicted(40, uid(40)), NodeJoined(40, UID, 0)]
     assert answer(join).node_id == 40
-    join.spoke(40)
+    join.claim_address(40)
     assert join.receive(join_frame(uid(40), 0, IDS), 30.1) == [NodeEvicted(50, uid(50)), NodeJoined(50, uid(40), 0)]
 
 

@@ -197,7 +197,7 @@ class JoinMachine(RuleBasedStateMachine):
             member = self.join.members[address]
             member.heard_at = now  # the link does both
             if not member.spoke:
-                self.join.spoke(address)
+                self.join.claim_address(address)
             self.page.data(address)
             return
         self.join.stranger(address, now)

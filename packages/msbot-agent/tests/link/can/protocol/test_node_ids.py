@@ -10,12 +10,12 @@ A, B, C = (bytes([letter]) * 8 for letter in b"ABC")
 def test_an_address_belongs_to_one_part_and_a_part_has_one_address() -> None:
     ids = MemoryNodeIds()
     assert ids.find(A) is None
-    ids.keep(1, A)
-    ids.keep(2, B)
+    ids.assign(1, A)
+    ids.assign(2, B)
     assert (ids.find(A), ids.find(B)) == (1, 2)
-    ids.keep(1, C)
+    ids.assign(1, C)
     assert (ids.find(A), ids.find(C)) == (None, 1)
-    ids.keep(3, C)
+    ids.assign(3, C)
     assert ids.find(C) == 3
     assert sorted(ids.oldest_first()) == [2, 3]
 
@@ -23,7 +23,7 @@ def test_an_address_belongs_to_one_part_and_a_part_has_one_address() -> None:
 def test_the_oldest_comes_first_and_confirming_makes_young() -> None:
     ids = MemoryNodeIds()
     for node_id, uid in enumerate((A, B, C), 1):
-        ids.keep(node_id, uid)
+        ids.assign(node_id, uid)
     assert list(ids.oldest_first()) == [1, 2, 3]
-    ids.keep(1, A)
+    ids.assign(1, A)
     assert list(ids.oldest_first()) == [2, 3, 1]

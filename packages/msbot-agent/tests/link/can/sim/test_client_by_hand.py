@@ -54,13 +54,13 @@ class Owner:
 
     told: list[tuple[object, ...]] = field(default_factory=list)
 
-    def free(self) -> int:
+    def free_slots(self) -> int:
         raise AssertionError("nobody asks")
 
     def take(self, frames: list[Frame], now: float) -> None:
         self.told.append(("take", *frames, now))
 
-    def room(self, channel: object, now: float) -> None:
+    def room_available(self, channel: object, now: float) -> None:
         self.told.append(("room", now))
 
     def state(self, channel: object, state: BusState, words: str, now: float) -> None:

@@ -150,7 +150,7 @@ async def test_a_program_that_goes_takes_its_controller_with_it(folder: Path) ->
         program.say(BusFrame(Frame(0x123)))
         await ear.until(lambda: ear.frames != [])
         program.writer.close()
-        left, server.left = server.left, lambda program: (left(program), ear.poke())  # type: ignore[method-assign, assignment, func-returns-value]
+        left, server.disconnected = server.disconnected, lambda program: (left(program), ear.poke())  # type: ignore[method-assign, assignment, func-returns-value]
         await ear.until(lambda: server.programs == 0)
         ear.bus.send(Frame(0x200))
         await ear.until(lambda: ear.states != [])

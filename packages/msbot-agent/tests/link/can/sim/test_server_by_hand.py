@@ -167,11 +167,11 @@ async def test_every_frame_is_told_with_its_own_time_also_the_same_one_again() -
 @virtually
 async def test_a_frame_is_encoded_once_for_all_that_hear_it() -> None:
     server = serve()
-    octets = server.heard(FRAME, 1.0)
+    octets = server.encode_received(FRAME, 1.0)
     assert octets == encode(BusFrame(FRAME, 0, 1.0))
-    assert server.heard(FRAME, 1.0) is octets
-    assert server.heard(FRAME, 2.0) == encode(BusFrame(FRAME, 0, 2.0))
-    assert server.heard(Frame(0x124), 2.0) == encode(BusFrame(Frame(0x124), 0, 2.0))
+    assert server.encode_received(FRAME, 1.0) is octets
+    assert server.encode_received(FRAME, 2.0) == encode(BusFrame(FRAME, 0, 2.0))
+    assert server.encode_received(Frame(0x124), 2.0) == encode(BusFrame(Frame(0x124), 0, 2.0))
 
 
 @virtually

@@ -41,7 +41,7 @@ def join(address: str, fingerprint: str | None) -> None:
         raise ConfigError("this is no API token: it is one word like msbot_..., from the page Admin of that robot")
     status, me = ask_one(RemoteAccess(where, token, "", "", certificate), _look, PATIENCE_S)
     access = RemoteAccess(where, token, str(status.get("robot")), str(status.get("serial_number")), certificate)
-    book.keep(access)
+    book.add(access)
     click.echo(
         f"{access.robot} {access.serial_number} at {where} is in the class as {me.get('name')} ({me.get('role')})"
     )

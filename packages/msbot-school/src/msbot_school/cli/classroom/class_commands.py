@@ -76,12 +76,12 @@ def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> Non
         return
     width, version, mark = (
         max(len(text) for text in texts)
-        for texts in zip(*((robot.words, robot.version, robot.blueprint) for robot in robots), strict=True)
+        for texts in zip(*((robot.describe, robot.version, robot.blueprint) for robot in robots), strict=True)
     )
     for robot in robots:
         page = "" if robot.far is not None else robot.page
         other = f"  MsBOT {robot.msbot}" if robot.msbot not in ("", own_version()) else ""
-        words_of = f"{robot.words:{width}}  {robot.version:{version}}  {robot.blueprint:{mark}}  {robot.state}"
+        words_of = f"{robot.describe:{width}}  {robot.version:{version}}  {robot.blueprint:{mark}}  {robot.state}"
         words_of += f"  STOP group {robot.stop_group}" if robot.stop_group else ""
         click.echo(f"{words_of}{other}  {page}".rstrip())
     click.echo(_sum(robots))
@@ -168,7 +168,7 @@ def stop(reason: str, db: str | None, *, as_json: bool, stop_group: str | None) 
     not_stopped = [f"{one.get('robot')} {one.get('serial_number')}" for one in answers if not one.get("stopped")]
     # What needs the database comes after STOP: it may be slow, or away.
     elsewhere = [
-        robot.words
+        robot.describe
         for robot in _stored_robots(db)
         if not group and robot.runs_elsewhere and (robot.name, robot.serial_number) not in told
     ]
@@ -292,7 +292,7 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
     for plan in plans:
         changes = "; ".join(plan.changes[:MOST_CHANGES])
         more = f"; and {len(plan.changes) - MOST_CHANGES} more" if len(plan.changes) > MOST_CHANGES else ""
-        click.echo(f"{plan.robot.words}: {plan.obstacle or changes + more or 'nothing to change'}")
+        click.echo(f"{plan.robot.describe}: {plan.obstacle or changes + more or 'nothing to change'}")
     to_change = [plan for plan in plans if plan.changes]
     failed = sum(bool(plan.obstacle) for plan in plans)
     if to_change and not yes and not agreed():
@@ -305,7 +305,7 @@ def roll_out(blueprint: Path, words: tuple[str, ...], folders: tuple[Path, ...],
         is_done = step.state is StepState.CHANGED
         failed += not is_done
         done = step.words if is_done else f"NOT changed, as far as is known: {step.words}"
-        click.echo(f"[{number + 1}/{len(to_change)}] {plan.robot.words}: {done}")
+        click.echo(f"[{number + 1}/{len(to_change)}] {plan.robot.describe}: {done}")
     if failed:
         raise ConfigError(
             f"{failed} of {amount(len(plans), 'robot')} {'was' if failed == 1 else 'were'} not changed; "

@@ -304,7 +304,7 @@ async def _main(
 
         script = ScriptRun(options.script, robot, undo, notes.add)
         with _logging(robot, options.log):
-            beside: list[Coroutine[object, object, None]] = world.beside(operations)
+            beside: list[Coroutine[object, object, None]] = world.coroutines(operations)
             desk = make_lesson_controller(operations, options.lessons, robot, options.world.world or "")
             room: RobotPages | None = None
 
@@ -344,7 +344,7 @@ async def _main(
                 robot.master.inventory.on_event(log_event)
             stop = StopSocket(robot.master, lambda: _details(robot, operations, address, page_address()))
             beside.append(stop.run())
-            beside.extend(recording.beside(robot.master, operations))
+            beside.extend(recording.coroutines(robot.master, operations))
             faults = FaultLab(operations, parts=robot, bus=robot.bus_driver)
             beside += [faults.run(), MissionLab(operations, faults).run()]
             beside += [desk.run(), _begin(desk, robot, options, notes)]

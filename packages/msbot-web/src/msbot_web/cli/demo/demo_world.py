@@ -62,10 +62,10 @@ class DemoWorld:
             at = address(wishes.share, "--share-world 7600")
             self._server = ArenaServer(self.living, *at, password=password, say=say)
 
-    def beside(self, operations: InProcessOperations) -> list[Coroutine[object, object, None]]:
+    def coroutines(self, operations: InProcessOperations) -> list[Coroutine[object, object, None]]:
         """What must run beside the robot, whose operations get to know the world."""
         if self.living is not None:
-            operations.worlds.use(self.living)
+            operations.worlds.attach(self.living)
         return [] if self._server is None else [self._server.run(), self._greet(self._server)]
 
     async def _greet(self, server: ArenaServer) -> None:

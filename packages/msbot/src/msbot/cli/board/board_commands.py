@@ -404,7 +404,7 @@ def carry_out(board: Board, facts: BoardFacts, plan: Plan, progress: Callable[[i
 
 
 def _check_room(board: Board, facts: BoardFacts, plan: Plan) -> None:
-    room = board.free(facts.home)
+    room = board.free_space(facts.home)
     if room is None:
         return
     free, block = room

@@ -228,7 +228,7 @@ class Board:
         home = home.rstrip("/")
         return BoardFacts(_short(machine), tuple(version), mpy_version, lib[0] if lib else f"{home}/lib", home)
 
-    def free(self, folder: str) -> tuple[int, int] | None:
+    def free_space(self, folder: str) -> tuple[int, int] | None:
         """Octets that are free in the file system of a folder, and the size of its blocks; None if it cannot tell."""
         found = self._value(_ROOM.format(folder=folder or "/"), is_room)
         return None if found is None else (found[FREE_BLOCKS] * (found[1] or found[0]), found[1] or found[0])

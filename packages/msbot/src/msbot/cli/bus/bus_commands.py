@@ -312,7 +312,7 @@ def decode_log(
     """
     reader = FrameReader()
     for line in reader.read(name):
-        for text in told_lines(line, listener.hear(line.frame, line.at or 0.0), manner):
+        for text in told_lines(line, listener.explain_frame(line.frame, line.at or 0.0), manner):
             say(text)
     tell_unknown(listener, manner, complain)
     reader.tell(name, complain)

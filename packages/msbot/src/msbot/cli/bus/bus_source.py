@@ -159,7 +159,7 @@ class RobotOnBus:
     types: dict[str, MessageType] = field(default_factory=dict)
     """By name."""
 
-    def know(self, node: Hashable, object_id: int) -> KnownObject | None:
+    def learn_object(self, node: Hashable, object_id: int) -> KnownObject | None:
         """An object of the client at a node."""
         return self.objects.get((node, object_id))
 

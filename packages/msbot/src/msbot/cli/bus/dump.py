@@ -134,7 +134,9 @@ class Dump:
         if self._understanding is None:
             self._early.append(line)
             return
-        words = self._understanding.listener.hear(line.frame, line.at or 0.0) if self._wishes.decode else _NO_WORDS
+        words = (
+            self._understanding.listener.explain_frame(line.frame, line.at or 0.0) if self._wishes.decode else _NO_WORDS
+        )
         if not wanted(line.frame, self._wishes.filters):
             return
         self._shown += 1

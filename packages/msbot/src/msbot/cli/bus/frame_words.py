@@ -94,7 +94,7 @@ def listener_for(library: Library | None, *, legacy: bool, robot: RobotOnBus | N
         return types[type_name].units if type_name in types else {}
 
     classes = map(message_class, types.values())
-    know = None if robot is None else robot.know
+    know = None if robot is None else robot.learn_object
     return FrameListener(SessionListener((*KNOWN_TYPES, *classes), know=know, units=units), legacy=legacy)
 
 

@@ -55,7 +55,7 @@ class Bus:
         """Share of the time that the bus is busy, 1 = always."""
         return found.load(bitrate or self.bitrate, self.data_bitrate if self.fd else None)
 
-    def words(self) -> str:
+    def describe(self) -> str:
         """The bus in words."""
         rates = f"{self.bitrate / 1000:g} kbit/s"
         if self.fd:
@@ -85,7 +85,7 @@ def _table(blueprint: Blueprint, found: Forecast, bus: Bus) -> list[str]:
         groups.setdefault(flow.group, []).append(flow)
     width = max(map(len, groups))
     lines = [
-        f"{blueprint.robot.name} with {amount(len(blueprint.slots), 'part')} on {bus.words()}, "
+        f"{blueprint.robot.name} with {amount(len(blueprint.slots), 'part')} on {bus.describe()}, "
         f"{'with' if bus.compression else 'without'} header compression",
         "",
         f"{''.ljust(width)}  messages/s  frames/s    bits/s    load",

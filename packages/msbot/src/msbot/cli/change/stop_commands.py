@@ -71,7 +71,7 @@ class StopAnswers:
     silent: list[SilentMaster]
 
     @property
-    def waits(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether STOP holds at a part that has not confirmed it."""
         return any(answer["stopped"] and answer["not_confirmed"] for answer in self.answers)
 
@@ -254,7 +254,7 @@ def command(
     said = say_stop(meant, reason)
     reached = said
     until = time.monotonic() + PATIENCE_S
-    while reached.waits and time.monotonic() < until:
+    while reached.is_waiting and time.monotonic() < until:
         time.sleep(LOOK_S)
         reached = stop_status(meant)
     if as_json:

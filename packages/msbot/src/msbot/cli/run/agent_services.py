@@ -196,7 +196,7 @@ class RecordingService(AgentService[RecordedFile]):
         self._running = AgentRecording(wanted)
         return self._running.space(space)
 
-    def beside(self, wanted: RecordedFile, context: AgentContext) -> Iterable[Beside]:  # noqa: ARG002 - the recorder has it
+    def coroutines(self, wanted: RecordedFile, context: AgentContext) -> Iterable[Beside]:  # noqa: ARG002 - the recorder has it
         """The recorder."""
         assert self._running is not None
         (link,) = context.links

@@ -71,7 +71,7 @@ def host_command(
         return
     if check:
         for part in parts:
-            words = "simulated" if part.wiring is None else part.wiring.words()
+            words = "simulated" if part.wiring is None else part.wiring.describe()
             click.echo(f"{part.name}: {part.part_type.name} ({part.number}), {words}")
         return
 
@@ -89,7 +89,7 @@ def host_command(
 
 
 def _as_json(part: HostedPart) -> dict[str, object]:
-    wiring = None if part.wiring is None else part.wiring.words()
+    wiring = None if part.wiring is None else part.wiring.describe()
     return {"name": part.name, "part_number": part.number, "type": part.part_type.name, "wiring": wiring}
 
 

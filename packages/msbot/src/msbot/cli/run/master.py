@@ -237,7 +237,7 @@ def _wait_for_turn(
 ) -> MasterLease:
     """Wait until no other master serves the robot; whatever takes time to load is loaded before."""
     for service in services:
-        service.prepare()
+        service.preload()
     robot = registry.robots.find(blueprint) or registry.robots.apply_blueprint(blueprint, library)
     return registry.runs.wait_for_lease(robot, click.echo)
 
@@ -312,7 +312,7 @@ async def _main(  # noqa: PLR0917
             beside.append(wishes.bigger.make(master).run())
         context = MasterContext(master, operations, library, registry, robot, db, links, where, click.echo)
         for service in wishes.services:
-            beside += service.beside(context)
+            beside += service.coroutines(context)
         beside += metrics_beside(
             wishes.metrics_port,
             master.agent,
@@ -339,7 +339,7 @@ async def _main(  # noqa: PLR0917
         )
         await run_until_signal(
             _serve(master, lease),
-            beside=[stop.run(), status.run(), *recording.beside(master, operations), *beside],
+            beside=[stop.run(), status.run(), *recording.coroutines(master, operations), *beside],
             ready=master.ready,
             say=greet,
         )

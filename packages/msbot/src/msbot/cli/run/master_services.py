@@ -152,7 +152,7 @@ class AgentMetrics(CommandService[int, AgentContext]):
         port: int | None = given["metrics_port"]
         return port
 
-    def beside(self, wanted: int, context: AgentContext) -> Iterable[Beside]:
+    def coroutines(self, wanted: int, context: AgentContext) -> Iterable[Beside]:
         """What serves the figures."""
         return metrics_beside(wanted, context.agent, context.say)
 
@@ -217,7 +217,7 @@ class RobotRecording:
         """The space for the robot."""
         return space if self._recorder is None else self._recorder.space(space)
 
-    def beside(self, master: Master, operations: InProcessOperations) -> list[Coroutine[object, object, None]]:
+    def coroutines(self, master: Master, operations: InProcessOperations) -> list[Coroutine[object, object, None]]:
         """Begin to listen to the robot; what must run beside it."""
         if self._recorder is None:
             return []
@@ -227,7 +227,7 @@ class RobotRecording:
 
         process = RecorderProcess(self._recorder, self._folder, RingLimits(self._wish.seconds, self._wish.octets))
         self._recorder.watch(master, operations)
-        operations.recording.use(process)
+        operations.recording.attach(process)
         if self._wish.file is not None:
             process.record(self._wish.file.absolute(), as_bag=self._wish.is_bag)
         return [run_recorder(process), keep_measuring(master.agent, master.inventory.view, self._recorder.measured)]

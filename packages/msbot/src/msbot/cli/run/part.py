@@ -167,7 +167,7 @@ def _run_real(
         return unit, unit.run(lambda: connect(unit.part, link))
 
     if not quiet:
-        click.echo(f"{part_type.name}: {wiring.words() or 'this computer'}")
+        click.echo(f"{part_type.name}: {wiring.describe() or 'this computer'}")
     try:
         run_until_told(make, quiet=quiet)
     finally:
@@ -238,10 +238,10 @@ class PartConsole:
         self._readings: dict[str, Reading] = {} if spec is None else {entry.name: entry for entry in spec.readings}
         part = simulated.part
         part.on_join(self._listen)
-        part.on_lost(self.look)
-        part.every(LOOK_S)(self.look)
+        part.on_lost(self.print_changes)
+        part.every(LOOK_S)(self.print_changes)
 
-    def look(self) -> None:
+    def print_changes(self) -> None:
         """Print which readings have changed."""
         readings = self._simulated.readings()
         changed = {name: value for name, value in readings.items() if self._is_news(name, value)}
@@ -258,7 +258,7 @@ class PartConsole:
             apply_settings(self._simulated, [line.strip()])
         except ConfigError as error:
             self._say(str(error))
-        self.look()
+        self.print_changes()
 
     def _is_news(self, name: str, value: Scalar) -> bool:
         before = self._said.get(name)
@@ -292,9 +292,9 @@ class PartConsole:
         typed = os.read(self._source.fileno(), MOST_TYPED).decode(errors="replace")
         if not typed:
             asyncio.get_running_loop().remove_reader(self._source)
-        self.take(typed)
+        self.execute_lines(typed)
 
-    def take(self, typed: str) -> None:
+    def execute_lines(self, typed: str) -> None:
         """Do what each line says that is whole now."""
         *lines, self._unfinished = (self._unfinished + typed).split("\n")
         for line in lines:

@@ -21,7 +21,7 @@ class Rate:
     """Messages that this is about."""
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """Two lines, as `ros2 topic hz` has them."""
         spread = f"min: {self.least_s:.3f}s max: {self.most_s:.3f}s std dev: {self.deviation_s:.5f}s"
         return f"average rate: {self.hz:.3f}\n\t{spread} window: {self.window}"
@@ -48,7 +48,7 @@ class Bandwidth:
     window: int
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """Two lines, as `ros2 topic bw` has them."""
         sizes = f"mean: {_octets(self.mean)} min: {_octets(self.least)} max: {_octets(self.most)}"
         return f"{_octets(self.octets_per_s)}/s from {self.window} messages\n\tMessage size {sizes}"

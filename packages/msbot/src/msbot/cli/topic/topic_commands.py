@@ -248,7 +248,7 @@ def hz(
 
     def report(seen: MessageWindow, _now: float) -> str | None:
         rate = seen.rate
-        return None if rate is None else json.dumps(rate.as_json()) if as_json else rate.words
+        return None if rate is None else json.dumps(rate.as_json()) if as_json else rate.describe
 
     _reports(RobotTopics(db, robot), topic, type_name, report, window=window, count=count)
 
@@ -272,7 +272,7 @@ def bw(
 
     def report(seen: MessageWindow, now: float) -> str | None:
         found = seen.bandwidth(now)
-        return None if found is None else json.dumps(found.as_json()) if as_json else found.words
+        return None if found is None else json.dumps(found.as_json()) if as_json else found.describe
 
     _reports(RobotTopics(db, robot), topic, type_name, report, window=window, count=count)
 

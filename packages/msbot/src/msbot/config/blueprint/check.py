@@ -94,7 +94,7 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
                 said(
                     'there is a slot "{name}" already on line {line}; give each slot a name of its own',
                     name=slot.name,
-                    line=first.place("name").line,
+                    line=first.location("name").line,
                 ),
                 "name",
             )

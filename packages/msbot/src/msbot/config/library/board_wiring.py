@@ -209,7 +209,7 @@ def _options(spec: DriverSpec, given: Mapping[str, str]) -> dict[str, Scalar]:
     for option in spec.options:
         text = given.get(option.name)
         value = option.default if text is None else option.kind.parse(text)
-        wrong = said("must be {wanted}", wanted=option.kind.words)
+        wrong = said("must be {wanted}", wanted=option.kind.describe)
         fault = wrong if value is None else option.fault(value)
         if value is None or fault is not None:
             raise ConfigError(said("option {name} {fault}", name=option.name, fault=fault))

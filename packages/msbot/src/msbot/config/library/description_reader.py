@@ -81,17 +81,17 @@ def _check_values(document: Document, problems: Problems) -> None:
     allowed = (*MAY_SAY, *TABLES)
     for key in document.values:
         if key not in allowed:
-            problems.add(document.place((key,)), f"a part may not say this of itself; it may say {quoted(allowed)}")
+            problems.add(document.location((key,)), f"a part may not say this of itself; it may say {quoted(allowed)}")
     for path, value in _scalars((), document.values):
         match value:
             case str() if not value.isprintable():
-                problems.add(document.place(path), f"{value[:40]!r} contains a character that cannot be printed")
+                problems.add(document.location(path), f"{value[:40]!r} contains a character that cannot be printed")
             case float() if not math.isfinite(value):
-                problems.add(document.place(path), f"must be a finite number; it is {value}")
+                problems.add(document.location(path), f"must be a finite number; it is {value}")
             case bool() | float() | str():
                 pass
             case int() if not -_MOST_WHOLE <= value < _MOST_WHOLE:
-                problems.add(document.place(path), "is a number with more than 64 bits")
+                problems.add(document.location(path), "is a number with more than 64 bits")
 
 
 def _scalars(path: KeyPath, value: object) -> Iterator[tuple[KeyPath, object]]:

@@ -64,7 +64,7 @@ class ParameterKind(Enum):
     """A part that is wired to this one, and how (see `board_wiring`); a type with such a parameter is a board."""
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The kind in a sentence: "must be ..."."""
         words = {"bool": said("true or false"), "int": said("a whole number"), "float": said("a number")}
         return words.get(self.value, said("text in quotes"))
@@ -149,7 +149,7 @@ class Parameter:
         if not self.kind.takes(value):
             return said(
                 "must be {wanted}, for example {example!r}; it is {kind}",
-                wanted=self.kind.words,
+                wanted=self.kind.describe,
                 example=scalar_text(self.default),
                 kind=toml_value_in_words(value),
             )

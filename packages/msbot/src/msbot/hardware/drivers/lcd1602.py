@@ -32,7 +32,7 @@ class Lcd1602(I2cDriver):
         self.machine.wait(CLEAR_S)
         self._shown = [" " * COLUMNS] * ROWS
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Both rows, and whether the backlight is on."""
         rows = [*str(values["screen"]).split("\n"), "", ""][:ROWS]
         return tuple(row.ljust(COLUMNS)[:COLUMNS] for row in rows), bool(values["lit"])

@@ -25,7 +25,7 @@ class Servo(PinDriver):
         """Take the pin; there are no pulses yet."""
         self._output = self.device("PWMOutputDevice", self.wiring.pins["pwm"], initial_value=0, frequency=1 / FRAME_S)
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """The width of the pulse in ms."""
         return self.pulse_ms(float(values["arm"]) / 180)
 
@@ -45,7 +45,7 @@ class Gripper(Servo):
 
     unknown_ports = ("holding",)
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """The width of the pulse in ms: the shortest closes."""
         return self.pulse_ms(float(values["opening"]) / (float(values["width"]) or 1.0))
 
@@ -73,7 +73,7 @@ class TwoMotors(PinDriver):
                 enable.off()
         super().close()
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Power of both, -1 to 1."""
         return tuple(_signed_share(float(values[name])) for name in ("left_motor", "right_motor"))
 
@@ -124,7 +124,7 @@ class Stepper(PinDriver):
             self._thread.join(1.0)
         super().close()
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Turns per minute."""
         return round(float(values["turning"]), 3)
 

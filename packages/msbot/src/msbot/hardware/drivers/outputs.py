@@ -24,7 +24,7 @@ class DimmedOutput(PinDriver):
             frequency=options.number("frequency_hz"),
         )
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Share of full power, 0 to 1."""
         return share(values[self.source])
 
@@ -52,7 +52,7 @@ class Relay(PinDriver):
             "DigitalOutputDevice", self.wiring.pins["s"], active_high=active_high, initial_value=False
         )
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Whether it is on."""
         return bool(values[self.source])
 
@@ -101,7 +101,7 @@ class ColourLamp(PinDriver):
             initial_value=(0, 0, 0),
         )
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Three shares, 0 to 1."""
         return tuple(round(share(values[name], 255), 4) for name in ("red", "green", "blue"))
 
@@ -119,7 +119,7 @@ class Buzzer(PinDriver):
         """Take the pin; it is silent."""
         self._output = self.device("PWMOutputDevice", self.wiring.pins["s"], initial_value=0, frequency=440)
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """Frequency and duty cycle; 50 % is loudest."""
         hertz = float(values["hertz"])
         if hertz < LOWEST_HZ:

@@ -49,7 +49,7 @@ class Strip(Driver):
                 file.write(frame([(0, 0, 0)] * LAMPS))
             file.close()
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """How many lamps are on, and their colour."""
         colour = tuple(min(255, max(0, round(float(values[name])))) for name in ("red", "green", "blue"))
         return int(float(values["lamps_on"])), colour

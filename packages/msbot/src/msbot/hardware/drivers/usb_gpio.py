@@ -58,7 +58,7 @@ class UsbGpio8(Driver):
         levels = self._levels_now()
         return {f"pin_{pin}": bool(levels >> pin & 1) for pin in range(PINS)}
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """One bit for each output that is on."""
         return sum(bool(values[f"output_{pin}"]) << pin for pin in range(PINS))
 
@@ -91,7 +91,7 @@ class ThesisSwitch(UsbGpio8):
         measured: dict[str, Scalar] = {"gpio_3": bool(self._levels_now() >> 3 & 1)}
         return measured
 
-    def wanted(self, values: Values) -> object:
+    def outputs_for(self, values: Values) -> object:
         """One bit, or none before the first message."""
         text = str(values["output"])
         return 1 << int(text) if text.isdecimal() and int(text) < PINS else 0

@@ -221,7 +221,7 @@ class Client:
             number: object number, 0 to 0xFFE; None = the next free one of its kind.
         """
         entity = self._entities.add(variant, number)
-        self._connection.book()
+        self._connection.schedule_send()
         return entity
 
     def create_participant(self, name: str = "", *, domain: int = 0) -> Entity:
@@ -261,7 +261,7 @@ class Client:
         known = self._entities.remove(entity)
         if known and self._connection.is_open and entity.request_id:
             self._connection.session.delete(entity.object_id, STREAM_RELIABLE)
-            self._connection.book()
+            self._connection.schedule_send()
 
     def read(
         self, entity: Entity, *, stream_id: int = STREAM_RELIABLE, control: DeliveryControl | None = ENDLESS
@@ -276,7 +276,7 @@ class Client:
             control: how many samples, for how long and how fast; None = exactly one sample.
         """
         self._entities.want_read(entity, RunningRead(stream_id, control))
-        self._connection.book()
+        self._connection.schedule_send()
 
     @property
     def entities(self) -> list[Entity]:
@@ -293,7 +293,7 @@ class Client:
         await self._connection.news.until(lambda: self._entities.all_answered, timeout_s, words)
         for entity in self._entities:
             if entity.refused and entity.status is not None:
-                words = f"the agent did not create {entity.words}: {status_words(entity.status)}"
+                words = f"the agent did not create {entity.describe}: {status_words(entity.status)}"
                 raise RequestError(words, entity.status)
 
     # Data
@@ -316,10 +316,10 @@ class Client:
             # Created in this turn: the creation must go out before the samples that use it.
             self._before_sending(self._connection.now())
             if not entity.request_id:
-                raise LinkFull(f"{entity.words} is not created yet: try again after `on_room`")
+                raise LinkFull(f"{entity.describe} is not created yet: try again after `on_room`")
         request_id = self._connection.session.write(entity.object_id, payload, stream_id)
         self.counters.samples_out += 1
-        self._connection.book()
+        self._connection.schedule_send()
         return request_id
 
     def reply(self, entity: Entity, identity: bytes, payload: bytes, *, stream_id: int = STREAM_RELIABLE) -> int:

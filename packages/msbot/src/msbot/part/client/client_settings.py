@@ -115,7 +115,7 @@ class PingAnswer:
 
 
 class WorkScheduler:
-    """Calls `work(now)` once per loop turn in which `book` was called, and when the timer is due."""
+    """Calls `work(now)` once per loop turn in which `schedule` was called, and when the timer is due."""
 
     def __init__(self, work: Callable[[float], None]) -> None:
         self._work = work
@@ -131,14 +131,14 @@ class WorkScheduler:
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Work from now on, in that loop."""
         self._loop = loop
-        self.book()
+        self.schedule()
 
     def cancel(self) -> None:
         """Stop working."""
         self._loop = None
         self._cancel_timer()
 
-    def book(self) -> None:
+    def schedule(self) -> None:
         """Have the work done in the next turn; does nothing before `start`."""
         if self._loop is not None and not self._booked:
             self._booked = True

@@ -82,7 +82,7 @@ class Watch:
         """There is no session to watch."""
         self._due_at = None
 
-    def heard(self, now: float) -> None:
+    def agent_heard(self, now: float) -> None:
         """The agent sent something in this session; does nothing while off."""
         if self._due_at is not None:
             self.start(now)
@@ -208,7 +208,7 @@ class Connection:
         loop = asyncio.get_running_loop()
         self._turn.start(loop)
         self.link.attach(
-            packet=self._packet_received, signal=self._signal_received, room=lambda _peer: self._turn.book()
+            packet=self._packet_received, signal=self._signal_received, room=lambda _peer: self._turn.schedule()
         )
         self._login(loop.time())
         try:
@@ -247,7 +247,7 @@ class Connection:
             self._goodbye_at = now + deliver_s
             if not deliver_s:
                 self._say_goodbye(now)
-        self._turn.book()
+        self._turn.schedule()
 
     def _say_goodbye(self, now: float) -> None:
         self._goodbye_at = None
@@ -267,7 +267,7 @@ class Connection:
         """Compare clocks with the agent."""
         self._offset = None
         self.session.sync_time()
-        self._turn.book()
+        self._turn.schedule()
         await self.news.until(lambda: self._offset is not None, timeout_s, "no answer to a time request")
         assert self._offset is not None
         return self._offset
@@ -275,7 +275,7 @@ class Connection:
     def check_agent(self) -> None:
         """Ping at once, and log in again if the agent does not know us or does not answer."""
         self._watch.check(self._turn.now())
-        self._turn.book()
+        self._turn.schedule()
 
     def lose(self, reason: str, now: float) -> None:
         """Give up the session and log in again."""
@@ -287,15 +287,15 @@ class Connection:
             self._login(now)
             return
         self._goodbye_at, self._close_at = None, now  # there is nobody left to say goodbye to
-        self._turn.book()
+        self._turn.schedule()
 
     def now(self) -> float:
         """The loop's time."""
         return self._turn.now()
 
-    def book(self) -> None:
+    def schedule_send(self) -> None:
         """Something was queued in the session: send it in the next loop turn."""
-        self._turn.book()
+        self._turn.schedule()
 
     async def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
         while True:
@@ -332,7 +332,7 @@ class Connection:
             self._lost_at = now + self.settings.lost_after_s
         self.session = self._new_session()
         self.session.connect(now)
-        self._turn.book()
+        self._turn.schedule()
 
     def _set_state(self, state: ConnectionState, reason: str) -> None:
         changed = state is not self.state
@@ -357,9 +357,9 @@ class Connection:
             return
         if self.session.last_heard == now:
             # Also an ACKNACK or a HEARTBEAT: an agent that does not know the session answers nothing but pings.
-            self._watch.heard(now)
+            self._watch.agent_heard(now)
         self._take_events(now)
-        self._turn.book()
+        self._turn.schedule()
 
     def _take_events(self, now: float) -> None:
         session = self.session
@@ -409,14 +409,14 @@ class Connection:
             # Acted on in the next turn: a link that is closed because we are ending says so, too, and then there is no
             # next turn.
             self._gone = reason
-            self._turn.book()
+            self._turn.schedule()
         elif signal in _COMES_UP and self.state is not ConnectionState.CONNECTED:
             self._login(now)
         self._on_signal(signal, peer, reason, now)
 
     def _send_ping(self, now: float) -> None:
         self.session.ping(now)
-        self._turn.book()
+        self._turn.schedule()
 
     def _flush(self, now: float) -> None:
         """Once per loop turn, and when the timer says so: do what is due, send what is queued."""

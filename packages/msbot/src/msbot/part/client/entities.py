@@ -54,7 +54,7 @@ class Entity:
         return self.status is not None and self.status >= Status.ERR_DDS_ERROR
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """What it is, for messages to a person: `datawriter 0x0015`."""
         return f"{ObjectKind(self.variant.kind).name.lower()} 0x{self.object_id:04X}"
 
@@ -92,7 +92,7 @@ class EntityTable:
             raise LocalProtocolError(f"object number {number} is out of range: choose 0 to {_LAST_NUMBER}")
         entity = Entity(make_object_id(number, variant.kind), variant)
         if entity.object_id in self._entities:
-            raise LocalProtocolError(f"{entity.words} exists already: delete it first or choose another number")
+            raise LocalProtocolError(f"{entity.describe} exists already: delete it first or choose another number")
         self._entities[entity.object_id] = entity
         self._settled = False
         return entity

@@ -391,7 +391,7 @@ class Membership:
         elif not challenge.sealed and (plain := self._prove(challenge.nonce)) is not None:
             answer = pnp_messages.Proof(proof=plain)
         else:
-            words = f"{Refusal.KEY_NEEDED.words}: give it its key with --key or ${KEY_VARIABLE}"
+            words = f"{Refusal.KEY_NEEDED.describe}: give it its key with --key or ${KEY_VARIABLE}"
             self.joining.verdict_given(0, 0.0, words, self._turn.now())
             return
         self._send(answer.encode(), STREAM_RELIABLE)
@@ -408,6 +408,6 @@ class Membership:
 
 def _refusal_words(code: int) -> str:
     try:
-        return Refusal(code).words
+        return Refusal(code).describe
     except ValueError:
         return f"refused for reason {code}, which this version does not know"

@@ -21,7 +21,7 @@ class Refusal(IntEnum):
     REPLAYED = 11
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The reason in plain words, without naming the part; the same at the part and at the master."""
         return _REFUSALS[self]
 
@@ -32,7 +32,7 @@ STANDBY = "standby"
 
 def displayed_state(state: str, reason: str) -> str:
     """How a part calls its state when it tells people: refused with that reason, it may be a spare that waits."""
-    return STANDBY if state == "refused" and reason == Refusal.NO_SLOT.words else state
+    return STANDBY if state == "refused" and reason == Refusal.NO_SLOT.describe else state
 
 
 _REFUSALS = {

@@ -74,7 +74,7 @@ class ReliableSendQueue:
         self._write = write
         self._waiting: deque[bytes] = deque(maxlen=MOST_WAITING)
 
-    def say(self, octets: bytes) -> None:
+    def send(self, octets: bytes) -> None:
         """Send, in order, now or when there is room."""
         self._waiting.append(octets)
         self.go_on()
@@ -195,7 +195,7 @@ class RemoteAgentsService:
             return
         reply = guid + _NOBODYS_REQUEST + octets
         if ways is self._in_order or len(octets) > LONGEST_BEST_EFFORT:
-            self._sayings.say(reply)
+            self._sayings.send(reply)
             return
         try:
             self._client.write(self._replier, reply, stream_id=STREAM_BEST_EFFORT)
@@ -216,7 +216,7 @@ class RemoteAgentsService:
 
     def stop_number(self) -> tuple[int, bool]:
         """The latest STOP, and whether it holds."""
-        return self._emergency_stop.number, self._emergency_stop.holds
+        return self._emergency_stop.stop_number, self._emergency_stop.holds
 
     def say(self, words: str) -> None:
         """Tell people."""

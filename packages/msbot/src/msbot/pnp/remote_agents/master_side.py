@@ -386,7 +386,7 @@ class MasterSide:
         session = agent.sessions.pop(number, None)
         if session is not None:
             del self._places[session.client.key]
-            self._access.left(session.client, reason)
+            self._access.session_ended(session.client, reason)
             self._topics_changed(agent)
         self._around.send(agent.key, Forgotten(number=number))
 
@@ -395,7 +395,7 @@ class MasterSide:
         for session in sessions.values():
             del self._places[session.client.key]
         for session in sessions.values():
-            self._access.left(session.client, reason)
+            self._access.session_ended(session.client, reason)
         self._topics_changed(agent)
 
     def _say_rights(self, agent: _Agent, number: int) -> None:

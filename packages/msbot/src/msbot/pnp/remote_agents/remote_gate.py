@@ -70,7 +70,7 @@ class AgentHooks(Protocol):
     def welcome(self, profile: Profile) -> None:
         """The master says which robot this is."""
 
-    def gone(self, client_key: int) -> None:
+    def session_ended(self, client_key: int) -> None:
         """A client's session has ended."""
 
     def close(self, client_key: int, reason: str) -> None:
@@ -217,7 +217,7 @@ class RemoteGate:
             self._void(session)
         self._around.send(session.as_message())
 
-    def left(self, client: ClientInfo, reason: str) -> None:
+    def session_ended(self, client: ClientInfo, reason: str) -> None:
         """The session has ended; if its own client is reopening it, the part keeps its slot."""
         if reason.startswith(REPLACED):
             return
@@ -225,7 +225,7 @@ class RemoteGate:
         if session is None:
             return
         del self._by_number[session.number]
-        self._around.gone(client.key)
+        self._around.session_ended(client.key)
         self._void(session)
         if len(self._ended) >= MOST_ENDED:
             del self._ended[next(iter(self._ended))]

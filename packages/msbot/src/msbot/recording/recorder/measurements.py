@@ -36,7 +36,7 @@ class Beats:
         self._beats: dict[int, tuple[int, float]] = {}
         """By client key: beats counted so far, and when the latest came."""
 
-    def look(self, infos: Iterable[PartInfo], now: float) -> Iterator[tuple[str, float, float]]:
+    def sample(self, infos: Iterable[PartInfo], now: float) -> Iterator[tuple[str, float, float]]:
         """(slot, when the latest beat came, seconds between the beats since the last look), for each slot with news."""
         seen: dict[int, tuple[int, float]] = {}
         for info in infos:
@@ -77,10 +77,10 @@ class Acks:
         self._agent = agent
         self._acknowledgements = Acknowledgements()
 
-    def look(self, infos: Iterable[PartInfo]) -> Iterator[tuple[str, float]]:
+    def sample(self, infos: Iterable[PartInfo]) -> Iterator[tuple[str, float]]:
         """(slot, milliseconds) for each slot with news since the last look."""
         slots = {info.client_key: info.slot for info in infos if info.slot and info.state.is_registered}
-        for key, seconds in self._acknowledgements.look(self._agent.latency.acknowledgements()):
+        for key, seconds in self._acknowledgements.newest(self._agent.latency.acknowledgements()):
             if key in slots:
                 yield slots[key], seconds * 1e3
 
@@ -105,5 +105,7 @@ async def keep_measuring(
             await asyncio.sleep(LOOK_S)
             now = loop.time()
             infos = view(now)
-            measured = Measured(lateness.take_ms(), latency.take_ms(), [*beats.look(infos, now)], [*acks.look(infos)])
+            measured = Measured(
+                lateness.take_ms(), latency.take_ms(), [*beats.sample(infos, now)], [*acks.sample(infos)]
+            )
             tell(measured, infos)

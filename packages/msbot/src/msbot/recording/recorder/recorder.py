@@ -277,7 +277,9 @@ class Recorder:
                 held = self._master.inventory.configuration_of(info.client_key)
                 self._slot(held, info.part_number, info.local_name, info.nature.word)
         if self._operations is not None:
-            shown = shown_words(self._operations.by_hand.said(), self._operations.faults.told, blueprint)
+            shown = shown_words(
+                self._operations.by_hand.sent_values(), self._operations.faults.visible_faults, blueprint
+            )
             if shown != self._shown:
                 self._shown = shown
                 self._state(SHOWN, "shown", shown)

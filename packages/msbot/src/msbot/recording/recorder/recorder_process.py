@@ -140,7 +140,7 @@ class RecorderProcess:
             self.hand_over()
         return file
 
-    async def ended(self, file: str) -> Sequence[str] | None:
+    async def wait_until_complete(self, file: str) -> Sequence[str] | None:
         """Wait until a file that `end_record` named is complete.
 
         Returns:

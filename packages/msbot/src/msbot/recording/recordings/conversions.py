@@ -35,7 +35,7 @@ class RosView:
         self._topics = BagTopics()
         self._found: dict[ChannelKey, tuple[BagTopic, Schema] | None] = {}
 
-    def shown(self, message: RecordedMessage) -> RecordedMessage | None:
+    def to_ros(self, message: RecordedMessage) -> RecordedMessage | None:
         """The message in ROS 2; None: it is none, or a value of it does not fit there."""
         key = channel_key(message)
         if key not in self._found:

@@ -108,7 +108,7 @@ class _Copier:
         if to_ns is not None and message.at_ns > to_ns:
             return
         if self._ros is not None:
-            shown = self._ros.shown(message)
+            shown = self._ros.to_ros(message)
             if shown is None:
                 self._cut.left_out[message.topic] += 1
                 return

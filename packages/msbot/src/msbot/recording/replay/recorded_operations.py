@@ -33,7 +33,7 @@ class RecordedOperation:
     arguments: Mapping[str, object]
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The act as a person reads it."""
         words = [self.operation]
         for value in self.arguments.values():
@@ -262,4 +262,4 @@ def _names(stop: Mapping[str, object]) -> list[str]:
 
 
 def _misfit(act: RecordedOperation, error: str) -> ConfigError:
-    return ConfigError(f"what {act.who} did ({act.words}) does not fit this robot: {error}")
+    return ConfigError(f"what {act.who} did ({act.describe}) does not fit this robot: {error}")

@@ -152,7 +152,7 @@ class ReplayPlayer:
                     f"slot {slot} first, or put the replayed one there with `msbot swap {slot} --to {_uid(part)}`"
                 )
             if part.state is JoinState.REFUSED:
-                if part.reason not in [refusal.words for refusal in PASSING]:
+                if part.reason not in [refusal.describe for refusal in PASSING]:
                     return ConfigError(f"slot {slot}: the robot refuses part number {part.part_number}: {part.reason}")
                 self._warn_once(
                     slot,

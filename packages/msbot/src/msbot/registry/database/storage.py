@@ -211,7 +211,7 @@ class Storage:
         self._asked = 0
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """The database in words, without a password."""
         return self.address.words
 
@@ -231,7 +231,7 @@ class Storage:
             RegistryError: the database was opened for reading only.
         """
         if self._writer is None:
-            raise RegistryError(f"the database {self.words} was opened for reading only")
+            raise RegistryError(f"the database {self.describe} was opened for reading only")
         return self._writer
 
     def flush(self, timeout_s: float = 10.0) -> bool:
@@ -250,8 +250,8 @@ class Storage:
             RegistryError: it cannot be read.
         """
         if self._is_broken_off:
-            raise RegistryError(said("the database {database} {fault}", database=self.words, fault=_BROKEN_OFF))
-        with told_as_registry_error(self.words), self.engine.connect() as connection:
+            raise RegistryError(said("the database {database} {fault}", database=self.describe, fault=_BROKEN_OFF))
+        with told_as_registry_error(self.describe), self.engine.connect() as connection:
             return read(connection)
 
     def break_off(self, *, broken: bool) -> None:
@@ -293,7 +293,7 @@ class Storage:
             RegistryError: it cannot be written; nothing has changed.
         """
         engine = self.engine.execution_options(**{WRITE: True, WAIT_S: self.busy_timeout_s})
-        with told_as_registry_error(self.words):
+        with told_as_registry_error(self.describe):
             for _ in range(STOOD_STILL):
                 try:
                     with engine.connect() as connection, connection.begin():
@@ -347,4 +347,4 @@ class Storage:
         return is_stored
 
     def _no_answer(self) -> str:
-        return self.health.trouble or f"the database {self.words} does not answer: try again in a moment"
+        return self.health.trouble or f"the database {self.describe} does not answer: try again in a moment"

@@ -236,7 +236,7 @@ class PartKeys:
         """
         return self._storage.read(partial(find_key, uid=uid))
 
-    def keep(self, uid: bytes, key: bytes, who: str) -> EditRecord:
+    def store(self, uid: bytes, key: bytes, who: str) -> EditRecord:
         """Give a part a key, replacing any earlier one.
 
         Raises:

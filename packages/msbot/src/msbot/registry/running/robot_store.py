@@ -74,7 +74,7 @@ class RobotStore:
         """(number, UID, slot) of those that it has not stored."""
         self._remembered: dict[str, str] = {}
         self._placed: dict[str, str] = {}
-        self.use(memory, 0)
+        self.load(memory, 0)
 
     def on_news(self, listener: Callable[[], object]) -> None:
         """See `Runs.on_news`."""
@@ -110,7 +110,7 @@ class RobotStore:
         """How many memories of parts the database has stored; for `use`."""
         return self._stored
 
-    def use(self, memory: StoredRobotSnapshot, stored: int) -> None:
+    def load(self, memory: StoredRobotSnapshot, stored: int) -> None:
         """Take over the present content of the database.
 
         Args:
@@ -263,7 +263,7 @@ class StoredNodeIds:
         self._memory = MemoryNodeIds()
         self._kept_ns = 0
         for node_id, uid, kept_ns in rows:
-            self._memory.keep(node_id, bytes.fromhex(uid))
+            self._memory.assign(node_id, bytes.fromhex(uid))
             self._kept_ns = kept_ns
 
     def find(self, uid: bytes) -> int | None:
@@ -274,9 +274,9 @@ class StoredNodeIds:
         """See `NodeIds.oldest_first`."""
         return self._memory.oldest_first()
 
-    def keep(self, node_id: int, uid: bytes) -> None:
-        """See `NodeIds.keep`."""
-        self._memory.keep(node_id, uid)
+    def assign(self, node_id: int, uid: bytes) -> None:
+        """See `NodeIds.assign`."""
+        self._memory.assign(node_id, uid)
         # A wall clock may jump back; the order of the addresses must not.
         kept_ns = self._kept_ns = max(self._epoch_ns(), self._kept_ns + 1)
         self._writer.put(

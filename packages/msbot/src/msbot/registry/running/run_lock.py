@@ -2,7 +2,7 @@
 
 The lock ends with the process, however that ends: for a database file it is SQLite's own lock on an empty file beside
 it, on a server it is an advisory lock of the session. A session also ends when the server restarts or the network is
-cut for long, and a file can be deleted by somebody who tidies up; `RunLock.keep` takes the lock anew.
+cut for long, and a file can be deleted by somebody who tidies up; `RunLock.renew` takes the lock anew.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class RunLock:
                 "stop that one, or give this one another --db and another port"
             )
 
-    def keep(self) -> bool:
+    def renew(self) -> bool:
         """Take the lock anew if its session has ended, or its file is gone; False: somebody else has it by now.
 
         Raises:

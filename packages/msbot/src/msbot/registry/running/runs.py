@@ -73,7 +73,7 @@ class Runs:
         memory = storage.write(begin)
         storage.runs_a_robot = True
         writer.watch(self._look, self._follow)
-        self._stores[robot.id] = RobotStore(writer, storage.words, robot, memory, storage.epoch_ns)
+        self._stores[robot.id] = RobotStore(writer, storage.describe, robot, memory, storage.epoch_ns)
         return self._stores[robot.id]
 
     def store(self, robot: RobotRecord) -> RobotStore:
@@ -140,7 +140,7 @@ class Runs:
 
         def take_over(is_late: bool) -> None:
             for one, memory, stored in read:
-                one.use(memory, stored)
+                one.load(memory, stored)
                 if is_late:
                     one.tell_news()
 
@@ -150,7 +150,7 @@ class Runs:
         lock = self._locks.get(robot_id)
         if not isinstance(lock, run_lock.RunLock):
             return  # a lease keeps itself
-        if lock.keep():
+        if lock.renew():
             if robot_id in self._contested:
                 _log.warning("this master alone runs %s again", robot.name)
             self._contested.discard(robot_id)
@@ -167,5 +167,5 @@ class Runs:
         for one in [*self._stores.values()]:
             if newest != one.newest_edit:
                 stored = one.stored
-                one.use(read_memory(connection, one.robot.id), stored)
+                one.load(read_memory(connection, one.robot.id), stored)
                 one.tell_news()

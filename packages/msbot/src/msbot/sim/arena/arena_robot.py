@@ -75,9 +75,9 @@ class ArenaRobot:
         self.pushed = (0.0, 0.0)
         """Acceleration in its own frame, m/s2, over the last reading."""
         self.velocity_before = (0.0, 0.0)
-        self.rest()
+        self.reset()
 
-    def rest(self) -> None:
+    def reset(self) -> None:
         """Go back to the start and stand still."""
         self.put(self.plan.start, self.plan.heading_deg)
 

@@ -203,7 +203,7 @@ class _RemotePart:
         self.does: dict[str, float] = {}
         self.seen: dict[str, Sensed] = {}
 
-    def doing(self) -> Mapping[str, float]:
+    def drive_values(self) -> Mapping[str, float]:
         return self.does
 
     def sense(self, values: Mapping[str, Sensed]) -> None:

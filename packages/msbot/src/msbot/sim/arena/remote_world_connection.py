@@ -101,7 +101,7 @@ class RemoteWorldConnection:
         """Say what the parts do, when it has changed."""
         said: dict[str, object] = {}
         while not writer.is_closing():
-            does: dict[str, object] = {slot: dict(part.doing()) for slot, (_, part) in self._parts.items()}
+            does: dict[str, object] = {slot: dict(part.drive_values()) for slot, (_, part) in self._parts.items()}
             changed = {slot: does[slot] for slot in does if does[slot] and said.get(slot) != does[slot]}
             if changed:
                 writer.write(to_line({"do": changed}))

@@ -31,7 +31,7 @@ Sensed = float | bool
 class WorldPart(Protocol):
     """A part in a world: in this process, or in another one."""
 
-    def doing(self) -> Mapping[str, float]:
+    def drive_values(self) -> Mapping[str, float]:
         """What it does now, by the words of `DRIVES`."""
 
     def sense(self, values: Mapping[str, Sensed]) -> None:
@@ -75,8 +75,8 @@ class SimulatedWorldPart:
         self._controls = {control.senses: control for control in controls if control.senses}
         self._drives = {reading.drives: reading.name for reading in readings if reading.drives}
 
-    def doing(self) -> Mapping[str, float]:
-        """See `WorldPart.doing`."""
+    def drive_values(self) -> Mapping[str, float]:
+        """See `WorldPart.drive_values`."""
         found = {}
         for quantity, reading in self._drives.items():
             value = self._simulated.source(reading)
@@ -241,7 +241,7 @@ class RunningArena:
     def _act(self) -> None:
         for (robot, slot), lodger in self._lodgers.items():
             if lodger.acts:
-                self.arena.drive(robot, slot, lodger.inhabitant.doing())
+                self.arena.drive(robot, slot, lodger.inhabitant.drive_values())
 
     def _see(self) -> None:
         for (robot, slot), lodger in self._lodgers.items():

@@ -67,13 +67,13 @@ class Channel(Protocol):
 class ChannelOwner(Protocol):
     """What a channel reports to; always called in the event loop's thread."""
 
-    def free(self) -> int:
+    def free_slots(self) -> int:
         """How many frames can be taken now; a channel may leave the rest where they are."""
 
     def take(self, frames: list[Frame], now: float) -> None:
         """Take frames that came in."""
 
-    def room(self, channel: Channel, now: float) -> None:
+    def room_available(self, channel: Channel, now: float) -> None:
         """A frame has left, or there is room again after `send` said no."""
 
     def state(self, channel: Channel, state: BusState, words: str, now: float) -> None:
@@ -230,7 +230,7 @@ class CanDriver:
 
     # What the channel calls (`ChannelOwner`).
 
-    def free(self) -> int:
+    def free_slots(self) -> int:
         """See `ChannelOwner`."""
         return self._ring_frames - len(self._ring)
 
@@ -246,13 +246,13 @@ class CanDriver:
             return
         if not self._ring:
             asyncio.get_running_loop().call_soon(self._work)
-        free = self.free()
+        free = self.free_slots()
         if len(frames) > free:
             self.dropped.count(RING_FULL, len(frames) - free)
             frames = frames[:free]
         self._ring.extend([(frame, now) for frame in frames])
 
-    def room(self, channel: Channel, now: float) -> None:
+    def room_available(self, channel: Channel, now: float) -> None:
         """See `ChannelOwner`."""
         if channel is not self._channel:
             return

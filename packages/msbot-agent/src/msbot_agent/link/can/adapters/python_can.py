@@ -210,7 +210,7 @@ class PythonCanChannel:
 
     def _read(self) -> None:
         frames: list[Frame] = []
-        most = min(FRAMES_AT_ONCE, self._owner.free())
+        most = min(FRAMES_AT_ONCE, self._owner.free_slots())
         try:
             while len(frames) < most and (message := self._bus.recv(0)) is not None:
                 if message.is_rx:
@@ -251,7 +251,7 @@ class PythonCanChannel:
     def _sent(self) -> None:
         self._in_flight -= 1
         if not self._stop.is_set():
-            self._owner.room(self, self._loop.time())
+            self._owner.room_available(self, self._loop.time())
 
     def _lose(self, words: str) -> None:
         if not self._stop.is_set():

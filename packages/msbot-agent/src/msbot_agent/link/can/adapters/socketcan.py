@@ -164,7 +164,7 @@ class SocketCanChannel:
 
     def _read(self) -> None:
         now = self._loop.time()
-        most = self._owner.free()
+        most = self._owner.free_slots()
         if not most:
             return  # the kernel keeps the rest, and counts what it cannot keep
         frames: list[Frame] = []
@@ -221,11 +221,11 @@ class SocketCanChannel:
     def _writable(self) -> None:
         self._is_writing = False
         self._loop.remove_writer(self._socket)
-        self._owner.room(self, self._loop.time())
+        self._owner.room_available(self, self._loop.time())
 
     def _try_again(self) -> None:
         self._again = None
-        self._owner.room(self, self._loop.time())
+        self._owner.room_available(self, self._loop.time())
 
     def _restart(self) -> None:
         """Have the kernel restart the controller, and report the resulting state."""

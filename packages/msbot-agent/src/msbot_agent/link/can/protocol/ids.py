@@ -216,7 +216,7 @@ class NodeIds(Protocol):
     def oldest_first(self) -> Sequence[int]:
         """The addresses that belong to a part, the one given or confirmed longest ago first."""
 
-    def keep(self, node_id: int, uid: bytes) -> None:
+    def assign(self, node_id: int, uid: bytes) -> None:
         """Give the address to that part from now on; a part that had it before has none."""
 
 
@@ -236,7 +236,7 @@ class MemoryNodeIds:
         """See `NodeIds`."""
         return tuple(self._uids)
 
-    def keep(self, node_id: int, uid: bytes) -> None:
+    def assign(self, node_id: int, uid: bytes) -> None:
         """See `NodeIds`."""
         former = self._uids.pop(node_id, None)
         if former is not None:

@@ -183,12 +183,12 @@ class MasterJoin:
             self._taken_back_at[node_id] = now
             self._outbox.append(assign_frame(Assign(NOBODY, node_id, self.epoch, 0), self.ids))
 
-    def spoke(self, node_id: int) -> None:
+    def claim_address(self, node_id: int) -> None:
         """A part has sent its first data since it joined: it owns the address from now on."""
         member = self.members[node_id]
         member.spoke = True
         if self.node_ids.find(member.uid) != node_id:
-            self.node_ids.keep(node_id, member.uid)
+            self.node_ids.assign(node_id, member.uid)
 
     def take_frames(self) -> list[Frame]:
         """The frames to be sent now."""
@@ -263,7 +263,7 @@ class MasterJoin:
         if member is not None and member.uid != uid:
             events.append(NodeEvicted(node_id, member.uid))
         if is_known:
-            self.node_ids.keep(node_id, uid)
+            self.node_ids.assign(node_id, uid)
         self.members[node_id] = JoinedPart(uid, use, heard_at)
         return [*events, NodeJoined(node_id, uid, use)]
 

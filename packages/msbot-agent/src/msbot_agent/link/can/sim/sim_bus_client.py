@@ -298,11 +298,11 @@ class SimBusChannel(asyncio.Protocol):
                 self._owner.take([message.frame], message.at)
             case FrameSent():
                 self._outstanding.discard(message.tag)
-                self._owner.room(self, message.at)
+                self._owner.room_available(self, message.at)
             case FrameRejected():
                 self._outstanding.discard(message.tag)
                 self._owner.events((message.words,), now)
-                self._owner.room(self, now)
+                self._owner.room_available(self, now)
             case StateTold():
                 if message.state is BusState.OFF:
                     self._outstanding.clear()
@@ -343,7 +343,7 @@ class LocalBusChannel:
         self._port: SimCanBus = self.driver.attach(node or "host")
         self._port.attach(
             frame=lambda frame, now: owner.take([frame], now),
-            room=lambda now: owner.room(self, now),
+            room=lambda now: owner.room_available(self, now),
             state=lambda state, words, now: owner.state(self, state, words, now),
         )
         self._serving: asyncio.Task[None] | None = None

@@ -134,7 +134,7 @@ class SimBusServer:
         self._programs.add(program)
         return True
 
-    def left(self, program: SimBusConnection) -> None:
+    def disconnected(self, program: SimBusConnection) -> None:
         """A program has gone."""
         self._programs.discard(program)
 
@@ -151,7 +151,7 @@ class SimBusServer:
             self._told.add(reason)
             _log.warning("simulated bus %s: dropped a program: %s (said once, counted from now on)", self.name, reason)
 
-    def heard(self, frame: Frame, at: float) -> bytes:
+    def encode_received(self, frame: Frame, at: float) -> bytes:
         """A received frame, encoded for every program."""
         last = self._encoded
         if last is not None and last[0] is frame and last[1] == at:
@@ -225,7 +225,7 @@ class SimBusConnection(asyncio.Protocol):
         if transport is not None:
             transport.close()
         server, port = self._server, self._port
-        server.left(self)
+        server.disconnected(self)
         if port is not None:
             self._port = None
             server.driver.remove(port)
@@ -278,7 +278,7 @@ class SimBusConnection(asyncio.Protocol):
             self._lost += 1
             self._server.counters.dropped.count(NOT_READ)
         else:
-            transport.write(self._server.heard(frame, now))
+            transport.write(self._server.encode_received(frame, now))
 
     def _overheard(self, at: float, _sender: str, frame: Frame) -> None:
         self._heard(frame, at)
