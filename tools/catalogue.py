@@ -96,7 +96,7 @@ def everything() -> dict[str, set[str]]:
 
 
 def texts_of_the_pages() -> set[str]:
-    """Every text that is handed to `say` as it stands, the titles of the menu and of the pages, and the help."""
+    """Every text that `translate` (or `say`, as functions call it) gets as it stands, titles of pages, and the help."""
     found = set()
     package = Path(str(msbot_web.__path__[0]))
     for path in (path for path in package.rglob("*.py") if not path.is_relative_to(package / "cli")):
@@ -104,7 +104,7 @@ def texts_of_the_pages() -> set[str]:
             if not isinstance(node, ast.Call):
                 continue
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if called == "say" and node.args:
+            if called in ("say", "translate") and node.args:
                 found |= _strings(node.args[0])
             elif called == "count" and len(node.args) > 2:
                 found |= {text for form in node.args[1:3] for text in _strings(form)}
@@ -116,7 +116,7 @@ def texts_of_the_pages() -> set[str]:
                 found |= _strings(node.args[0])
     found |= set(PART_SAYS)
     for path in (Path(str(msbot_web.__path__[0])) / "templates").glob("*.html"):
-        found |= set(re.findall(r'\bsay\("([^"]+)"', path.read_text()))
+        found |= set(re.findall(r'\b(?:say|translate)\("([^"]+)"', path.read_text()))
     return found
 
 

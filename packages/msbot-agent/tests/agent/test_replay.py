@@ -192,7 +192,7 @@ def test_discovery_answers_as_the_genuine_agent(name: str) -> None:
     answers = [line.packet for line in lines if not line.from_client]
     header = decode_header(answers[0])
     (info,) = iter_submessages(answers[0], header.size)
-    addresses = [locator.words.split(":")[0] for locator in getattr(info, "locators", ())]
+    addresses = [locator.describe.split(":")[0] for locator in getattr(info, "locators", ())]
     assert addresses
     assert {discovery_answer(question, lambda: addresses, 3018) for question in questions} == set(answers)
 

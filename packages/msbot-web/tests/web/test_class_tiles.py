@@ -9,7 +9,7 @@ from msbot_web.models.class_models import RobotTile
 from msbot_web.pages.classroom import _tile
 from msbot_web.pages.page import Page
 
-PAGE = cast("Page", SimpleNamespace(say=lambda words, **values: words.format(**values) if values else words))
+PAGE = cast("Page", SimpleNamespace(translate=lambda words, **values: words.format(**values) if values else words))
 
 
 def test_names_owners_events_and_addresses_are_escaped() -> None:

@@ -133,7 +133,7 @@ def test_what_a_lesson_tells_to_press_is_on_a_button_in_that_language(folder: st
     german = languages()["de"]
     english = set(
         re.findall(
-            r"\.say\(\s*\"([^\"]+)\"|\bsay\(\"([^\"]+)\"",
+            r"\.translate\(\s*\"([^\"]+)\"|\b(?:say|translate)\(\"([^\"]+)\"",
             "".join(file.read_text() for file in (Path(msbot_web.__file__).parent / "pages").glob("*.py")),
         )
     )

@@ -14,7 +14,9 @@ import pytest
 
 import msbot_web
 
-OURS = re.compile(r"""(self\._page\.|page\.|self\.)?say\((['"]).*\2\)|[A-Z_]+|'[\w-]+' if [\w.]+ else '[\w-]+'""")
+OURS = re.compile(
+    r"""(self\._page\.|page\.|self\.)?(?:say|translate)\((['"]).*\2\)|[A-Z_]+|'[\w-]+' if [\w.]+ else '[\w-]+'"""
+)
 """A sentence of ours, a constant, one of two words."""
 KNOWN = {("arena.py", "say(words)"), ("arena.py", "driven"), ("page_elements.py", "ending")}
 """What was looked at: it is written in the file itself."""

@@ -31,7 +31,7 @@ class Words(CommandService[str, list[str]]):
             raise ZeroDivisionError(text)
         return text
 
-    def beside(self, wanted: str, context: list[str]) -> Iterable[Beside]:
+    def coroutines(self, wanted: str, context: list[str]) -> Iterable[Beside]:
         if wanted == "late":
             raise ZeroDivisionError(wanted)
         context.append(wanted)

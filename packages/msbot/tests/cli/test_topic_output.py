@@ -70,8 +70,8 @@ def test_rates_are_of_the_newest_messages() -> None:
     rate, band = seen.rate, seen.bandwidth(11.0)
     assert rate is not None
     assert band is not None
-    assert rate.words == "average rate: 1.500\n\tmin: 0.500s max: 1.000s std dev: 0.23570s window: 4"
-    assert band.words == "400 B/s from 4 messages\n\tMessage size mean: 200 B min: 100 B max: 400 B"
+    assert rate.describe == "average rate: 1.500\n\tmin: 0.500s max: 1.000s std dev: 0.23570s window: 4"
+    assert band.describe == "400 B/s from 4 messages\n\tMessage size mean: 200 B min: 100 B max: 400 B"
     assert (rate.as_json()["hz"], band.as_json()["octets_per_s"]) == (1.5, 400.0)
 
 

@@ -196,7 +196,7 @@ class LessonController:
         self._ticked(begun, {who: [Ticked(found, run.author_of(check))]})
         return said("that is right, {who}", who=who)
 
-    def set_hand(self, who: str, *, up: bool) -> str:
+    def hand(self, who: str, *, up: bool) -> str:
         """See `LessonControl`.
 
         Raises:

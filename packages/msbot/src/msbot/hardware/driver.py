@@ -35,9 +35,9 @@ class Mount:
 class Driver:
     """Base of all drivers; one that reads has `sample`, one that switches has `outputs_for` and `drive`.
 
-    All but `outputs_for` are called in the thread of the bus and may block: `load_libraries` for long, the others for up
-    to a second. They raise HardwareFault with a sentence that says what to check. After a fault the driver is closed
-    and opened again until it works.
+    All but `outputs_for` are called in the thread of the bus and may block: `load_libraries` for long, the others for
+    up to a second. They raise HardwareFault with a sentence that says what to check. After a fault the driver is
+    closed and opened again until it works.
     """
 
     samples: ClassVar[bool] = False

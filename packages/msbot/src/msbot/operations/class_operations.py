@@ -255,7 +255,7 @@ class ClassControl:
         self._note(words, who)
         return Outcome(words)
 
-    def set_hand(self, down: bool, who: str) -> Outcome:
+    def hand(self, down: bool, who: str) -> Outcome:
         """Put one's hand up, or down; in a lesson, the lesson knows it, too.
 
         Raises:

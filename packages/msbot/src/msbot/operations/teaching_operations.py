@@ -29,7 +29,7 @@ class LessonControl(Protocol):
     def answer(self, check: str, answer: str, who: str) -> str:
         """Answer a question of the lesson."""
 
-    def set_hand(self, who: str, *, up: bool) -> str:
+    def hand(self, who: str, *, up: bool) -> str:
         """A person asks for help, or does not any more."""
 
     def as_json(self) -> Mapping[str, object]:
@@ -71,7 +71,7 @@ class Lessons:
         """Somebody's hand is up, or down: the lesson that runs knows it; empty: none runs."""
         if self._desk is None or self._desk.as_json().get("lesson") is None:
             return ""
-        return self._desk.set_hand(who, up=up)
+        return self._desk.hand(who, up=up)
 
     def lesson(self) -> Outcome:
         """The lesson that runs."""

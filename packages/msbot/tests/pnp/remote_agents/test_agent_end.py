@@ -164,7 +164,7 @@ def test_sessions_and_their_ends_are_repeated_until_the_master_has_heard_of_them
     fed.end.session_ended(part(5), "session deleted")
     over = SessionOver(number=1, reason="session deleted")
     assert fed.sent() == [over]
-    assert fed.done() == [("gone", 5)]
+    assert fed.done() == [("session_ended", 5)]
     assert over in fed.beat()
     fed.hear(Forgotten(number=1))
     assert [type(one) for one in fed.beat()] == [AgentBeat]
@@ -389,9 +389,9 @@ def test_who_leaves_takes_its_topics_along(fed: Gate) -> None:
     assert heard_by == (False, True)
     fed.done()
     fed.end.session_ended(part(2, 2), "bye")
-    assert fed.done() == [("gone", 2)], "it had none"
+    assert fed.done() == [("session_ended", 2)], "it had none"
     fed.end.session_ended(part(1), "bye")
-    assert fed.done() == [("gone", 1), ("topics_changed",)]
+    assert fed.done() == [("session_ended", 1), ("topics_changed",)]
     assert list(fed.end.topics()) == []
 
 
