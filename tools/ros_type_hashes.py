@@ -16,13 +16,7 @@ from msbot.ros2.forms import ROS_TYPES
 TARGET = Path(__file__).parent.parent / "packages/msbot-agent/src/msbot_agent/space/dds/ros_type_hashes.py"
 BESIDE = ("rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",)
 """Types that have no class of ours."""
-HEAD = '''"""What tells one version of a type of ROS 2 from another (REP 2016), for the types that a robot uses itself.
-
-Written by tools/ros_type_hashes.py from ROS 2 Jazzy. The hash of a service stands for its requests and its replies.
-"""
-
-ROS_TYPE_HASHES = {
-'''
+BEGIN, END = "ROS_TYPE_HASHES = {\n", "\n}\n"
 
 
 def found(share: Path) -> Iterator[tuple[str, str]]:
@@ -36,12 +30,13 @@ def found(share: Path) -> Iterator[tuple[str, str]]:
                     yield f"{package}::{kind}::dds_::{name}{end}", hexadecimal
 
 
-def text(share: Path) -> str:
-    """The file."""
+def text(share: Path, now: str) -> str:
+    """The file with another table."""
     hashes = dict(found(share))
     lines = [f'    "{name}": "{hashes[name]}",' for name in sorted({*ROS_TYPES, *BESIDE}) if name in hashes]
-    return HEAD + "\n".join(lines) + "\n}\n"
+    head, _, rest = now.partition(BEGIN)
+    return head + BEGIN + "\n".join(lines) + END + rest.partition(END)[2]
 
 
 if __name__ == "__main__":
-    TARGET.write_text(text(Path(sys.argv[1])))
+    TARGET.write_text(text(Path(sys.argv[1]), TARGET.read_text()))

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from msbot.operations.dispatch import Operations
+from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
 from msbot.ros.parameter_server import SERVICE
 from msbot.ros.robot_in_ros import RobotInRos
@@ -79,7 +79,7 @@ class _End:
 class RosStage:
     """A robot of `tests.operations.stage` in ROS."""
 
-    def __init__(self, stage: Stage, *, description: str = "", operations: Operations | None = None) -> None:
+    def __init__(self, stage: Stage, *, description: str = "", operations: InProcessOperations | None = None) -> None:
         self.stage = stage
         self.space = stage.master.space
         assert isinstance(self.space, MemorySpace)

@@ -36,6 +36,11 @@ def topic_of(robot: str, name: str) -> str:
     return f"rt{name}" if name.startswith("/") else f"rt/{ros_word(robot)}/{name}"
 
 
+def service_of(robot: str, name: str) -> str:
+    """A service by its whole name: `photo` of ROVER is `/ROVER/photo`, and `/photo` is itself whoever names it."""
+    return topic_of(robot, name).removeprefix("rt")
+
+
 @dataclass(frozen=True, slots=True)
 class NodeName:
     """The name of a node."""

@@ -252,6 +252,10 @@ def dds_topic_lookup(blueprint: Blueprint, library: Library, partition: str) -> 
         ConfigError: ROS 2 has no form for a topic that should be shared with it; the text names topic and remedy.
     """
     known: dict[str, tuple[DdsTopic, ...]] = {}
+    if any(binding.in_dds.ros and service_type(binding.type_name) is not None for binding in blueprint.bindings):
+        from msbot.master.ros_services import ros_services  # with all messages of ROS 2, which few robots need
+
+        ros_services(blueprint, library)
     for binding in blueprint.bindings:
         if binding.topic not in known and service_type(binding.type_name) is None:
             known[binding.topic] = _dds_topics(binding, library, partition, blueprint.robot.name)

@@ -33,8 +33,9 @@ from msbot.operations.stop_and_go import StopOperations
 from msbot.operations.stored_robot import StoredPlacement, StoredRobot
 from msbot.operations.table import OPERATIONS
 from msbot.operations.teaching_operations import Faults, Lessons, Missions, Worlds
-from msbot.operations.topic_inspection import TopicInspection
+from msbot.operations.topic_inspection import TopicInspection, plain_fields
 from msbot.operations.undo_operations import StoredUndoing, Undoing
+from msbot.part import Message
 from msbot.registry import Registry, RobotRecord
 from msbot_agent.text.sentence import said, whole
 from msbot_xrce.errors import ConfigError, DatabaseBusy, MsbotError
@@ -247,6 +248,26 @@ class InProcessOperations(Operations):
         self.on_asked(self.pupils.check)
         self.on_done(lambda deed: self.log.operation_done(deed.who, deed.operation, deed.arguments, deed.words))
 
+    async def call_with(self, port: str, request: Message, seconds: float, *, who: Principal) -> Message:
+        """The reply of a port that serves to a request that is a message already; otherwise as the operation `call`.
+
+        Raises:
+            ConfigError: it cannot be asked, or that person may not; the text says why.
+            CallError: there is no reply; the text says why.
+        """
+        row = OPERATIONS["call"]
+        who.require(row.right)
+        for check in self._checks:
+            check(who, row, {"port": port})
+        self.asked += 1
+        reply, words = await self.service_calls.exchange(port, request, seconds)
+        fields = plain_fields(request)
+        assert isinstance(fields, dict)
+        values = [f"{name}={value}" for name, value in fields.items()]
+        given = {"port": port, "values": values, "seconds": seconds}
+        self._tell(PerformedOperation(who.name, row.name, given, words))
+        return reply
+
     def _stop_said(self, operation: str, by: str, given: Mapping[str, object], words: str) -> None:
         if by not in self._running.slot_names():  # a STOP button is nobody's hand
             self.acts.note(by, places_of(operation, given), helps=helps(OPERATIONS[operation]))
@@ -264,6 +285,11 @@ class InProcessOperations(Operations):
         if self._marked is None or self._marked[0] is not blueprint:
             self._marked = blueprint, blueprint_mark(blueprint)
         return self._marked[1]
+
+    @property
+    def library(self) -> Library | None:
+        """The part types that are in force."""
+        return self._running.library
 
     @property
     def stop_group(self) -> str:

@@ -43,17 +43,27 @@ class ServiceCalls:
         """
         end = endpoint_of(self._running, port)
         declared = self._port(end)
-        binding = self._binding(end, declared)
         assert declared.message is not None
+        reply, words = await self.exchange(port, read_message(str(end), declared.message, values), seconds)
+        fields = {field.name: getattr(reply, field.name) for field in fields_of(type(reply))}
+        return Outcome(words, answer={"reply": fields})
+
+    async def exchange(self, port: str, request: Message, seconds: float) -> tuple[Message, str]:
+        """Send a request to a port that serves; its reply, and that in words.
+
+        Raises:
+            ConfigError: no such port, it is not wired, or a value is outside of the port's range.
+            CallError: there is no reply; the text says why.
+        """
+        end = endpoint_of(self._running, port)
+        declared = self._port(end)
+        binding = self._binding(end, declared)
         assert declared.reply is not None
-        request = read_message(str(end), declared.message, values)
         for name in declared.ranges:
             if fault := declared.fault(name, getattr(request, name)):
                 raise ConfigError(f"{end}: {name} {fault}")
         reply = await self.ask(binding, end, request.encode(), declared.reply, seconds)
-        shown = message_words(reply, declared.reply.units)
-        fields = {field.name: getattr(reply, field.name) for field in fields_of(type(reply))}
-        return Outcome(said("{port}: {shown}", port=str(end), shown=shown), answer={"reply": fields})
+        return reply, said("{port}: {shown}", port=str(end), shown=message_words(reply, declared.reply.units))
 
     async def ask(
         self, binding: Binding, end: SlotPort, request: bytes, reply_type: MessageType, seconds: float

@@ -16,11 +16,15 @@ from xml.etree import ElementTree
 
 from msbot.config import Blueprint
 from msbot.master import Master
-from msbot.operations.dispatch import Operations
+from msbot.master.ros_services import RosService, ros_services
+from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
 from msbot.pnp import PartEvent
 from msbot.ros.diagnostics import diagnostics, stamp
 from msbot.ros.parameter_server import ParameterServer, asker_from_ros
+from msbot.ros.ros_log import RosLog
+from msbot.ros.service_client import ServiceClient
+from msbot.ros.service_server import ServiceServer
 from msbot.ros2 import Clock, DiagnosticArray, String
 from msbot_agent.ros.graph import EVERYBODY, LAST_ONE, RosGraph, node_of_participant
 from msbot_agent.ros.node_names import NodeName, robot_node, slot_nodes, topic_of
@@ -54,7 +58,7 @@ class RobotInRos:
     def __init__(
         self,
         master: Master,
-        operations: Operations,
+        operations: InProcessOperations,
         space: SharedSpace,
         *,
         description: str = "",
@@ -83,6 +87,18 @@ class RobotInRos:
         self._parameters = ParameterServer(
             space, operations, asker_from_ros(may_set=blueprint.ros.parameters == "set"), epoch_ns
         )
+        self._log = RosLog(space, self._robot, self._clock, epoch_ns) if self._is_shown else None
+        self._services: dict[str, list[RosService]] = {}
+        """By the slot that serves."""
+        self._clients: list[ServiceClient] = []
+        self._server: ServiceServer | None = None
+        if self._log is not None and operations.library is not None:
+            self._server = ServiceServer(operations, space, asker_from_ros(may_set=True), self._log)
+            for service in ros_services(blueprint, operations.library):
+                if service.binding.source.slot:
+                    self._services.setdefault(service.binding.source.slot, []).append(service)
+                else:
+                    self._clients.append(ServiceClient(master, space, service, self._robot, self._log))
         self._graph = RosGraph(space, node_of=self._node_of, standing=self._standing)
         master.inventory.on_event(self._part_changed)
         master.inventory.on_rights(self._rights_changed)
@@ -102,6 +118,12 @@ class RobotInRos:
                     text: type[Message] = String
                     self._writer("robot_description", text, LAST_ONE).write(String(data=self._description).encode())
         finally:
+            if self._server is not None:
+                self._server.close()
+            for client in self._clients:
+                client.close()
+            if self._log is not None:
+                self._log.close()
             self._graph.close()
 
     # Nodes.
@@ -130,9 +152,15 @@ class RobotInRos:
         if is_there and slot not in self._nodes:
             self._nodes[slot] = self._slots[slot]
             self._parameters.open(slot, self._slots[slot])
+            for service in self._services.get(slot, ()):
+                assert self._server is not None
+                self._server.offer(service, self._slots[slot])
         elif not is_there and slot in self._nodes:
             del self._nodes[slot]
             self._parameters.close(slot)
+            for service in self._services.get(slot, ()):
+                assert self._server is not None
+                self._server.withdraw(service)
 
     def _rights_changed(self, client: int) -> None:
         """The configuration of a part may have changed, and with it the values of its parameters."""

@@ -817,6 +817,20 @@ class ListParametersResult(Message):
     prefixes: list[str]
 
 
+class Log(Message):
+    """A line of /rosout: `level` is 10 (debug), 20 (info), 30 (warning), 40 (error) or 50 (fatal)."""
+
+    type_name = "rcl_interfaces::msg::dds_::Log_"
+
+    stamp: Time
+    level: uint8
+    name: str
+    msg: str
+    file: str
+    function: str
+    line: uint32
+
+
 class DescribeParameters_Request(Message):
     """`rcl_interfaces::srv::DescribeParameters_Request`."""
 
@@ -912,3 +926,53 @@ class SetParametersAtomically_Response(Message):
     type_name = "rcl_interfaces::srv::dds_::SetParametersAtomically_Response_"
 
     result: SetParametersResult
+
+
+class Empty_Request(Message):
+    """ROS 2 has no message without a field."""
+
+    type_name = "std_srvs::srv::dds_::Empty_Request_"
+
+    structure_needs_at_least_one_member: uint8
+
+
+class Empty_Response(Message):
+    """`std_srvs::srv::Empty_Response`."""
+
+    type_name = "std_srvs::srv::dds_::Empty_Response_"
+
+    structure_needs_at_least_one_member: uint8
+
+
+class SetBool_Request(Message):
+    """`std_srvs::srv::SetBool_Request`."""
+
+    type_name = "std_srvs::srv::dds_::SetBool_Request_"
+
+    data: bool
+
+
+class SetBool_Response(Message):
+    """`std_srvs::srv::SetBool_Response`."""
+
+    type_name = "std_srvs::srv::dds_::SetBool_Response_"
+
+    success: bool
+    message: str
+
+
+class Trigger_Request(Message):
+    """`std_srvs::srv::Trigger_Request`."""
+
+    type_name = "std_srvs::srv::dds_::Trigger_Request_"
+
+    structure_needs_at_least_one_member: uint8
+
+
+class Trigger_Response(Message):
+    """`std_srvs::srv::Trigger_Response`."""
+
+    type_name = "std_srvs::srv::dds_::Trigger_Response_"
+
+    success: bool
+    message: str

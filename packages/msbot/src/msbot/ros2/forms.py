@@ -190,11 +190,16 @@ def form_of(ours: type[Message], type_name: str = "", fields: Mapping[str, str] 
         raise ConfigError(f"{ours.type_name} has no usual type in ROS 2: say ros_type and ros_fields")
     theirs = ros_class(type_name) if type_name else usual[0]  # type: ignore[index]
     if not fields:
-        fields = usual[1] if usual is not None and usual[0] is theirs else _by_themselves(ours, theirs)
+        fields = usual[1] if usual is not None and usual[0] is theirs else fields_by_themselves(ours, theirs)
     return RosForm(ours, theirs, fields)
 
 
-def _by_themselves(ours: type[Message], theirs: type[Message]) -> dict[str, str]:
+def fields_by_themselves(ours: type[Message], theirs: type[Message]) -> dict[str, str]:
+    """Which of our fields is which of theirs, if nothing says it: those of one name, or the only one of each.
+
+    Raises:
+        ConfigError: there are none.
+    """
     mine, others = [field.name for field in fields_of(ours)], [field.name for field in fields_of(theirs)]
     if len(mine) == len(others) == 1:
         return {mine[0]: others[0]}

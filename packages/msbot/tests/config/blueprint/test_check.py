@@ -327,7 +327,6 @@ def test_a_service_joins_a_port_that_serves_with_those_that_call(tmp_path: Path)
         ('Angle -> Text"\nfrom', 'Angle -> Light"\nfrom', 'carries messages of type "Angle -> Text"'),
         ('to = ["leg.look"]', 'to = ["leg.look"]\nreliable = false', "requests and replies are always reliable"),
         ('to = ["leg.look"]', 'to = ["leg.look"]\nexport = true', "a service cannot be exported"),
-        ('to = ["leg.look"]', 'to = ["leg.look"]\nros = true', "a service cannot be in ROS 2"),
         ('topic = "photo"', 'topic = "msbot_inventory"', 'needs the topic "msbot_inventory_Request", which is in use'),
         (
             'to = ["leg.look"]',

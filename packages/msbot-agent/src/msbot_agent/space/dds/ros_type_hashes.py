@@ -36,6 +36,7 @@ ROS_TYPE_HASHES = {
     "rcl_interfaces::msg::dds_::FloatingPointRange_": "e6af23a23c177fee5f3075c8b1e435162a9b63c863d78c06017460b49684262d",
     "rcl_interfaces::msg::dds_::IntegerRange_": "f7b7fdc0f65f07702e099218e13288c3963bcb9345bde78b560e6cd19800fc5a",
     "rcl_interfaces::msg::dds_::ListParametersResult_": "237ae3428413dcbcfb452b510c42355f3a2b021dc091afa3e18526d57022f1cd",
+    "rcl_interfaces::msg::dds_::Log_": "e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
     "rcl_interfaces::msg::dds_::ParameterDescriptor_": "52175dbfda6c51153101d33d2a9da05743f66f02d5ab2ca9ec4709b46b73d704",
     "rcl_interfaces::msg::dds_::ParameterEvent_": "043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
     "rcl_interfaces::msg::dds_::ParameterValue_": "115fc089a387e23c7ecd3525c9189c379109119d6ab82e8dfbde0fdf6a7f9b68",
@@ -97,6 +98,12 @@ ROS_TYPE_HASHES = {
     "std_msgs::msg::dds_::UInt64_": "fbdc52018fc13755dce18024d1a671c856aa8b4aaf63adfb095b608f98e8c943",
     "std_msgs::msg::dds_::UInt8MultiArray_": "5687e861b8d307a5e48b7515467ae7a5fc2daf805bd0ce6d8e9e604bade9f385",
     "std_msgs::msg::dds_::UInt8_": "6138bd83d8c3569cb80a667db03cfc1629f529fee79d944c39c34e352e72f010",
+    "std_srvs::srv::dds_::Empty_Request_": "5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
+    "std_srvs::srv::dds_::Empty_Response_": "5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
+    "std_srvs::srv::dds_::SetBool_Request_": "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+    "std_srvs::srv::dds_::SetBool_Response_": "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+    "std_srvs::srv::dds_::Trigger_Request_": "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    "std_srvs::srv::dds_::Trigger_Response_": "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 }
 
 

@@ -195,8 +195,6 @@ def _check_service(table: Complaints, binding: Binding, topics: Mapping[str, Bin
         table.problem(said("requests and replies are always reliable; remove it"), "reliable")
     if binding.in_dds.export:
         table.problem(said("a service cannot be exported; remove it"), "export")
-    if binding.in_dds.ros:
-        table.problem(said("a service cannot be in ROS 2; remove it"), "ros")
 
 
 def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
