@@ -73,6 +73,8 @@ class Inventory:
         self.hand = HandControl()
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
         self.descriptions = SelfDescriptions(self._index, self._changes, self.dropped)
+        self.served_outside: set[str] = set()
+        """Services that are no part's: programs outside of the robot serve them, as nodes of ROS 2 do."""
         self.types = TypeAgreement(self._changes, self.dropped)
         """Whether parts and library mean the same by a message type."""
         self._assignment = SlotReassignment(store, self._index, self._matcher, self._changes)
@@ -148,7 +150,7 @@ class Inventory:
             return ""
         if why := self.pupil_parts.why_held(client_key):
             return why
-        if self._changes.has_publisher(called.topic):
+        if called.topic in self.served_outside or self._changes.has_publisher(called.topic):
             return ""
         slot = next((name for name in self._matcher.names() if self._serves(name, called.topic)), None)
         if slot is None:

@@ -38,10 +38,12 @@ class ServiceClient:
         self._ask = space.writer(service.requests, SERVICE, self._guid, owner)
         self._told = space.reader(service.replies, SERVICE, self._replied, owner)
         self._reply = inside.writer(Topic(reply_topic(topic), kind.reply), _INSIDE, secrets.token_bytes(16))
+        master.inventory.served_outside.add(topic)
         self._asked = inside.reader(Topic(request_topic(topic), kind.request), _INSIDE, self._requested)
 
     def close(self) -> None:
         """Ask no more."""
+        self._master.inventory.served_outside.discard(self._service.binding.topic)
         for end in (self._asked, self._reply, self._told, self._ask):
             end.close()
 
