@@ -6,6 +6,7 @@ The program knows nothing of a robot: `program_runner` reads these tables, even 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Literal
 
@@ -23,13 +24,19 @@ SHORTEST_PERIOD_S = 0.001
 
 
 class Every:
-    """Calls a handler periodically, on a grid that does not drift; late calls are skipped, not made up for."""
+    """Calls a handler periodically, on a grid that does not drift; late calls are skipped, not made up for.
+
+    A handler that knows that it has nothing to do for a while may `rest_until` then. The grid stays.
+    """
 
     def __init__(self, period_s: float, function: Callable[[], object]) -> None:
         self.period_s = period_s
         self.function = function
         self._guard: Guard | None = None
         self._timer: asyncio.TimerHandle | None = None
+        self._due_at = 0.0
+        """A point of the grid: the next call's, while it does not rest."""
+        self._rests = False
 
     def start(self, guard: Guard) -> None:
         """Have the guard call it in the next turn of the loop, and then every period."""
@@ -42,7 +49,29 @@ class Every:
         """Stop calling it."""
         if self._timer is not None:
             self._timer.cancel()
-            self._timer = self._guard = None
+        self._timer = self._guard = None
+
+    def rest_until(self, at: float) -> None:
+        """Leave out the calls before `at`, a time of the loop (inf: all), until `resume`; for the handler to call."""
+        if self._guard is None or at <= self._due_at:
+            return
+        self._rests = True
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if at < math.inf:
+            steps = math.ceil((at - self._due_at) / self.period_s - 1e-6)
+            self._arm(asyncio.get_running_loop(), self._due_at + steps * self.period_s, self._guard)
+
+    def resume(self) -> None:
+        """End that rest: the next call comes at the next point of the grid."""
+        if not self._rests or self._guard is None:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        loop = asyncio.get_running_loop()
+        steps = math.ceil((loop.time() - self._due_at) / self.period_s)
+        self._arm(loop, self._due_at + steps * self.period_s, self._guard)
 
     def check(self, period_s: float) -> None:
         """Refuse what is no period.
@@ -62,9 +91,11 @@ class Every:
             self.start(self._guard)
 
     def _arm(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
+        self._due_at = due_at
         self._timer = loop.call_at(due_at, self._due, loop, due_at, guard)
 
     def _due(self, loop: asyncio.AbstractEventLoop, due_at: float, guard: Guard) -> None:
+        self._rests = False
         behind = max(0.0, loop.time() - due_at)
         self._arm(loop, due_at + (behind // self.period_s + 1) * self.period_s, guard)
         if not guard.is_waiting(self.function):
@@ -108,7 +139,7 @@ Action = Callable[[], object]
 """A student's function without arguments; what it returns is ignored."""
 PortAction = Callable[[str], object]
 """A student's function that gets the name of a port."""
-When = Literal["join", "lost", "end", "stop", "go", "safe", "identify"]
+When = Literal["join", "lost", "end", "stop", "go", "safe", "identify", "configured"]
 """The events of a part that call functions without arguments."""
 
 
@@ -168,6 +199,7 @@ class ProgramDeclarations:
             "go": [],
             "safe": [],
             "identify": [],
+            "configured": [],
         }
         self.partner_lost: list[PortAction] = []
 

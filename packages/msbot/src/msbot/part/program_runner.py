@@ -414,6 +414,7 @@ class ProgramRunner:
         if self._membership is not None:
             self.types.tell(self._ports, self._membership)
         self.settings.tell()
+        self._tell("configured")
 
     def _noticed(self, notice: Notice) -> None:
         match notice.kind:

@@ -17,6 +17,7 @@ from msbot.part import ExpectedRobot, JoinState, Message, Part
 from msbot.part.messages.message import fields_of
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot.part.messages.wire_types import float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64
+from msbot.part.program import Every
 from msbot.sim.part_model import PartModel
 
 # Message classes for the types that a library declares: the standard ones, or generated.
@@ -119,7 +120,10 @@ class ModelPart:
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.name in self._classes:
                 self._listen(port)
+        self._ticks: Every | None = None
+        """Calls `_say`; None: this part has its own clock, or nothing to say."""
         self.part.on_join(self._begin)
+        self.part.program.add_action("configured", self._resume)
         self.part.safe_state(self._be_safe)
 
     def readings(self) -> Mapping[str, Scalar]:
@@ -140,6 +144,7 @@ class ModelPart:
             fields: dict[str, Scalar] = {name: getattr(message, name) for name in names}
             self._world.receive(port.name, fields, self._time())
             self._world.note_changes()
+            self._resume()
             self._moved()
 
         self.part.on(port.name, message_type, optional=True)(take)
@@ -158,6 +163,7 @@ class ModelPart:
         for port in self.part_type.ports:
             if port.safe is not None:
                 self._world.receive(port.name, port.safe, self._time(), counts=False)
+        self._resume()
 
     @property
     def _is_commanded(self) -> bool:
@@ -174,6 +180,13 @@ class ModelPart:
             if self.part.bound(port) and port not in self._unsaid:
                 told = fields if self.distort is None else self.distort(port, fields, now)
                 self.part.publish(port, self._classes[port](**told))
+        if self._ticks is not None:
+            self._ticks.rest_until(self._world.quiet_until(now))
+
+    def _resume(self) -> None:
+        """Something has changed: it may have to be published before the clock says so."""
+        if self._ticks is not None:
+            self._ticks.resume()
 
     def _take_settings(self) -> None:
         """Apply the slot's settings; one that makes no sense here is the robot's mistake and changes nothing."""

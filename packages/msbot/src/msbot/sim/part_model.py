@@ -48,6 +48,11 @@ class PartModel:
         self._gauges = [SimulatedReading(reading, random) for reading in readings]
         self._moves = any(gauge.moves for gauge in self._gauges)
         self._is_timeless = all(gauge.is_timeless for gauge in self._gauges)
+        self._comes_to_rest = all(gauge.comes_to_rest for gauge in self._gauges)
+        """Its values stay what they are as soon as nothing moves any more."""
+        self._is_moving = self._moves
+        """The last step has changed what moves; if not, nothing does until something else changes."""
+        self._reports_changes = any(output.on_change for output in simulator.outputs)
         self._is_changed = True
         """Something has changed of which the readings do not know yet."""
         self._came_at: dict[str, float] = {}
@@ -63,7 +68,11 @@ class PartModel:
             self._now = now
             return
         passed_s = max(0.0, now - self._now)
-        steps = min(MOST_STEPS, math.ceil(passed_s / STEP_S)) if self._moves else 1
+        steps = (
+            min(MOST_STEPS, math.ceil(passed_s / STEP_S))
+            if self._is_moving or (self._moves and self._is_changed)
+            else 1
+        )
         for step in range(1, steps + 1):
             self._evaluate(self._now + passed_s * step / steps, passed_s / steps, final=step == steps)
         if steps == 0:
@@ -141,14 +150,28 @@ class PartModel:
                 self._is_changed = True
         return said
 
+    def quiet_until(self, now: float) -> float:
+        """When `say` may have something next, if nothing comes from outside before; `now`: it must be asked often."""
+        if self._reports_changes and (self._is_changed or self._is_moving or not self._comes_to_rest):
+            return now
+        at = min((output.next_at(self._values) for output in self._mouths), default=math.inf)
+        # What moves is computed in steps of limited number: a longer rest would make them coarser.
+        return min(at, now + MOST_STEPS * STEP_S) if self._is_moving else at
+
     def _evaluate(self, now: float, step_s: float, *, final: bool) -> None:
         values, measured, came_at = self._values, self._measured, self._came_at
+        self._is_moving = False
         for gauge in self._gauges:
             name = gauge.reading.name
             if name in measured:
                 values[name] = measured[name]
             else:
+                before = gauge.state
                 values[name] = gauge.update(values, now, step_s, came_at.get(gauge.port), final=final)
+                if gauge.moves and gauge.state != before:
+                    self._is_moving = True
+        if step_s == 0 and self._moves:
+            self._is_moving = True  # nothing has had time to move
         self._is_changed = False
 
 
@@ -179,6 +202,12 @@ class _OutputState:
         full = len(self._waiting) == MOST_WAITING
         self._waiting.append(fields)
         return not full
+
+    def next_at(self, values: Mapping[str, Scalar]) -> float:
+        """When it publishes next, if nothing changes; inf: not by the clock."""
+        if self._waiting:
+            return -math.inf
+        return self._next_at if number(self.output.every, values) > 0 else math.inf
 
     def due(self, values: Mapping[str, Scalar], now: float) -> list[dict[str, Scalar]]:
         """The messages to publish now."""

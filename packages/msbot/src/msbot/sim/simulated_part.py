@@ -66,6 +66,7 @@ class SimulatedPart(ModelPart):
         self._controls = {control.name: control for control in self._simulator.controls}
         if self._simulator.outputs:
             self.part.every(self._tick_s())(self._say)
+            self._ticks = self.part.program.timed[-1]
 
     @property
     def controls(self) -> tuple[Control, ...]:
@@ -83,6 +84,7 @@ class SimulatedPart(ModelPart):
             raise ConfigError(f"control {name} {fault}")
         self._world.set(name, value, self._time())
         self._world.note_changes()
+        self._resume()
 
     def set_all(self, values: Mapping[str, Scalar]) -> None:
         """Set several controls at once, to values that they can have: what a world does to the device."""
@@ -90,6 +92,7 @@ class SimulatedPart(ModelPart):
         if changed:
             self._world.feed(changed, self._time())
             self._world.note_changes()
+            self._resume()
 
     def source(self, name: str) -> Scalar:
         """The value of a reading, shown or hidden, now."""

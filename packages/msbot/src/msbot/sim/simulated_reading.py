@@ -28,6 +28,8 @@ class SimulatedReading:
         """Whether its value depends on the time between two updates."""
         self.is_timeless = not (self.moves or reading.noise or reading.lasts or reading.random_every is not None)
         """Whether it stays what it is as long as its sources do."""
+        self.comes_to_rest = not (reading.noise or reading.lasts or reading.random_every is not None)
+        """Whether it stays what it is as soon as it has followed its sources."""
         self.port = reading.follows.partition(".")[0].removeprefix("#")
         """The port that it follows, if it follows one."""
         self._waits = reading.start is not None and "." in reading.follows
@@ -38,7 +40,8 @@ class SimulatedReading:
         self._is_limited = reading.least is not None or reading.most is not None
         self._random = random
         self._pattern = re.compile(reading.pattern) if reading.pattern else None
-        self._state: float | None = None
+        self.state: float | None = None
+        """The value before noise and rounding."""
         self._found: str | None = None
         self._drawn_at: float | None = None
 
@@ -101,7 +104,7 @@ class SimulatedReading:
         if self._is_scaled and (divisor := number(reading.divide_by, values)) != 0:
             value /= divisor
         if reading.integrate:
-            value = (self._state or 0.0) + value * step_s
+            value = (self.state or 0.0) + value * step_s
         if reading.wrap is not None and (wrap := number(reading.wrap, values)) > 0:
             value %= wrap
         if self._is_limited:
@@ -109,19 +112,19 @@ class SimulatedReading:
         if self.moves and not reading.integrate:
             value = self._followed(value, values, step_s)
         if not math.isfinite(value):
-            value = self._state or 0.0  # numbers too large to be multiplied: keep the last valid one
-        self._state = value
+            value = self.state or 0.0  # numbers too large to be multiplied: keep the last valid one
+        self.state = value
         if final and reading.noise and (noise := number(reading.noise, values)):
             value = self._limited(value + self._random.gauss(0.0, noise), values)
         return _stepped(value, number(reading.step, values)) if reading.step else value
 
     def _followed(self, value: float, values: Values, step_s: float) -> float:
         """The value after lag and slew; the first one applies at once."""
-        if self._state is None:
+        if self.state is None:
             if self.reading.start is None:
                 return value
-            self._state = as_number(self.reading.start)
-        before = self._state
+            self.state = as_number(self.reading.start)
+        before = self.state
         lag_s, slew = number(self.reading.lag_s, values), number(self.reading.slew_per_s, values)
         if lag_s > 0:
             value = value + (before - value) * math.exp(-step_s / lag_s)
@@ -141,13 +144,13 @@ class SimulatedReading:
     def _draw(self, values: Values, now: float) -> float:
         assert self.reading.random_every is not None
         period_s = number(self.reading.random_every, values)
-        if self._state is None or self._drawn_at is None or now - self._drawn_at >= period_s:
+        if self.state is None or self._drawn_at is None or now - self._drawn_at >= period_s:
             self._drawn_at = now
             least, most = number(self.reading.least or 0.0, values), number(self.reading.most or 0.0, values)
             step = number(self.reading.step, values)
             drawn = self._random.uniform(0.0, most - least + step) - step / 2
-            self._state = max(least, min(most, least + _stepped(drawn, step)))
-        return self._state
+            self.state = max(least, min(most, least + _stepped(drawn, step)))
+        return self.state
 
     def _shown(self, text: str) -> str:
         """A text in the rows and columns of a display."""
