@@ -30,6 +30,7 @@ from msbot_xrce.lazy import dataclass
 COOKIE = "msbot_language"
 ENGLISH = "en"
 LONGEST_NUMBER = 40
+_POINT, _COMMA = ord("."), ord(",")
 """Characters of a number that somebody types."""
 _WHOLE = re.compile(r"[+-]?[0-9]+")
 _GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}")
@@ -73,7 +74,7 @@ class Language:
         """A number that is written the English way, as it is written here."""
         if self.decimal == "." and self.thousands == ",":
             return text
-        return text.translate({ord("."): self.decimal, ord(","): self.thousands})
+        return text.translate({_POINT: self.decimal, _COMMA: self.thousands})
 
     def read_number(self, text: str, *, is_whole: bool = False) -> float:
         """A number that a person has typed, with a comma or a point, whatever is usual here.

@@ -9,6 +9,7 @@ from msbot.config import Blueprint, Library
 from msbot.master import Master
 from msbot.operations.blocking import known_object
 from msbot.pnp import PartInfo
+from msbot.pnp.model import LogLine
 from msbot_agent.text.sentence import said
 from msbot_web.frame_ring import FrameRing
 from msbot_web.live_values import LiveValues
@@ -206,6 +207,10 @@ class ModelBuilder:
         With `by_name`, no part is found by what only teachers see: UID, address, client key.
         """
         return self._master.why(part, by_name=by_name)
+
+    def log_lines(self, slot: str) -> list[LogLine]:
+        """What the program of the part in a slot logged last, oldest first."""
+        return self._master.inventory.lines_of(slot)
 
     def beat_intervals(self, slot: str) -> list[float]:
         """Seconds between the latest beats."""

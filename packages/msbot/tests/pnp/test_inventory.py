@@ -271,7 +271,7 @@ def test_what_a_part_has_said_of_its_hardware_outlives_its_goodbye_and_its_silen
         record = rig.inventory.with_lease(lease, AA)
         assert record is not None
         for piece in trouble_pieces(lease, "its chip does not answer"):
-            record.take_trouble(piece.place, piece.text)
+            record.take_piece(piece.place, piece.text)
         if leaves:
             rig.leave(AA)
         else:

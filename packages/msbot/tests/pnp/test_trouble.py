@@ -26,7 +26,7 @@ def test_a_sentence_travels_in_pieces() -> None:
         assert isinstance(piece, TroublePiece)
         assert piece.lease == 7
         assert heard.trouble == ""
-        heard.take_trouble(piece.place, piece.text)
+        heard.take_piece(piece.place, piece.text)
     assert heard.trouble == sentence
 
 
@@ -36,7 +36,7 @@ def test_any_text_is_cut_and_cleaned(text: str) -> None:
     assert len(pieces) <= TROUBLE_PIECES
     heard = record()
     for piece in pieces:
-        heard.take_trouble(piece.place, piece.text)
+        heard.take_piece(piece.place, piece.text)
     assert heard.trouble.isprintable()
     if len(text.encode()) <= TROUBLE_PIECES * TROUBLE_OCTETS:
         assert heard.trouble == "".join(letter for letter in text if letter.isprintable())
@@ -49,7 +49,7 @@ def test_with_a_piece_missing_nothing_is_told(lost: int) -> None:
     heard = record()
     for place, piece in enumerate(pieces):
         if place != lost:
-            heard.take_trouble(piece.place, piece.text)
+            heard.take_piece(piece.place, piece.text)
     assert heard.trouble == "" or lost == 0
     assert "sentence of three" not in heard.trouble
 
@@ -58,6 +58,6 @@ def test_with_a_piece_missing_nothing_is_told(lost: int) -> None:
 def test_whatever_a_part_says_is_bounded(said: list[tuple[int, bytes]]) -> None:
     heard = record()
     for place, text in said:
-        heard.take_trouble(place, text)
+        heard.take_piece(place, text)
     assert len(heard.trouble_pieces) <= TROUBLE_PIECES * TROUBLE_OCTETS
     assert heard.trouble.isprintable()

@@ -18,6 +18,7 @@ from msbot.ros2 import (
     GetParameterTypes_Response,
     ListParameters_Request,
     ListParameters_Response,
+    Log,
     Parameter,
     ParameterEvent,
     SetParameters_Request,
@@ -261,6 +262,24 @@ def test_a_blueprint_may_let_ros_only_read(tmp_path: Path) -> None:
         ros.end()
 
     play(tmp_path, scene, AA_IS_A_DIAL, IN_ROS, READ_ONLY, parts=RING)
+
+
+def test_what_a_program_logs_is_in_rosout(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        ros = RosStage(stage)
+        lines = ros.listen("/rosout", Log)
+        for level in ("info", "warning", "error"):
+            stage.parts["AA"].log(f"it says {level}", level=level)
+        await asyncio.sleep(1)
+        assert [(one.level, one.name, one.msg) for one in lines()] == [
+            (20, "MSBOT_MASTER.AA", "it says info"),
+            (30, "MSBOT_MASTER.AA", "it says warning"),
+            (40, "MSBOT_MASTER.AA", "it says error"),
+        ]
+        assert lines()[0].stamp.sec > 0
+        ros.end()
+
+    play(tmp_path, scene, AA_IS_A_DIAL, IN_ROS, parts=RING)
 
 
 def test_what_the_master_itself_hears_is_the_robots_node(tmp_path: Path) -> None:

@@ -263,6 +263,7 @@ def _present(page: Page, slot: str) -> None:
     _rhythm(page, slot)
     _PartActions(page, slot)
     _why(page, slot)
+    _log(page, slot)
 
 
 def _following(page: Page, slot: str, key: Callable[[SlotCard], object], build: Callable[[SlotCard], None]) -> None:
@@ -460,3 +461,17 @@ def _why(page: Page, slot: str) -> None:
         last[:] = [content]
 
     page.every_look(show, shown)
+
+
+def _log(page: Page, slot: str) -> None:
+    """What the part's program logged last; nothing as long as it has logged nothing."""
+    with ui.column().classes("w-full") as place:
+        heading(page.translate("What its program says"))
+        shown = ui.html("", sanitize=False).classes("why")
+
+    def show() -> None:
+        lines = page.service.views.log_lines(slot)
+        place.set_visibility(bool(lines))
+        set_html(shown, render("log_lines", say=page.translate, lines=reversed(lines)))
+
+    page.every_look(show, place)

@@ -21,6 +21,7 @@ from msbot.config import Blueprint, Library
 from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopStore
 from msbot.part import Client
+from msbot.part.join.part_log import LogLevel
 from msbot.part.messages.type_hash import Fields
 from msbot.pnp import Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile, RobotGate
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
@@ -48,6 +49,8 @@ STORED_S = 2.0
 """Longest time that a person who says STOP waits until it is stored."""
 TELL_S = 0.1
 """Parts are not told the same STOP again within this time, however often it is said: notices would displace beats."""
+LOG_LINES = 3
+"""Warnings and errors of a part's program that `why` shows."""
 STORE_S = 1.0
 """Nor is it stored again."""
 
@@ -212,7 +215,13 @@ class Master:
     def why(self, part: str, *, by_name: bool = False) -> list[str]:
         """The state of a part, the rules that led to it, and whom its topics cannot reach, in sentences."""
         lines = self.inventory.why(part, self._clock(), by_name=by_name)
-        return [*lines, *self.troubles(part, by_name=by_name)]
+        return [*lines, *self.troubles(part, by_name=by_name), *self._program_lines(part, by_name=by_name)]
+
+    def _program_lines(self, part: str, *, by_name: bool) -> list[Sentence]:
+        found = self.inventory.find(part, self._clock(), by_name=by_name)
+        logged = [line for info in found if info.slot for line in self.inventory.lines_of(info.slot)]
+        lines = [line for line in logged if line.level is not LogLevel.INFO][-LOG_LINES:]
+        return [said("its program says: {words}", words=line.words) for line in lines]
 
     def troubles(self, part: str, *, by_name: bool = False) -> list[str]:
         """Endpoints that should match a part's topics now and cannot, one sentence each, naming the DDS policy."""

@@ -18,6 +18,8 @@ from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.table import OPERATIONS
 from msbot.pnp import PartEvent
+from msbot.pnp.model import LogLine
+from msbot.pnp.part_log import EVIDENCE
 
 MOST_KEPT: Final = 1000
 MOST_TOLD: Final = 200
@@ -46,6 +48,7 @@ class RobotLog:
         """Who drives what by hand -> when last."""
         self._news = asyncio.Event()
         running.master.inventory.on_event(self._part_changed)
+        running.master.inventory.log.on_line(self._program_said)
 
     def operation_done(self, who: str, operation: str, arguments: Mapping[str, object], words: str) -> None:
         """Take what somebody did; what the operations call."""
@@ -92,11 +95,23 @@ class RobotLog:
         finally:
             self._waiting -= 1
 
+    def _program_said(self, line: LogLine) -> None:
+        self._add("program", line.part, line.slot, f"{line.part}: {line.words}", line.level.word)
+
     def _part_changed(self, event: PartEvent) -> None:
+        if any(name == EVIDENCE for name, _ in event.evidence):
+            return  # the journal's line of what a program said, which is here already
         self._add("part", event.part, event.slot or "", event.sentences()[0])
 
-    def _add(self, kind: str, who: str, slot: str, words: str) -> None:
-        line = {"at": round(time.time(), 3), "kind": kind, "who": who, "slot": slot, "words": words[:LONGEST]}
+    def _add(self, kind: str, who: str, slot: str, words: str, level: str = "info") -> None:
+        line = {
+            "at": round(time.time(), 3),
+            "kind": kind,
+            "who": who,
+            "slot": slot,
+            "level": level,
+            "words": words[:LONGEST],
+        }
         self._lines.append(line)
         self._total += 1
         self._news.set()

@@ -29,6 +29,7 @@ from msbot.part.description import describe
 from msbot.part.handler_guard import check_handler
 from msbot.part.join.joining import ANY, ExpectedRobot, JoinState
 from msbot.part.join.part_keys import check_key, parse_key
+from msbot.part.join.part_log import log_level
 from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS, Nature
 from msbot.part.messages.message import Message
 from msbot.part.part_settings import DeclaredSetting, V
@@ -486,6 +487,20 @@ class Part:
         Releasing it is no GO.
         """
         self._runner.hold_stop(is_pressed)
+
+    def log(self, text: object, level: str = "info") -> None:
+        """Write a line into the log: at this part, and while it is active into its robot's (`msbot log --follow`).
+
+        The robot gets 180 octets of a line, and of one part 5 lines a second, at most 20 at once; the rest is counted.
+
+        Args:
+            text: the line; what is no text is written as `print` does.
+            level: `info`, `warning` or `error`.
+
+        Raises:
+            ConfigError: there is no such level.
+        """
+        self._runner.log(str(text), log_level(level))
 
     def trouble(self, sentence: str) -> None:
         """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets).

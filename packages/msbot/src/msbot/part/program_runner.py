@@ -21,6 +21,7 @@ from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.joining import PATIENT, QUICK, Changed, ExpectedRobot, Joining, JoinState
 from msbot.part.join.membership import Membership
 from msbot.part.join.part_keys import prove, prove_sealed
+from msbot.part.join.part_log import LogLevel, printable
 from msbot.part.join.pnp_messages import (
     STOP_SETTING,
     BindingDirection,
@@ -43,6 +44,7 @@ from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolErr
 from msbot_xrce.lazy import dataclass
 
 _log = logging.getLogger("msbot.part")
+_LEVELS = {LogLevel.INFO: logging.INFO, LogLevel.WARNING: logging.WARNING, LogLevel.ERROR: logging.ERROR}
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,6 +316,13 @@ class ProgramRunner:
         """See `Part.trouble`."""
         if self._membership is not None:
             self._membership.say_trouble(sentence)
+
+    def log(self, text: str, level: LogLevel) -> None:
+        """See `Part.log`."""
+        line = printable(text)
+        _log.log(_LEVELS[level], "%s: %s", self._local_name or "part", line)
+        if self._membership is not None:
+            self._membership.say_log(level, line)
 
     def end(self) -> None:
         """End `run` cleanly (`Part.end`)."""

@@ -26,6 +26,7 @@ from msbot.pnp.model import (
     Claim,
     Configuration,
     LifeTiming,
+    LogLine,
     PartInfo,
     PartStore,
     SessionStatus,
@@ -33,6 +34,7 @@ from msbot.pnp.model import (
     Verdict,
 )
 from msbot.pnp.part_events import PartEvent, PartState
+from msbot.pnp.part_log import PartLog
 from msbot.pnp.pupil_parts import PupilParts
 from msbot.pnp.self_descriptions import SelfDescriptions
 from msbot.pnp.session_seals import SessionSeals
@@ -73,6 +75,8 @@ class Inventory:
         self.hand = HandControl()
         self._changes = StateChanges(store, self._index, self._matcher, self.hand)
         self.descriptions = SelfDescriptions(self._index, self._changes, self.dropped)
+        self.log = PartLog(self._changes, self.dropped)
+        """What the programs of active parts log."""
         self.served_outside: set[str] = set()
         """Services that are no part's: programs outside of the robot serve them, as nodes of ROS 2 do."""
         self.types = TypeAgreement(self._changes, self.dropped)
@@ -269,6 +273,19 @@ class Inventory:
                 words = f"a sample that says it is from this part was refused: {reason}"
                 self._changes.note(record, now, words, (("seal", reason),))
                 self._publish(now)
+
+    def piece_told(self, lease: int, key: int, place: int, piece: bytes, now: float) -> None:
+        """A part tells a piece of what is wrong with its hardware, or of a line of its log."""
+        record = self.with_lease(lease, key)
+        if record is None:
+            self.dropped.count("trouble with an unknown lease")
+        elif self.log.receive_piece(record, place, piece, now):
+            self._publish(now)
+
+    def lines_of(self, slot: str) -> list[LogLine]:
+        """What the program of the part in a slot logged last, oldest first."""
+        record = self._index.holders.get(slot)
+        return [] if record is None else list(record.log)
 
     def note(self, key: int, words: str, now: float) -> None:
         """Note something about the part behind a session in its history and the journal, without changing its state."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from math import inf
 
 from msbot.part.join.hardware_trouble import TROUBLE_ENDS, TROUBLE_OCTETS, TROUBLE_PIECES
+from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, LineRate, LogLevel
 from msbot.part.join.pnp_messages import Nature
 from msbot.part.join.refusal import Refusal
 from msbot.pnp.life_status import Life, check_transition
-from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, SelfDescription, TypeDifference
+from msbot.pnp.model import Claim, Configuration, LifeTiming, LogLine, PartInfo, SelfDescription, TypeDifference
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot_agent.text.sentence import Sentence, said
 
@@ -16,6 +18,9 @@ HISTORY = 32
 """Changes kept per part for `Inventory.why`; the journal keeps all."""
 
 _MAX_DUPLICATES = 8
+
+LOG_LINES = 20
+"""Lines kept of what a part's program logs."""
 
 
 class DuplicateClaim:
@@ -53,6 +58,9 @@ class InventoryRecord:
         "is_held",
         "lease",
         "life",
+        "log",
+        "log_noted_at",
+        "log_rate",
         "nature",
         "plug_in_to_active_s",
         "plugged_in_at",
@@ -97,6 +105,12 @@ class InventoryRecord:
         self.trouble = ""
         """What is wrong with its hardware, as the part said before it ended."""
         self.trouble_pieces = b""
+        self.log: deque[LogLine] = deque(maxlen=LOG_LINES)
+        """What its program logged last."""
+        self.log_rate: LineRate | None = None
+        """How many lines are taken of it."""
+        self.log_noted_at = -inf
+        """When the journal got the last one."""
         self.type_differences: dict[tuple[str, bool], TypeDifference] = {}
         """By port; at most as many as its configuration has."""
         self.type_notes = 0
@@ -183,18 +197,28 @@ class InventoryRecord:
         """Another program may speak for the part now: what it said of itself does not count, and it may be asked."""
         self.asked_what, self.says = 0, None
 
-    def take_trouble(self, place: int, piece: bytes) -> None:
-        """The part says a piece of what is wrong with its hardware (`TroublePiece`)."""
-        at = (place & ~TROUBLE_ENDS) * TROUBLE_OCTETS
+    def take_piece(self, place: int, piece: bytes) -> tuple[LogLevel, str] | None:
+        """The part says a piece of what is wrong with its hardware, or of a line of its log (`TroublePiece`).
+
+        A line that is complete is returned.
+        """
+        number, level = place & ~(TROUBLE_ENDS | LEVEL_BITS), (place & LEVEL_BITS) >> LEVEL_SHIFT
+        at = number * TROUBLE_OCTETS
         if at == 0:
             self.trouble_pieces = b""
         if at != len(self.trouble_pieces) or at >= TROUBLE_PIECES * TROUBLE_OCTETS:
             self.trouble_pieces = b""  # one is missing, or they are too many
-            return
+            return None
         self.trouble_pieces += piece
-        if place & TROUBLE_ENDS:
-            text = self.trouble_pieces.rstrip(b"\0").decode(errors="replace")
-            self.trouble = "".join(letter for letter in text if letter.isprintable())
+        if not place & TROUBLE_ENDS:
+            return None
+        text = self.trouble_pieces.rstrip(b"\0").decode(errors="replace")
+        words = "".join(letter for letter in text if letter.isprintable())
+        if level in (one.value for one in LogLevel):
+            return LogLevel(level), words
+        if not level:
+            self.trouble = words
+        return None
 
     def with_what_was_said(self, reason: str) -> str:
         """Why the part has gone, with what explains it: its own words, or why it had no place."""

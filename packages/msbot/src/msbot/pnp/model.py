@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from msbot.config import Described, PartType, Slot
+from msbot.part.join.part_log import LogLevel
 from msbot.part.join.pnp_messages import Nature
 from msbot.part.join.refusal import Refusal
 from msbot.pnp.emergency_stop import StopRecord
@@ -359,3 +360,15 @@ class MemoryStore:
     def is_kept(self, timeout_s: float) -> bool:  # noqa: ARG002 - the protocol's signature
         """See `PartStore.is_kept`."""
         return True
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """A line of a part's program."""
+
+    at: float
+    part: str
+    """What people call it."""
+    slot: str
+    level: LogLevel
+    words: str

@@ -96,10 +96,7 @@ class RequestHandler:
                 self._inventory.descriptions.receive_description(client_key, text, now)
                 return None
             case TroublePiece(lease=lease, place=place, text=text):
-                if (record := self._inventory.with_lease(lease, client_key)) is None:
-                    self.dropped.count("trouble with an unknown lease")
-                else:
-                    record.take_trouble(place, text)
+                self._inventory.piece_told(lease, client_key, place, text, now)
                 return None
             case pnp_messages.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)

@@ -19,10 +19,12 @@ from msbot.master import Master
 from msbot.master.ros_services import RosService, ros_services
 from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
+from msbot.part.join.part_log import LogLevel
 from msbot.pnp import PartEvent
+from msbot.pnp.model import LogLine
 from msbot.ros.diagnostics import diagnostics, stamp
 from msbot.ros.parameter_server import ParameterServer, asker_from_ros
-from msbot.ros.ros_log import RosLog
+from msbot.ros.ros_log import ERROR, INFO, WARN, RosLog
 from msbot.ros.service_client import ServiceClient
 from msbot.ros.service_server import ServiceServer
 from msbot.ros2 import Clock, DiagnosticArray, String
@@ -36,6 +38,8 @@ DIAGNOSTICS_S = 1.0
 """Period of the topic `diagnostics`, as usual in ROS."""
 CLOCK_S = 0.1
 """Period of the topic `clock`."""
+
+_LEVELS = {LogLevel.INFO: INFO, LogLevel.WARNING: WARN, LogLevel.ERROR: ERROR}
 
 TEN = Qos(depth=10, partitions=EVERYBODY)
 
@@ -101,6 +105,7 @@ class RobotInRos:
                     self._clients.append(ServiceClient(master, space, service, self._robot, self._log))
         self._graph = RosGraph(space, node_of=self._node_of, standing=self._standing)
         master.inventory.on_event(self._part_changed)
+        master.inventory.log.on_line(self._program_said)
         master.inventory.on_rights(self._rights_changed)
         for slot in self._slots:
             self._look_at(slot)
@@ -144,6 +149,10 @@ class RobotInRos:
         if event.slot is not None and event.slot in self._slots:
             self._look_at(event.slot)
         self._graph.changed()
+
+    def _program_said(self, line: LogLine) -> None:
+        if self._log is not None:
+            self._log.write(self._slots.get(line.slot, self._robot), _LEVELS[line.level], line.words)
 
     def _look_at(self, slot: str) -> None:
         """Bring the node of a slot in line with the inventory."""

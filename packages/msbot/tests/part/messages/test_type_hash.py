@@ -33,6 +33,8 @@ def test_types_of_ros_2_have_the_hash_that_ros_2_gives_them() -> None:
     for cls in vars(ros2).values():
         if not isinstance(cls, type) or not issubclass(cls, Message) or cls.type_name not in ROS_TYPE_HASHES:
             continue
+        if "::srv::" in cls.type_name:
+            continue  # ROS 2 gives the whole service one hash
         fields = described_fields(cls)
         if fields is not None and cls.type_name != "std_msgs::msg::dds_::Byte_":  # an octet there, a uint8 here
             assert type_hash(cls.type_name, fields).hex() == ROS_TYPE_HASHES[cls.type_name][:16], cls.type_name

@@ -47,4 +47,5 @@ def follow_log(
 def line_words(line: Mapping[str, Any]) -> str:
     """A line with its time, in words."""
     at = datetime.fromtimestamp(float(line["at"])).strftime("%H:%M:%S.%f")[:-3]
-    return f"{at}  {printable(str(line['words']))}"
+    level = "" if line["level"] == "info" else f"[{line['level']}] "
+    return f"{at}  {level}{printable(str(line['words']))}"

@@ -31,6 +31,7 @@ from msbot.part.join.joining import (
     SendProof,
 )
 from msbot.part.join.part_keys import KEY_VARIABLE
+from msbot.part.join.part_log import LogLevel, LogSender
 from msbot.part.join.part_seals import PartSeals
 from msbot.part.join.refusal import Refusal
 from msbot_xrce.errors import LinkFull, LocalProtocolError, RemoteProtocolError
@@ -139,6 +140,8 @@ class Membership:
         self._absent = absent
         self._unsaid: deque[bytes] = deque()
         self._has_trouble = False
+        self.log = LogSender()
+        """Lines of the program for the robot's log."""
         self._end_reason = ""
         self._leaving: asyncio.TimerHandle | None = None
         """Set while it stays only to say what is unsaid."""
@@ -329,15 +332,27 @@ class Membership:
             self._has_trouble = bool(self._unsaid)
             self._say_on()
 
+    def say_log(self, level: LogLevel, line: str) -> None:
+        """Send a line to the robot's log; only an active part can."""
+        if self.joining.state is JoinState.ACTIVE and self._leaving is None:
+            self.log.add(level, line, self._turn.now())
+            self._say_on()
+
     def _say_on(self) -> None:
         while self._unsaid and self._send(self._unsaid[0], STREAM_RELIABLE):
             self._unsaid.popleft()
+        if not self._unsaid:  # not in the middle of a sentence: pieces have no name
+            for piece in self.log.pieces(self.joining.lease):
+                if not self._send(piece, STREAM_RELIABLE):
+                    break
+                self.log.sent()
         if self._leaving is not None and not self._unsaid:
             self._go()
 
     def _forget_trouble(self) -> None:
         """The session is gone, and with it what was said of the hardware."""
         self._unsaid.clear()
+        self.log.forget()
         self._has_trouble = False
         if self._leaving is not None:
             self._go()
