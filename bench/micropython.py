@@ -38,13 +38,16 @@ STORIES = (
     "key",
     "sealed",
     "describes",
+    "calls",
+    "serves",
 )
 
 
 PIECES = {
-    "core": "__init__ errors running cdr message standards xrce membership part declaring configuring words "
+    "core": "__init__ errors running cdr message standards xrce membership part declaring configuring type_hash words "
     "annotations keys links board objects",
     "functions that wait": "waiting",
+    "services": "services service_words",
     "CAN": "can compact squeeze",
     "`ws:`": "websocket",
     "sealed samples": "seal",
@@ -56,8 +59,10 @@ PIECES = {
 FOR_A_MOMENT = (
     "objects",
     "configuring",
+    "type_hash",
     "squeeze",
     "words",
+    "service_words",
     "keys",
     "description",
     "declaring",

@@ -30,6 +30,7 @@ _parts = []
 _name = ""
 _pipe = None
 _held = False
+_WAYS = ("out", "in", "serve", "call")  # by the direction of a binding
 _last = {}  # port -> (when, message, or octets and class)
 
 
@@ -182,16 +183,18 @@ def _look():
     ports = []
     for port in part._places:
         if port in part._ports:
-            _, topic, carries, subscribes, _ = part._ports[port][0]
+            _, topic, carries, direction, _ = part._ports[port][0]
             last = _last.get(port)
             age = None if last is None else time.ticks_diff(time.ticks_ms(), last[0])
             words = "" if last is None else shown(last[1], last[2])[:200]
-            ports.append([port, "in" if subscribes else "out", carries, topic, age, words])
+            ports.append([port, _WAYS[direction], carries, topic, age, words])
     bound = {port[0] for port in ports}
     idle = [[port, "in", type_name_of(kind[0]), "", None, ""] for port, kind in part._listeners.items()]
-    idle += [
-        [port, "out", type_name_of(kind), "", None, ""] for what, port, kind, _ in part.declared if what == "publish"
-    ]
+    for what, port, kind, reply in part.declared:
+        if what == "publish":
+            idle.append([port, "out", type_name_of(kind), "", None, ""])
+        elif what != "setting" and what != "subscribe":
+            idle.append([port, what, type_name_of(kind) + " -> " + type_name_of(reply), "", None, ""])
     return {
         "number": part.part_number,
         "describes": part.describes,

@@ -2,6 +2,7 @@
 
 import builtins
 
+from .errors import CallError as CallError
 from .errors import ConfigError as ConfigError
 from .errors import LocalProtocolError as LocalProtocolError
 from .errors import MsbotError as MsbotError

@@ -3,7 +3,7 @@
 from .cdr import Reader
 from .errors import ConfigError, LocalProtocolError
 from .message import fields_of, type_name_of
-from .objects import PARTICIPANT, PUBLISHER, SUBSCRIBER, endpoint_blob, topic_blob
+from .objects import PARTICIPANT, PUBLISHER, SUBSCRIBER, endpoint_blob, service_blob, topic_blob
 from .part import Timed, read_setting, stream_of
 from .running import forget, once
 
@@ -17,8 +17,8 @@ def read(octets):
     bindings = []
     for _ in range(reader.number("I")):
         port, topic, topic_type = reader.text(), reader.text(), reader.text()
-        subscribes, reliable = reader.take(2)
-        bindings.append((port, topic, topic_type, subscribes == 1, reliable == 1))
+        direction, reliable = reader.take(2)  # 0 publishes, 1 subscribes, 2 serves, 3 calls
+        bindings.append((port, topic, topic_type, direction, reliable == 1))
     return version, slot, bindings, [(reader.text(), reader.text()) for _ in range(reader.number("I"))]
 
 
@@ -52,6 +52,8 @@ def configure(part, slot, bindings, settings, now):
         elif bound[0][2] != name:
             words = "carries {}, but its function expects {}".format(bound[0][2], name)
             part.report("port {!r}".format(port), words)
+    if part.services:
+        part.services.check()
     once("type_hash").tell(part)
     _tell_settings(part, now)
 
@@ -65,14 +67,24 @@ def bind(part, bindings):
         if wanted.get(port) != binding:
             del part._ports[port]
             client.delete(object_id)
-            client.delete(topic_id)
+            if topic_id:
+                client.delete(topic_id)
     for binding in bindings:
-        port, topic, topic_type, subscribes, reliable = binding
-        if port in part._ports:
+        port, topic, topic_type, direction, reliable = binding
+        if port in part._ports or direction > 3:
+            continue
+        request, arrow, reply = topic_type.partition(" -> ")
+        if direction > 1:
+            if arrow:
+                part.use_services()
+                object_id = client.free_id(10 - direction)
+                client.create(object_id, service_blob(topic, request, reply), PARTICIPANT)
+                client.read(object_id)
+                part._ports[port] = (binding, 0, object_id)
             continue
         topic_id = client.free_id(2)
         client.create(topic_id, topic_blob(topic, topic_type), PARTICIPANT)
-        if subscribes:
+        if direction:
             object_id = client.free_id(6)
             client.create(object_id, endpoint_blob(topic_id, reliable, b"\0\0"), SUBSCRIBER)
         else:
@@ -81,7 +93,7 @@ def bind(part, bindings):
             object_id = client.free_id(5)
             client.create(object_id, endpoint_blob(topic_id, reliable, b"\0"), PUBLISHER)
         part._ports[port] = (binding, topic_id, object_id)
-        if subscribes:
+        if direction:
             client.read(object_id, stream_of(binding))
     if not bindings and client.find(PUBLISHER):
         client.delete(PUBLISHER)

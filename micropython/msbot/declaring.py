@@ -36,6 +36,8 @@ def verb(part, name):
     if name == "board":
         words = "part {} has no board: make it with Part(..., board=SimGpio())"
         raise ConfigError(words.format(part.local_name))
+    if name in ("serves", "calls"):
+        return getattr(part.use_services(), name)
     function = {"every": every, "on": on, "on_setting": on_setting, "publishes": publishes}.get(name)
     if function is None:
         raise AttributeError("'Part' object has no attribute '{}'".format(name))

@@ -15,7 +15,7 @@ def describe(part):
     """The text, from what the program has declared."""
     out = ["number = " + _value(part.part_number), "name = " + _value(part.called)]
     ways = [kind for kind, _, _, _ in part.declared if kind != "setting"]
-    if ways and len(set(ways)) == 1:
+    if len(set(ways)) == 1 and ways[0] in ("publish", "subscribe"):
         out.append("category = " + _value("sensor" if ways[0] == "publish" else "actuator"))
     classes = []
     for way in ("publish", "subscribe"):
@@ -27,6 +27,12 @@ def describe(part):
                     out.append("safe = " + _table([(name, _field(safe, name, of)) for name, of in _fields(safe)]))
                 if message_class not in classes:
                     classes.append(message_class)
+    for way in ("call", "serve"):
+        for kind, port, request, reply in part.declared:
+            if kind == way:
+                out += ["", "[[port]]", "name = " + _value(port), "direction = " + _value(way)]
+                out += ["request = " + _value(type_name_of(request)), "reply = " + _value(type_name_of(reply))]
+                classes += [one for one in (request, reply) if one not in classes]
     for kind, name, of, setting in part.declared:
         if kind == "setting":
             default, least, most, unit = setting

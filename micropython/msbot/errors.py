@@ -30,5 +30,9 @@ class LocalProtocolError(MsbotError):
     """This side asked for something that is not possible now, or that cannot be represented on the wire."""
 
 
+class CallError(MsbotError):
+    """A call has no reply, or a function refuses its request; the text says why."""
+
+
 class RemoteProtocolError(MsbotError):
     """What came in makes no sense."""

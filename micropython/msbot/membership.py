@@ -149,6 +149,16 @@ class Membership:
         except RemoteProtocolError:
             self.dropped += 1
 
+    def service_received(self, object_id, octets):
+        """Take a request for a port that serves, or a reply to one that calls."""
+        if self._seals:
+            octets = self._seals.open(object_id, octets)
+            if octets is None:
+                self.part.counters.refused += 1
+                return
+        if self.part.services:
+            self.part.services.received(object_id, octets)
+
     def _take_reply(self, octets, now):
         size = len(octets)
         if size == 4:

@@ -41,11 +41,11 @@ def endpoint_blob(topic_id, reliable, end):
     return struct.pack(">HBBBBBBBB", topic_id, 1, 0, 3 if reliable else 2, 0, 0, 0, 0, 0) + end
 
 
-def service_blob(name):
-    """What describes a requester of a service whose types and topics are named after it."""
+def service_blob(name, request="", reply=""):
+    """What describes a requester or replier of a service; its topics, and types without a name, are named after it."""
     out = bytearray()
-    for ending in ("", "_request", "_reply"):
-        put_text(out, name + ending)
+    for text in (name, request or name + "_request", reply or name + "_reply"):
+        put_text(out, text)
     for ending in ("_Request", "_Reply"):
         out.append(1)
         put_text(out, name + ending)

@@ -8,7 +8,7 @@ import struct
 
 from micropython import const
 
-from .errors import ConfigError, LocalProtocolError, RemoteProtocolError, say
+from .errors import CallError, ConfigError, LocalProtocolError, RemoteProtocolError, say
 from .membership import ExpectedRobot, JoinState, Membership
 from .message import Message, type_name_of
 from .running import forget, load, once
@@ -92,6 +92,7 @@ class Part:
         self._heard = self._over = self._ends_with = self._stop = 0  # numbers of STOPs
         self._known = None
         self._now = 0
+        self.services = None  # calls and requests, if the program or its robot has any
         self._waiting = None  # functions that wait, if the program has any
         self._client = self._membership = None
 
@@ -117,6 +118,16 @@ class Part:
         self.counters.messages_out += sent
         self.counters.not_sent += not sent
         return sent
+
+    def call(self, port, request, *, timeout=1.0, on_reply=None):
+        """Send a request out of a port; `on_reply(reply, error)` is called once, as on a PC."""
+        self.use_services().call(port, request, timeout, on_reply)
+
+    def use_services(self):
+        """What calls and serves, imported when it is needed."""
+        if self.services is None:
+            self.services = load("services").Services(self)
+        return self.services
 
     def after(self, seconds, function=None):
         """Call a function once, so many seconds from now; said before the part runs, after it becomes active."""
@@ -225,6 +236,8 @@ class Part:
         if self._waiting:
             for one in self._waiting.due(now):
                 self._call(one.function, waiting=one)
+        if self.services:
+            self.services.step(now)
         self._membership.step(now)
         self._client.step(now)
         link.step(now)
@@ -234,6 +247,8 @@ class Part:
         times += [due for due, _ in self._pending]
         if self._waiting:
             times += self._waiting.times()
+        if self.services:
+            times += self.services.times()
         times += self._membership.due() + self._client.due() + (link.due(),)
         return max(now + 1, min([time for time in times if time is not None], default=now + 1000))
 
@@ -276,6 +291,8 @@ class Part:
             self.start_timers(now)
         elif before is JoinState.ACTIVE:
             self.stop_timers()
+            if self.services:
+                self.services.inactive(word, reason)
             self._is_safe = self._enter_safe_state()
         if state is JoinState.CONFIGURING:
             self.told_types = {}
@@ -331,6 +348,8 @@ class Part:
         elif kind == _PARTNER_LOST and number == self._membership.version and place < len(self._places):
             port = self._places[place]
             say("info", "{}: nobody sends to port {} any more".format(self.local_name, port))
+            if self.services:
+                self.services.partner_lost(port)
             self._enter_safe_state(port)
             self._tell("partner", port)
 
@@ -415,18 +434,23 @@ class Part:
         for function in self._when.get(when, ()):
             self._call(function, *arguments)
 
-    def _call(self, function, *arguments, waiting=None):
+    def _call(self, function, *arguments, waiting=None, reply=None):
         began_at = self.clock() if self.clock else 0
         try:
             if waiting:
                 self._waiting.go_on(waiting, self._now)
             else:
                 made = function(*arguments)
-                if type(made) is _STEPS:
+                if reply:
+                    reply(made, None)
+                elif type(made) is _STEPS:
                     self._wait(function, made)
         except Exception as error:  # a mistake in a function must not end the part
-            self.counters.handler_errors += 1
-            once("words").failed(self, function, error)
+            if reply:
+                reply(None, error)
+            if not (reply and isinstance(error, CallError)):  # that is no mistake: it refuses the request
+                self.counters.handler_errors += 1
+                once("words").failed(self, function, error)
         took = self.clock() - began_at if self.clock else 0
         if took > _SLOW:
             self.report(function.__name__, once("words").slow(took, _SLOW), "slow")

@@ -19,6 +19,7 @@ _FIELD = '{{"name": "{}", "type": {{"type_id": {}, "capacity": 0, "string_capaci
 _TYPE = '{{"type_description": {{"type_name": "{}", "fields": [{}]}}, "referenced_type_descriptions": []}}'
 _LEAST, _MOST = 540, 4096
 _NOT_KNOWN = 255
+_OF_REPLY = 0x80
 
 
 def type_hash(message_class):
@@ -47,33 +48,40 @@ def tell(part):
     for port, (message_class, _, _) in part._listeners.items():
         if port not in part.told_types:
             tell_port(part, port, message_class)
+    for kind, port, request, reply in part.declared:
+        if kind in ("call", "serve") and port not in part.told_types:
+            tell_port(part, port, request, reply)
 
 
-def tell_port(part, port, message_class):
-    """Tell of the messages at one port."""
+def tell_port(part, port, *classes):
+    """Tell of the message at one port, or of request and reply."""
     place, binding = _standing(part, port)
     if binding is None:
         return
-    part.told_types[port] = (place, binding, message_class)
-    if type_name_of(message_class) != binding[2]:
+    part.told_types[port] = (place, binding, classes)
+    if " -> ".join([type_name_of(one) for one in classes]) != binding[2]:
         return  # a mistake that is told in other words
-    octets = type_hash(message_class)
-    if octets and place < 120:
-        membership = part._membership
-        membership._ask(struct.pack("<IB", membership._lease, place) + octets, RELIABLE)
+    membership = part._membership
+    for one in classes:
+        octets = type_hash(one)
+        if octets and place & 0x7F < 120:
+            membership._ask(struct.pack("<IB", membership._lease, place) + octets, RELIABLE)
+        place |= _OF_REPLY
 
 
 def differs(part, place, detail):
     """The library's type of a port differs: tell the fields, or tell people."""
+    which, place = place & _OF_REPLY and 1, place & 0x7F
     port = part._places[place] if place < len(part._places) else None
-    if port not in part.told_types:
+    if port not in part.told_types or which >= len(part.told_types[port][2]):
         return
-    message_class = part.told_types[port][2]
+    message_class = part.told_types[port][2][which]
     if not detail:
         classes = []
-        for _, _, other in part.told_types.values():
-            if other not in classes and type_hash(other):
-                classes.append(other)
+        for _, _, others in part.told_types.values():
+            for other in others:
+                if other not in classes and type_hash(other):
+                    classes.append(other)
         text = "".join([_line(other) for other in classes])[:_MOST]
         said = bytearray()
         put_text(said, text + "\n" * (_LEAST - len(text.encode())))

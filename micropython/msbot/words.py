@@ -48,7 +48,7 @@ def bound(ports):
     """The bound ports of a part."""
     if not ports:
         return "this robot binds no port of the part"
-    listed = ["{} ({} {})".format(p[0], "subscribe" if p[3] else "publish", p[2]) for p in ports]
+    listed = ["{} ({} {})".format(p[0], ("publish", "subscribe", "serve", "call")[p[3]], p[2]) for p in ports]
     return "bound in this robot: " + ", ".join(listed)
 
 

@@ -15,6 +15,8 @@ BEST_EFFORT = const(0x01)
 RELIABLE = const(0x80)
 ENDLESS = const(0xFFFF)  # a read that never ends; 0 ends it, None = one sample
 
+_INVENTORY = const(0x0017)
+
 _CREATE = const(1)
 _GET_INFO = const(2)
 _DELETE = const(3)
@@ -74,13 +76,15 @@ class _Object:
 
 
 class Client:
-    """The session; its owner has the methods `connected`, `lost`, `closed`, `topic_received` and `reply_received`."""
+    """The session; its owner has the methods `connected`, `lost`, `closed`, `topic_received`, `reply_received` and
+    `service_received`."""
 
     def __init__(self, link, key, owner):
         self.link = link
         self.key = key
         self.owner = owner
         self.dropped = 0
+        self.written = 0  # id of the latest WRITE_DATA, which its reply names
         self._state = _CONNECTING
         self._times = _PATIENT if link.shared else _QUICK
         self._room = (link.mtu - 4 & ~3) - 4  # the largest body of a message
@@ -214,6 +218,7 @@ class Client:
         number = self._next if stream == RELIABLE else self._best_effort + 1 & 0xFFFF
         request_id = (0xA000 if stream == RELIABLE else 0x8000) | number & 0x1FFF
         body = submessage(_WRITE_DATA, struct.pack(">HH", request_id, object_id) + payload)
+        self.written = request_id
         if not self.find(object_id).asked:
             return False
         if stream != RELIABLE:
@@ -395,8 +400,10 @@ class Client:
             object_id = body[2] << 8 | body[3]
             if object_id & 15 == 6:
                 self.owner.topic_received(object_id, body[4:], now)
-            elif size >= 8:  # a reply, after the ids of its request
+            elif object_id == _INVENTORY and size >= 8:  # a reply, after the ids of its request
                 self.owner.reply_received(body[8:], now)
+            elif size >= 8:
+                self.owner.service_received(object_id, body[4:])
         elif kind == _STATUS and size >= 6:
             request_id = body[0] << 8 | body[1]
             if stream == 0 and request_id == 2 and self._state == _CLOSING:

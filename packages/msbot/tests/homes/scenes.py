@@ -6,7 +6,21 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 
-from msbot import Colour, Count, HelloWorld, Level, Message, Switch, Text, Trigger, float32, int16, uint64
+from msbot import (
+    CallError,
+    Colour,
+    Count,
+    HelloWorld,
+    Level,
+    Message,
+    Number,
+    Switch,
+    Text,
+    Trigger,
+    float32,
+    int16,
+    uint64,
+)
 from msbot.config import Options
 from tests.homes.world import PARTNER_UID, SLOT, SPARE_SLOT, Part, Robot, World
 
@@ -141,6 +155,103 @@ async def describes(world: World) -> None:
     await world.until_state("active")
     await asyncio.sleep(0.2)
     world.note(world.home.state())
+
+
+async def calls(world: World) -> None:
+    """Replies, refusals, and every way in which a call ends without either."""
+    world.plug()
+    await world.until_state("active")
+    await asyncio.sleep(0.5)
+    world.note("the partner comes, and has no function yet")
+    partner = world.plug_partner()
+    await asyncio.sleep(2.0)
+    world.note("it has one")
+
+    @partner.serves("name", Number, Text)
+    def name(request: Number) -> Text:
+        if request.value < 0:
+            raise CallError("negative numbers have no name hére")
+        return Text(text=f"it is {request.value:g}")
+
+    await asyncio.sleep(3.0)
+    world.note("STOP and GO")
+    world.master.say_stop("ann")
+    await asyncio.sleep(1.0)
+    world.master.say_go("ann")
+    await asyncio.sleep(1.0)
+    world.note("frozen")
+    world.hold("look at me")
+    await asyncio.sleep(1.0)
+    world.hold("")
+    await asyncio.sleep(1.0)
+    world.note("it does not reply any more")
+    membership = partner._runner._membership
+    assert membership is not None
+    membership.client._on_request = lambda *_: None
+    await asyncio.sleep(1.5)
+    world.note("its wire is taken away")
+    world.rewire("name", wired=False)
+    await asyncio.sleep(1.0)
+    world.rewire("name", wired=True)
+    await asyncio.sleep(1.2)
+    world.note("it is pulled out")
+    await world.pull_partner()
+    await asyncio.sleep(8.0)
+    world.note("the master dies")
+    await world.kill_master()
+    await asyncio.sleep(20.0)
+
+
+async def calls_sealed(world: World) -> None:
+    def serve(part: Part) -> None:
+        part.key = KEY
+        part.serves("name", Number, Text)(lambda request: Text(text=f"it is {request.value:g}"))
+
+    await begin(world, serve)
+    await asyncio.sleep(1.0)
+
+
+async def serves(world: World) -> None:
+    partner = world.plug_partner(lambda part: part.calls("double", Number, Text))
+    await asyncio.sleep(JOINED_AT_S)
+    world.plug()
+    await world.until_state("active")
+    await asyncio.sleep(0.5)
+
+    async def ask(*values: float) -> None:
+        for value in values:
+            partner.call(
+                "double", Number(value=value), on_reply=lambda reply, error: world.note(f"partner: {error or reply}")
+            )
+            await asyncio.sleep(0.5)
+
+    await ask(2.0, -1.0, 0.0, 1000.0, 1e9)
+    await ask(*range(5))
+    world.note("STOP")
+    world.master.say_stop("ann")
+    await asyncio.sleep(1.0)
+    await ask(4.0)
+    world.master.say_go("ann")
+    await asyncio.sleep(1.0)
+    world.note("GO")
+    await ask(5.0)
+    world.home.pull()
+    await asyncio.sleep(8.0)
+    await ask(6.0)
+
+
+async def describes_services(world: World) -> None:
+    types = {"Angle": [("degrees", "float32")], "Number": [("value", "float32")], "Picture": [("width", "uint16")]}
+    world.master.inventory.types.library_fields = types.get
+    world.plug()
+    await asyncio.sleep(8.0)
+    for line in world.said_of_itself().splitlines():
+        world.note(line)
+    world.adopt("CAM-1")
+    await world.until_state("active")
+    await asyncio.sleep(3.0)
+    for line in world.master.troubles("eye"):
+        world.note(line)
 
 
 LIBRARY = {
@@ -409,7 +520,10 @@ async def example(world: World) -> None:
 
 def wired(*ports: str, settings: tuple[tuple[str, str], ...] = ()) -> Robot:
     """A robot whose slot has these ports, `name way type`."""
-    return Robot(bindings=tuple((name, way, kind) for name, way, kind in map(str.split, ports)), settings=settings)
+    return Robot(
+        bindings=tuple((name, way, kind) for name, way, kind in (port.split(" ", 2) for port in ports)),
+        settings=settings,
+    )
 
 
 KEYED = Robot(options=Options(authentication="key", explain=True), keys=((bytes(range(8)), KEY),))
@@ -449,7 +563,12 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
         ),
         blocks,
     ),
+    "calls": Scene(wired("name call Number -> Text"), calls),
+    "calls_sealed": Scene(replace(SEALED, bindings=(("name", "call", "Number -> Text"),)), calls_sealed),
     "delays": Scene(Robot(), delays),
+    "serves": Scene(
+        wired("double serve Number -> Text", "mistaken serve Number -> Text", "shut serve Number -> Text"), serves
+    ),
     "describes": Scene(
         wired("wind out Wind", "brake in Level", settings=(("gain", "5"), ("brake.safe.percent", "100"))), describes
     ),
@@ -461,6 +580,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
         ),
         describes,
     ),
+    "describes_services": Scene(wired("photo serve Angle -> Picture", "look call Angle -> Number"), describes_services),
     "other_types": Scene(wired("out out Raw", "in in Pair", "level in Level", "count out Count"), other_types),
     "key": Scene(KEYED, key),
     "large": Scene(wired("in in Text", "out out Text"), large),

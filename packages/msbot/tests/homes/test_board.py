@@ -15,9 +15,11 @@ from typing import Any
 
 import pytest
 
+from msbot import Number, Text
+from msbot_agent.link import open_link
 from tests.homes import micro
 from tests.homes.runners import as_micropython
-from tests.homes.world import UID, Frame, Home, Robot, SimCanBus, UdpServerLink, World, run_virtual
+from tests.homes.world import UID, Frame, Home, Part, Robot, SimCanBus, UdpServerLink, World, run_virtual
 
 
 @pytest.fixture(autouse=True)
@@ -270,21 +272,37 @@ def test_udp_packets_go_there_and_back_and_nobody_is_waited_for() -> None:
         pipe._socket.close()
 
 
-async def test_a_part_joins_a_master_over_udp_in_real_time() -> None:
+async def test_a_part_joins_a_master_over_udp_in_real_time_and_calls_another() -> None:
     class OverUdp(Board):
         def start(self, world: World, program: str, name: str) -> None:
-            self.part = micro.load().Part("TEST-1", uid=UID)
+            package = micro.load()
+            self.part = part = package.Part("TEST-1", uid=UID)
+            part.calls("name", package.Number, package.Text)
+
+            def hear(reply: Any, error: str) -> None:
+                told.set_result(error or reply.text)
+
+            part.on_join(lambda: part.call("name", package.Number(value=4.0), timeout=20.0, on_reply=hear))
             self.part.begin(micro.load("board").open_link(f"udp:127.0.0.1:{server.port}"), 0)
             self._task = world.spawn(self._run())
 
+    told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     home: Home = OverUdp()
-    world = World(Robot(), home, "", "")
+    world = World(Robot(bindings=(("name", "call", "Number -> Text"),)), home, "", "")
     server = UdpServerLink("127.0.0.1", 0)
     world.master.add_link(server)
     world.start_master()
     await world.master.ready.wait()
+    partner, serves = Part("PARTNER"), asyncio.Event()
+    partner.on_join(serves.set)
+    partner.serves("name", Number, Text)(lambda request: Text(text=f"it is {request.value:g}"))
+    serving = world.spawn(partner.run_async(open_link(f"udp:127.0.0.1:{server.port}")))
+    await asyncio.wait_for(serves.wait(), 20.0)
     world.plug()
     await world.until_state("active")
+    assert await asyncio.wait_for(told, 20.0) == "it is 4"
+    partner.end()
+    await asyncio.wait_for(serving, 20.0)
     home.close()
     await world.until_state("ended")
     await asyncio.wait_for(home._task, 20.0)  # type: ignore[attr-defined]  # its own

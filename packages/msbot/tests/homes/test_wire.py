@@ -12,8 +12,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msbot.carried.carried_files import OF_GENERIC_BOARDS
+from msbot.part.calls import LONGEST_SENTENCE, decode_reply
 from msbot.part.messages.type_hash import described_fields, type_hash
-from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.errors import CallError, RemoteProtocolError
 from tests import ROOT
 from tests.damage import damaged
 from tests.homes import micro
@@ -51,6 +52,15 @@ def test_what_it_knows_beforehand_is_what_everybody_knows() -> None:
     assert micro.load("squeeze").DICTIONARY == DICTIONARY
     assert compact.FIXED == FIXED
     assert tuple(refusal.describe for refusal in Refusal) == micro.load("words").REFUSALS
+
+
+@pytest.mark.parametrize("status", [1, 2, 3, 4, 5, 6, 7, 8, 200])
+@pytest.mark.parametrize("said", ["", "the lid is öffen", "ü" * 200, "a\nb\x7f"])
+def test_a_board_says_of_a_reply_what_a_computer_says(status: int, said: str) -> None:
+    octets = bytes([status]) + said.encode()[:LONGEST_SENTENCE]
+    with pytest.raises((CallError, RemoteProtocolError)) as caught:
+        decode_reply(octets)
+    assert micro.load("service_words").refusal(octets) == str(caught.value)
 
 
 def test_recorded_messages_come_out_as_they_went_in_whoever_shortened_them() -> None:

@@ -19,7 +19,7 @@ from msbot.part.join.refusal import Refusal
 from msbot.part.join.seal import Seal
 from msbot.part.join.uid import uid_on_board
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot.pnp import Configuration, MemoryStore, SlotBinding
+from msbot.pnp import Configuration, Freeze, MemoryStore, SlotBinding
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import ConnectionUser
 from msbot_agent.link.byte_frames import SerialReceiver, encode_serial
@@ -36,6 +36,8 @@ from msbot_xrce.compression import DICTIONARY, FIXED
 from msbot_xrce.errors import LinkDown
 
 CODEC = Codec(compress, decompress)
+GIVING = ("out", "serve")
+"""Directions of ports whose partner's end reads or calls."""
 SLOT = "mine"
 PARTNER_SLOT = "partner"
 SPARE_SLOT = "spare"
@@ -51,7 +53,7 @@ class Robot:
     number: str = "TEST-1"
     """The part number of the slot that the program's part takes."""
     bindings: tuple[tuple[str, str, str], ...] = ()
-    """Ports of the program's part: name, direction `out` or `in`, message type. The partner has the other ends."""
+    """Ports of the program's part: name, direction, message type. The partner has the other ends."""
     settings: tuple[tuple[str, str], ...] = ()
     options: Options = field(default_factory=Options)
     keys: tuple[tuple[bytes, bytes], ...] = ()
@@ -90,8 +92,9 @@ class World:
         self.lines = MemoryLines()
         self.page = WebSocketServerLink("ws:page")
         mine = [
-            SlotBinding(port, port, kind, publishes=way == "out", reliable=True) for port, way, kind in robot.bindings
+            SlotBinding(port, port, kind, publishes=way in GIVING, reliable=True) for port, way, kind in robot.bindings
         ]
+        self.wires = tuple(mine)
         others = [replace(binding, publishes=not binding.publishes) for binding in mine]
         spare = Slot(SPARE_SLOT, "SPARE")  # no number that a part says: it would not be clear which slot is meant
         self.store = MemoryStore(
@@ -149,6 +152,24 @@ class World:
         old = self.store.configurations[SLOT]
         self.store.configurations[SLOT] = replace(old, version=old.version + 1, settings=settings)
         self.master.inventory.configuration_changed(SLOT)
+
+    def rewire(self, port: str, *, wired: bool) -> None:
+        """Somebody takes the wire of a port of the program's slot away, or puts it back."""
+        old = self.store.configurations[SLOT]
+        kept = tuple(one for one in old.bindings if one.port != port)
+        if wired:
+            kept += tuple(one for one in self.wires if one.port == port)
+        self.store.configurations[SLOT] = replace(old, version=old.version + 1, bindings=kept)
+        self.master.inventory.configuration_changed(SLOT)
+
+    def hold(self, reason: str) -> None:
+        """A teacher freezes the class: the program is a pupil's."""
+        inventory, now = self.master.inventory, asyncio.get_running_loop().time()
+        key = next(info.client_key for info in inventory.view(0.0) if info.slot == SLOT)
+        inventory._index.sessions[key].pupil = "ben"
+        inventory.pupil_parts.pupils.freeze = Freeze("ann", reason, now) if reason else None
+        inventory.pupil_parts.follow(now)
+        self.master.agent.recheck(key)
 
     def move(self, slot: str, to: str) -> None:
         """Somebody puts the part of a slot into another one."""

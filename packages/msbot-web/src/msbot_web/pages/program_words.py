@@ -36,6 +36,12 @@ PART_SAYS = (
     "this robot binds no port of the part",
     "port {port} carries {type}, not {other}",
     "the part is {state}, not active ({reason}): publish after on_join",
+    "the part is {state}, not active ({reason}): call after on_join",
+    "part.call({port}, ...) cannot wait for the reply on boards and in browsers: give it on_reply=..., a function of two "
+    "arguments, reply and error",
+    "part.call({port}, ...): say at the top of the program what goes and what comes: part.calls({calls}, Request, Reply)",
+    "port {port} sends {class}(...), not {given}",
+    "returned {value}: below @part.serves({port}, ...) return {reply}(...)",
     "there is no setting {name} in this robot; it sets: {known}",
     "{field} cannot be {value}: {needs}",
     "{type} needs a number",

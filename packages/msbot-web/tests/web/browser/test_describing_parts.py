@@ -18,7 +18,7 @@ from tests import ROOT
 from tests.e2e.processes import Process, run, running
 from tests.web.browser.accessible import hurdles
 from tests.web.browser.conftest import Site, free_port, new_page
-from tests.web.browser.test_program_page import expect_state, open_as_ada, press, set_up, write
+from tests.web.browser.test_program_page import expect_said, expect_state, open_as_ada, press, set_up, write
 
 MINE = """from msbot import Message, Part, Switch, float32
 
@@ -50,6 +50,41 @@ part.run()
 
 
 RELAY = '[[slot]]\nname = "relay"\npart = "RELAY-1"\n'
+CAMERA = """from msbot import Angle, CallError, Part, Text
+
+part = Part("CAM-1", describes="Camera")
+
+
+@part.serves("photo", Angle, Text)
+def photo(request):
+    if request.degrees > 90:
+        raise CallError("it turns from 0 to 90 degrees only")
+    return Text(text=f"a tree at {request.degrees:g} degrees")
+
+
+part.run()
+"""
+BRAIN = """from msbot import Angle, CallError, Part, Text
+
+part = Part("BRAIN-1", describes="Brain")
+part.calls("look", Angle, Text)
+
+
+@part.every(0.2)
+def look():
+    for degrees in (45, 99):
+        try:
+            part.call("look", Angle(degrees=degrees), on_reply=seen)
+        except CallError as error:
+            print(error)
+
+
+def seen(reply, error):
+    print(error or reply.text)
+
+
+part.run()
+"""
 BIND = """async ([topic, wish]) => {
   const { csrf } = await (await fetch("/api/me")).json();
   const headers = { "content-type": "application/json", "x-csrf-token": csrf };
@@ -158,6 +193,27 @@ def test_one_program_one_click_and_the_lamp_obeys(
     for one in (phone, page):
         press(one, "Stop")
     phone.context.close()
+
+
+def test_a_part_in_one_browser_calls_a_part_in_another(visit: Callable[..., Page]) -> None:
+    camera, brain = visit("/program"), visit("/program")
+    for page, program in ((camera, CAMERA), (brain, BRAIN)):
+        write(page, program)
+        press(page, "Run")
+        page.locator("#ms-prog-adopt button").click()
+        expect_state(page, "active")
+    brain.get_by_role("button", name="cam_1.photo → brain_1.look").click()
+    expect_said(brain, "a tree at 45 degrees")
+    expect_said(brain, "call of look: refused: it turns from 0 to 90 degrees only")
+    expect(brain.locator("#ms-prog-ports tr", has_text="look ⇢")).to_contain_text("Angle -> Text")
+    expect(camera.locator("#ms-prog-ports tr", has_text="photo ⇠")).to_contain_text("Angle -> Text")
+    brain.get_by_role("dialog").get_by_role("button", name="Close").click()
+    press(camera, "Stop")
+    expect_said(brain, "call of look: the robot does not pass it on: slot cam_1 is empty")
+    write(brain, BRAIN.replace(", on_reply=seen", ""))
+    press(brain, "Run")
+    expect_said(brain, ":11 in look: part.call('look', ...) cannot wait for the reply on boards and in browsers")
+    press(brain, "Stop")
 
 
 def test_a_phone_without_an_account_is_a_part_that_switches_a_relay(

@@ -71,6 +71,8 @@ const msbotProgram = (() => {
     if (told.textContent !== reason) told.textContent = reason;
   }
 
+  const arrows = { in: "←", out: "→", serve: "⇠", call: "⇢" };
+
   function show(seen) {
     if (isStuck) return;
     if (!seen.state) return;
@@ -83,7 +85,7 @@ const msbotProgram = (() => {
     state(word, looks[word] || "checking", reason);
     const rows = seen.ports.map(([port, way, type, topic, age, shown]) => {
       const row = document.createElement("tr");
-      const cells = [`${port} ${way === "in" ? "←" : "→"}`, type, age === null ? (topic || !seen.slot ? "–" : say("unwired")) : `${shown} (${(age / 1000).toFixed(1)} s)`];
+      const cells = [`${port} ${arrows[way]}`, type, age === null ? (topic || !seen.slot ? "–" : say("unwired")) : `${shown} (${(age / 1000).toFixed(1)} s)`];
       for (const cell of cells) row.append(Object.assign(document.createElement("td"), { textContent: cell }));
       row.firstElementChild.title = topic;
       row.lastElementChild.className = "ms-last num";
