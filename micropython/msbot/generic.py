@@ -321,7 +321,7 @@ class Unit:
 
     def _move(self):
         if self._driver.drives:
-            wanted = self._driver.wanted(self.model.values)
+            wanted = self._driver.outputs_for(self.model.values)
             if wanted != self._given:
                 self._driver.drive(wanted)
                 self._given = wanted
