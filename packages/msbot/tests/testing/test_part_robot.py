@@ -52,7 +52,7 @@ def fan(seen: Seen) -> Part:
 
 
 def test_the_examples_of_the_page_run_as_they_are_written(tmp_path: Path) -> None:
-    program, tests, plain = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    program, tests, plain, *_ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "fan.py").write_text(program)
     (tmp_path / "test_fan.py").write_text(tests)
     (tmp_path / "plain.py").write_text(plain)

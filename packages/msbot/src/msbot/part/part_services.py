@@ -19,6 +19,10 @@ LARGEST_REPLY = LARGEST_MESSAGE - IDENTITY_OCTETS
 """Octets of a reply, which goes back with the identity of its request."""
 
 
+class NoReply(Exception):
+    """A function that serves leaves a request without a reply, as a part does that hangs: for tests."""
+
+
 class PartCalls:
     """The calls of one part.
 
@@ -182,15 +186,16 @@ class PartServices:
     def _server(self, port: str, server: Server, reply: Callable[[bytes], None]) -> Callable[[Message], None]:
         @functools.wraps(server.function)
         def served(request: Message) -> None:
-            octets = encode_reply(ReplyStatus.FAILED)
+            octets: bytes | None = encode_reply(ReplyStatus.FAILED)
             try:
                 answer = server.function(request)
                 if type(answer) is server.exchange.reply:
-                    octets = encode_reply(ReplyStatus.DONE, answer.encode())
-                    if len(octets) > LARGEST_REPLY:
+                    encoded = encode_reply(ReplyStatus.DONE, answer.encode())
+                    if len(encoded) > LARGEST_REPLY:
                         raise LocalProtocolError(
-                            f"the reply has {len(octets):,} octets, and may have {LARGEST_REPLY:,}: send less"
+                            f"the reply has {len(encoded):,} octets, and may have {LARGEST_REPLY:,}: send less"
                         )
+                    octets = encoded
                 else:
                     wanted = server.exchange.reply.__name__
                     octets = encode_reply(ReplyStatus.FAILED, f"it returned {answer!r:.60}, not a {wanted}")
@@ -198,6 +203,8 @@ class PartServices:
                     self._guard.report(
                         name, f"returned {answer!r:.60}: below @part.serves({port!r}, ...) return {wanted}(...)"
                     )
+            except NoReply:
+                octets = None
             except CallError as error:
                 octets = encode_reply(ReplyStatus.REFUSED, str(error))
             except Exception as error:
@@ -205,6 +212,7 @@ class PartServices:
                 raise
             finally:
                 self._serving -= 1
-                reply(octets)
+                if octets is not None:
+                    reply(octets)
 
         return served

@@ -1,8 +1,8 @@
 """A part's program in a robot of its own, in virtual time: no sockets, no waiting, the same result each time.
 
 The robot is real: a master with its inventory and its agent, in memory. Beside the part under test it has one other
-part, the partner, with the opposite of each of its ports. So a message goes the way that it goes in a robot, and
-STOP, settings, lost partners and cut cables have the effects that they have there.
+part, the partner, with the opposite of each of its ports and services. So a message goes the way that it goes in a
+robot, and STOP, settings, lost partners and cut cables have the effects that they have there.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ from msbot.part.messages.message import fields_of
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import VirtualTimeLoop
 from msbot.sim.model_part import message_class
+from msbot.testing.service_stand_ins import Answer, ServiceStandIns
 from msbot_agent.link import InprocHub, LinkInfo, LossyLink
 from msbot_agent.space import Deliver, Qos, Sample, Topic
-from msbot_xrce.errors import ConfigError, MsbotError
+from msbot_xrce.errors import CallError, ConfigError, MsbotError
 from msbot_xrce.lazy import dataclass
 
 SLOT: Final = "part"
@@ -61,6 +62,7 @@ class PartRobot:
         """See `robot_for`."""
         self.part = part
         self._ports = _ports_of(part, publishes or {}, library or load_library())
+        self._services = ServiceStandIns(part, library or load_library())
         self._published: dict[str, deque[Message]] = {
             name: deque(maxlen=MOST_KEPT) for name, port in self._ports.items() if port.publishes
         }
@@ -93,7 +95,8 @@ class PartRobot:
             manufacturer=_or(wanted.manufacturer, "-"),
         )
         slots = (Slot(SLOT, self.part.part_number), Slot(PARTNER, _NUMBER))
-        bindings = tuple(SlotBinding(n, n, p.message.type_name, p.publishes) for n, p in self._ports.items())
+        topics = (SlotBinding(n, n, p.message.type_name, p.publishes) for n, p in self._ports.items())
+        bindings = (*topics, *self._services.bindings())
         opposite = tuple(replace(one, publishes=not one.publishes) for one in bindings)
         self._store = MemoryStore(
             types=(PartType(self.part.part_number, self.part.part_number), PartType(_NUMBER, PARTNER)),
@@ -110,6 +113,7 @@ class PartRobot:
         self._serving = asyncio.create_task(self._master.run())
         await self._master.ready.wait()
         self._partner = Part(_NUMBER, local_name=PARTNER, uid=b"partner.", random=Random(2))
+        self._services.declare(self._partner)
         for name, port in self._ports.items():
             if port.publishes:  # not by the partner: what is published during STOP reaches no function of a part
                 topic = Topic(name, port.message.type_name)
@@ -186,10 +190,50 @@ class PartRobot:
 
     def clear(self) -> None:
         """Forget what was published, logged and wrong so far."""
-        for kept in self._published.values():
+        for kept in (*self._published.values(), *self._services.asked.values()):
             kept.clear()
         self._handler.log.clear()
         self._handler.errors.clear()
+
+    # Services
+
+    def call(self, port: str, request: Message, timeout: float = 1.0) -> Message:
+        """The part's reply to a request at a port that serves.
+
+        Raises:
+            CallError: there is none; the text says why, as a caller in a robot reads it.
+        """
+        exchange = self._services.port(port, serves=True).exchange
+        if type(request) is not exchange.request:
+            raise ConfigError(f"port {port!r} takes {exchange.request.__name__}, not {request!r}")
+        if not self._partner_is_in:
+            raise ConfigError(f"nobody can call {port!r}: the partner is unplugged; plug_partner() brings it back")
+        ends: list[Message | CallError] = []
+
+        def take(reply: Message | None, error: str) -> None:
+            ends.append(CallError(error) if reply is None else reply)
+
+        self._in_loop(lambda: self._partner.call(port, request, timeout=timeout, on_reply=take))
+        while not ends:  # a call always ends
+            self.advance(_STEP_S)
+        if isinstance(ends[0], CallError):
+            raise ends[0]
+        return ends[0]
+
+    def answer(self, port: str, answer: Answer) -> None:
+        """Stand in for the service that the part calls at a port, from now on; at first nobody ever answers.
+
+        Args:
+            port: a port that calls.
+            answer: a reply; a `CallError`: the request is refused; a function that gets the request and returns a reply
+                or raises `CallError`; None: there is never a reply.
+        """
+        self._in_loop(lambda: self._services.answer(port, answer))
+
+    def asked(self, port: str) -> list[Message]:
+        """What the part has asked at a port that calls, oldest first, since it began or since `clear`."""
+        self._services.port(port, serves=False)
+        return list(self._services.asked[port])
 
     # What happens to a part
 
