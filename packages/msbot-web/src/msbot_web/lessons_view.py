@@ -19,6 +19,10 @@ from msbot_web.access.accounts import Accounts
 from msbot_web.access.sessions import Session
 from msbot_xrce.errors import ConfigError
 
+DONE_LOOK_S: Final = 0.5
+"""Period in which the database is asked whether the last check, which has ticked, is kept there."""
+DONE_LOOKS: Final = 6
+"""How often it is asked."""
 PROGRESS_S: Final = 2.0
 """How old the class table may be."""
 _ATTRIBUTES: Final = {
@@ -155,12 +159,17 @@ class LessonsView:
         Raises:
             ConfigError: it is not done yet.
         """
-        found = [
-            row for row in await self.progress(session, language) if row.person == session.name and row.lesson == lesson
-        ]
-        if not found or not found[0].is_done:
-            raise ConfigError(said("{who} has not done this lesson to its end yet", who=session.name))
-        return found[0]
+        for _ in range(DONE_LOOKS):
+            for row in await self.progress(session, language):
+                if (row.person, row.lesson) == (session.name, lesson) and row.is_done:
+                    return row
+            run = self.run_of(session)
+            if run is None or run.lesson.name != lesson or not run.is_done:
+                break
+            # The last check has ticked just now: the database has it in a moment.
+            await asyncio.sleep(DONE_LOOK_S)
+            self._ticks = None
+        raise ConfigError(said("{who} has not done this lesson to its end yet", who=session.name))
 
 
 @cache

@@ -141,7 +141,7 @@ class Service:
         )
         """The class."""
         self.programs = ProgramActions(shelf, accounts, self.pupils.check_writing)
-        self.hand_ins = HandInActions(accounts, self.programs, self.learning, operations.lessons)
+        self.hand_ins = HandInActions(accounts, self.programs, self.learning, operations.lessons, self.past)
         """What is handed in of lessons."""
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._held = HeldControls(lambda: views.bench)

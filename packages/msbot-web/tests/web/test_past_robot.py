@@ -11,13 +11,14 @@ import pytest
 from msbot.config import load_library
 from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
+from msbot.recording.recordings.bounded_copy import BoundedCopy
 from msbot.sim import message_class
 from msbot_school.demo import DemoRobot
 from msbot_web.frame_ring import FrameRing
 from msbot_web.live_values import LiveValues
 from msbot_web.model_builder import ModelBuilder
 from msbot_web.models.robot_models import SlotCard, TopicLine, WirePort
-from msbot_web.recorded_past import read_moment
+from msbot_web.recorded_past import copy_of_ring, read_moment, read_moment_of_copy
 from msbot_web.recorded_snapshot import RecordedSnapshot, SnapshotBuilder
 from msbot_web.simulated.controls import NoSimulatedControls
 from msbot_web.slot_cards import stop_state
@@ -170,3 +171,54 @@ def test_a_time_of_which_nothing_is_known_is_refused(story: tuple[Path, list[See
     for at_s in (BEGAN_NS / NS + 1000, BEGAN_NS / NS - 1000):
         with pytest.raises(ConfigError, match="nothing was recorded at that time"):
             read_moment(str(tmp_path), at_s, LIBRARY, ())
+
+
+RING_FILE = "ring-20231114T221320-000000.mcap"
+BEGAN_S = BEGAN_NS / NS
+
+
+def copy_of(ring: Path, seconds: tuple[float, float], most_octets: int = 1 << 21) -> BoundedCopy:
+    found = copy_of_ring(str(ring), BEGAN_S + seconds[0], BEGAN_S + seconds[1], most_octets)
+    assert found is not None
+    assert len(found.octets) <= most_octets
+    return found
+
+
+def test_a_copy_shows_the_robot_as_the_ring_did_after_the_ring_is_gone(
+    story: tuple[Path, list[Seen]], tmp_path: Path
+) -> None:
+    recording, seen = story
+    ring = tmp_path / RING_FILE
+    ring.write_bytes(recording.read_bytes())
+    copy = copy_of(tmp_path, (seen[1].at - 1, seen[2].at + 0.1))
+    ring.unlink()
+    for shown in seen[1:3]:
+        moment = read_moment_of_copy("Ada's", copy.octets, BEGAN_S + shown.at, LIBRARY, ())
+        assert [told(card) for card in moment.robot.slots] == [told(card) for card in shown.cards]
+        assert moment.ports == shown.ports
+    for at in (seen[0].at - 6, seen[2].at + 60):
+        with pytest.raises(ConfigError, match="nothing was recorded at that time"):
+            read_moment_of_copy("Ada's", copy.octets, BEGAN_S + at, LIBRARY, ())
+    other = copy_of(tmp_path_with(tmp_path, recording), (0, seen[0].at))
+    moment = read_moment_of_copy("Ben's", other.octets, BEGAN_S + seen[0].at, LIBRARY, ())
+    assert [told(card) for card in moment.robot.slots] == [told(card) for card in seen[0].cards], "never another's"
+
+
+def tmp_path_with(folder: Path, recording: Path) -> Path:
+    (folder / RING_FILE).write_bytes(recording.read_bytes())
+    return folder
+
+
+def test_a_copy_that_is_too_large_begins_later(story: tuple[Path, list[Seen]], tmp_path: Path) -> None:
+    recording, seen = story
+    ring = tmp_path_with(tmp_path, recording)
+    whole = copy_of(ring, (0, seen[-1].at))
+    assert len(whole.octets) < recording.stat().st_size, "without frames"
+    less = copy_of(ring, (0, seen[-1].at), len(whole.octets) - 1)
+    assert less.from_ns > whole.from_ns
+    assert less.to_ns == whole.to_ns
+    moment = read_moment_of_copy("less", less.octets, BEGAN_S + seen[-1].at, LIBRARY, ())
+    assert [told(card) for card in moment.robot.slots] == [told(card) for card in seen[-1].cards]
+    assert copy_of_ring(str(ring), BEGAN_S, BEGAN_S + seen[-1].at, 100) is None
+    assert copy_of_ring(str(ring), BEGAN_S + 5000, BEGAN_S + 6000, 1 << 20) is None
+    assert copy_of_ring(str(tmp_path / "nowhere"), BEGAN_S, BEGAN_S + 10, 1 << 20) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Response
 from pydantic import Field
 
 from msbot.registry.hand_ins import HandIn
@@ -32,6 +32,8 @@ class HandInLine(Model):
     note: str
     answers: dict[str, str]
     """The last answer to each question, by its check."""
+    recording_octets: int
+    """How large the copy of the robot's recording is; 0: there is none."""
     returned_ms: int
     """0: not returned yet."""
     returned_by: str
@@ -73,6 +75,13 @@ def add_hand_ins(router: APIRouter, service: Service) -> None:
         found = await hand_ins.opened(session, number)
         return HandInText.model_construct(**_line(found), text=found.text)
 
+    @router.get("/lesson/hand_ins/{number}/recording", response_class=Response)
+    async def recording(session: SignedIn, number: Number) -> Response:
+        """The copy of the robot's recording that belongs to it, an MCAP file; for teachers."""
+        octets = await hand_ins.recording(session, number)
+        name = f'attachment; filename="hand-in-{number}.mcap"'
+        return Response(octets, media_type="application/octet-stream", headers={"content-disposition": name})
+
     @router.post("/lesson/hand_ins")
     async def hand_in(session: SignedIn, wish: HandInWish) -> ChangeResult:
         """Hand in what one has of the lesson that runs: a program, and the answers."""
@@ -96,6 +105,7 @@ def _line(one: HandIn) -> dict[str, Any]:
         "program": one.program,
         "note": one.note,
         "answers": dict(one.answers or {}),
+        "recording_octets": one.recording_octets,
         "returned_ms": one.returned_ns // 1_000_000,
         "returned_by": one.returned_by,
         "comment": one.comment,

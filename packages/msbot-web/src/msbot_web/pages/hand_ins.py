@@ -60,8 +60,10 @@ def register(service: Service) -> None:
                         if row is None
                         else page.translate("{ticked} of {checks}", ticked=row.ticked, checks=row.checks),
                         answers=answers,
-                        moment=found.at_ns // 1_000_000,
-                        begin=found.from_ns // 1_000_000,
+                        moment=found.recorded_to_ns // 1_000_000,
+                        begin=-(-found.recorded_from_ns // 1_000_000),
+                        recording=_recording_words(page, found),
+                        may_download=page.may(Right.ARRANGE),
                         returned=page.when(found.returned_ns // 1_000_000) if found.returned_ns else "",
                     ),
                     sanitize=False,
@@ -81,13 +83,24 @@ def _number(text: str) -> int:
     raise NotThere(said("nothing with the number {number} was handed in", number=text[:20]))
 
 
+def _recording_words(page: Page, found: HandIn) -> str:
+    """How long and how large the copy of the recording is; empty: there is none."""
+    if not found.recording_octets:
+        return ""
+    return page.translate(
+        "Recording of the robot: {minutes:.1f} min, {size:.2f} MB",
+        minutes=(found.recorded_to_ns - found.recorded_from_ns) / 60e9,
+        size=found.recording_octets / 1e6,
+    )
+
+
 def _is_right(service: Service, found: HandIn, check: str, answer: str) -> bool:
     return service.learning.is_right(found.lesson, check, answer)
 
 
 def _comment(page: Page, found: HandIn) -> None:
     say = page.translate
-    with panel():
+    with panel().classes("no-print"):
         heading(say("Your comment"))
         field = (
             ui.textarea(say("Comment"), value=found.comment)
@@ -120,7 +133,7 @@ class HandInList:
         self._seen: object = None
         self._read_at = float("-inf")
         ui.link_target(HAND_INS)
-        with panel() as self._panel:
+        with panel().classes("no-print") as self._panel:
             heading(page.translate("Handed in"))
             self._shown = ui.element("div").classes("w-full scroll").props("tabindex=0")
         for element in (self._panel, link):
@@ -147,7 +160,10 @@ class HandInList:
                 "Handed in: {count}, of which {waiting} wait for you", count=len(found), waiting=waiting
             )
         self._link.set_text(words)
+        size = sum(one.recording_octets for one in found) / 1e6
         lines = [(one, titles.get(one.lesson, one.lesson), page.when(one.at_ns // 1_000_000)) for one in found]
         self._shown.clear()
         with self._shown:
             ui.html(render("hand_ins", say=page.translate, lines=lines), sanitize=False)
+            if size:
+                ui.label(page.translate("Their recordings have {size:.2f} MB.", size=size)).classes("soft")

@@ -20,7 +20,7 @@ from msbot_web.pages.lesson_panel import show_lesson_panel
 from msbot_web.pages.menu import search_button, show_menu
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_help import help_button, offer_tour
-from msbot_web.pages.time_slider import PATHS, TimeSlider
+from msbot_web.pages.time_slider import PATHS, TimeSlider, work_of
 from msbot_web.root_path import root
 from msbot_web.service import Service
 
@@ -86,7 +86,9 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
             offer_tour(page, request)
         ui.html(render("title", words=page.translate(title)), sanitize=False)
         if path in PATHS:
-            page.time_slider = TimeSlider(page, request.query_params.get("at", ""), reads=path != "/plots")
+            asked = request.query_params
+            work = work_of(asked.get("work", ""), path)
+            page.time_slider = TimeSlider(page, asked.get("at", ""), reads=path != "/plots", work=work)
         yield page
     show_lesson_panel(page, path)
     page.every(LOOK_S, page.refresh)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Final
 
 from fastapi import Request
 from nicegui import ui
@@ -20,6 +21,9 @@ from msbot_web.pages.page_elements import heading, panel
 from msbot_web.service import Service
 from msbot_xrce.errors import MsbotError
 
+DAY: Final = len("2026-11-29")
+"""A certificate says the day."""
+
 
 def register(service: Service) -> None:
     """Make the pages known."""
@@ -30,7 +34,7 @@ def register(service: Service) -> None:
             with ui.element("div").classes("row"):
                 easy = page.translate("Ordinary text") if page.easy else page.translate("Easy to read")
                 ui.button(easy, icon="menu_book", on_click=partial(read_easily, easy=not page.easy)).props("outline")
-                leads_to_hand_ins = ui.link("", f"#{HAND_INS}")
+                leads_to_hand_ins = ui.link("", f"#{HAND_INS}").classes("no-print")
             LessonView(page)
             HandInList(page, leads_to_hand_ins)
             _LessonList(page)
@@ -50,7 +54,7 @@ def register(service: Service) -> None:
                     say=page.translate,
                     done=done,
                     robot=service.robot_name,
-                    when=page.when(done.last_ms),
+                    when=page.when(done.last_ms)[:DAY],
                     shares=_shares(page, done),
                 ),
                 sanitize=False,
@@ -64,7 +68,7 @@ class _LessonList:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._seen: object = None
-        with panel() as self._panel:
+        with panel().classes("no-print") as self._panel:
             with ui.element("div").classes("row spread"):
                 heading(page.translate("Lessons"))
                 ui.link(page.translate("Quiz: take octets and frames apart"), "/learn/quiz")
@@ -129,7 +133,7 @@ class _Progress:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._rows: list[LessonProgress] | None = None
-        with panel():
+        with panel().classes("ms-class-table"):
             with ui.element("div").classes("row spread"):
                 heading(
                     page.translate("The class") if page.may(Right.ARRANGE) else page.translate("What you have done")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Final
+from urllib.parse import quote
 
 from nicegui import ui
 
@@ -51,6 +53,7 @@ class LessonView:
         self._answers: dict[str, ui.element] = {}
         self._head: ui.html | None = None
         self._now: ui.label | None = None
+        self._certificate: ui.link | None = None
         self._buttons: dict[str, ui.button] = {}
         self._steps: OneByOne | None = None
         """Shows one step at a time to who reads easily."""
@@ -65,7 +68,7 @@ class LessonView:
             self._hints.clear()
             self._answers.clear()
             self._buttons.clear()
-            self._head = self._now = self._steps = None
+            self._head = self._now = self._certificate = self._steps = None
             self._told = None
             if lesson is not None:
                 with self._box:
@@ -76,7 +79,7 @@ class LessonView:
     def _build(self, lesson: Lesson) -> None:
         page = self._page
         if self._beside:
-            self._bar()
+            self._bar(lesson)
         else:
             self._title(lesson)
         panels: list[tuple[Step, ui.element]] = []
@@ -85,12 +88,12 @@ class LessonView:
                 continue
             with panel() as shown:
                 panels.append((step, shown))
-                heading(step.title)
-                for block in step.blocks:
-                    if isinstance(block, LessonCheck):
-                        self._check(block)
-                    else:
-                        show_text(page, lesson.name, block)
+                with _folded(step.title) if step.for_teachers else nullcontext(heading(step.title)):
+                    for block in step.blocks:
+                        if isinstance(block, LessonCheck):
+                            self._check(block)
+                        else:
+                            show_text(page, lesson.name, block)
         if page.easy or self._beside:
             self._steps = OneByOne(page, panels, at_work=self._beside)
 
@@ -110,12 +113,13 @@ class LessonView:
                 ui.label(say("This lesson is not in your language yet: it is shown in English.")).classes("soft")
             self._head = ui.html("", sanitize=False).classes("w-full")
 
-    def _bar(self) -> None:
+    def _bar(self, lesson: Lesson) -> None:
         """What of the lesson is seen when it is folded: how far one is, and what comes next."""
         say = self._page.translate
         with ui.element("div").classes("ms-lesson-bar w-full"):
             ui.link(say("Lesson"), "/learn")
             self._now = ui.label("").classes("now").props("role=status")
+            self._certificate = ui.link(say("Certificate"), f"/learn/certificate/{quote(lesson.name)}")
             fold = ui.button(icon="unfold_more").props("flat round dense").classes("ms-lesson-fold")
             fold.props["aria-label"] = fold.props["title"] = say("Unfold the lesson, or fold it")
             fold.on("click", js_handler="(event) => msbotLesson.fold(event.currentTarget)")
@@ -173,6 +177,7 @@ class LessonView:
                     hands=list(hands),
                     done=mine is not None and mine["done"],
                     trouble=now.get("trouble"),
+                    certificate=f"/learn/certificate/{quote(self._shown.name)}" if self._shown else "",
                 ),
             )
         if self._steps is not None:
@@ -207,12 +212,13 @@ class LessonView:
     def _point(self, ticked: Collection[str], count: int) -> None:
         """Say what comes next, and point at what the step that is shown names."""
         step = None if self._steps is None else self._steps.step
-        if step is None or self._now is None:
+        if step is None or self._now is None or self._certificate is None:
             return
+        self._certificate.set_visibility(len(ticked) == count)
         missing = [check for check in step.checks if check.name not in ticked]
         words = missing[0].says if missing else step.title
         if step.checks and not missing:
-            words = self._page.translate("This step is done: go on.")
+            words = "✓ " + self._page.translate("This step is done: press Next sheet.")
         if len(ticked) == count:
             words = self._page.translate("All done!")
         self._now.set_text(f"{len(ticked)}/{count} · {words}")
@@ -277,7 +283,19 @@ class OneByOne:
             shown.props("tabindex=-1").set_visibility(number == self._at)
         self._back.set_enabled(self._at > 0)
         self._on.set_enabled(self._at < len(self._panels) - 1)
-        self._where.set_text(self._page.translate("Sheet {at} of {sheets}", at=self._at + 1, sheets=len(self._panels)))
+        steps = [number for number, (step, _) in enumerate(self._panels) if step.checks]
+        where = ""  # the aim, and what is for teachers, are no steps
+        if self._at in steps:
+            where = self._page.translate("Step {at} of {steps}", at=steps.index(self._at) + 1, steps=len(steps))
+        self._where.set_text(where)
+
+
+def _folded(title: str) -> ui.element:
+    """Where a section for teachers is: whoever does the lesson alone at a demo is its teacher, and unfolds the answers."""
+    details = ui.element("details").classes("w-full")
+    with details, ui.element("summary"):
+        heading(title)
+    return details
 
 
 _BOLD = re.compile(r"\*\*([^*\n]{1,60})\*\*")

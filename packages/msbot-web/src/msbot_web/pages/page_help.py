@@ -187,7 +187,7 @@ def offer_tour(page: Page, request: Request) -> None:
         _remember()
         offer.delete()
 
-    with ui.element("div").classes("ms-banner info row spread").props("role=note") as offer:
+    with ui.element("div").classes("ms-banner info row spread ms-tour-offer").props("role=note") as offer:
         ui.label(page.translate("Your first visit? A tour shows you round in one minute."))
         with ui.element("div").classes("row"):
             ui.button(page.translate("Take the tour"), on_click=take).props("dense")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import time
 from collections.abc import Callable
 from datetime import datetime
@@ -23,9 +24,12 @@ from msbot_xrce.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
     from msbot_web.pages.page import Page
+    from msbot_web.recorded_snapshot import RecordedSnapshot
 
 PATHS = ("/", "/bus", "/wires", "/plots")
 """Pages that can show the past."""
+PATHS_OF_WORK = ("/", "/wires")
+"""Those that can show what a hand-in has, which is without frames."""
 SHORTEST_S = 60.0
 """The slider is at least so long, so that a robot that has just begun has one, too."""
 LONGEST_S = 3600.0
@@ -39,11 +43,14 @@ class TimeSlider:
         page: whose.
         at: the moment that the page's address asks for, milliseconds since 1970; empty: the present.
         reads: whether the page shows the robot itself, which must be read; curves are read by the page.
+        work: the number of a hand-in, whose copy of the recording is shown instead of the recorder's ring; 0: none.
     """
 
-    def __init__(self, page: Page, at: str, *, reads: bool) -> None:
+    def __init__(self, page: Page, at: str, *, reads: bool, work: int = 0) -> None:
         self._page = page
         self._reads = reads
+        self._work = work
+        self._end_s: float | None = None
         self._live = page.sight
         self._wanted: float | None = None
         self._is_reading = False
@@ -68,6 +75,10 @@ class TimeSlider:
 
     async def go(self, at_s: float | None) -> None:
         """Show a moment, seconds since 1970, or the present."""
+        if at_s is None and self._work:
+            with self._page.in_page():
+                ui.navigate.to(f"/learn/hand_in/{self._work}")
+            return
         self._wanted = at_s
         if at_s is None:
             self._show(None)
@@ -86,6 +97,9 @@ class TimeSlider:
 
     async def _arrive(self, at_s: float | None) -> None:
         """What must be read before the slider knows how far back it goes."""
+        if self._work:
+            await self._arrive_at_work(at_s)
+            return
         try:
             self._begin_s = await self._page.service.past.begin_s()
         except ConfigError as error:  # it is not recorded: there is nothing to slide
@@ -99,6 +113,21 @@ class TimeSlider:
         else:
             await self.go(at_s)
 
+    async def _arrive_at_work(self, at_s: float | None) -> None:
+        try:
+            found = await self._page.service.hand_ins.opened(self._page.session, self._work)
+        except MsbotError as error:
+            self._say(str(error))
+            return
+        self._begin_s, self._end_s = found.recorded_from_ns / 1e9, found.recorded_to_ns / 1e9
+        await self.go(self._end_s if at_s is None else at_s)
+
+    async def _moment(self, at_s: float) -> RecordedSnapshot:
+        service = self._page.service
+        if self._work:
+            return await service.hand_ins.moment(self._page.session, self._work, at_s)
+        return await service.past.snapshot_at(at_s)
+
     async def _read(self, at_s: float) -> None:
         page = self._page
         if not self._reads:
@@ -107,7 +136,7 @@ class TimeSlider:
         with page.in_page():
             ui.run_javascript("msbotMoment.reading()")
         try:
-            moment = await page.service.past.snapshot_at(at_s)
+            moment = await self._moment(at_s)
         except MsbotError as error:
             if self._wanted == at_s:
                 self._wanted = page.at_s
@@ -144,16 +173,18 @@ class TimeSlider:
     def _setup(self) -> dict[str, object]:
         """What the browser needs: times are milliseconds since 1970, shown by the clock of the robot's computer."""
         now, at_s, say = time.time(), self._page.at_s, self._page.translate
-        begin_s = (
-            now - SHORTEST_S if self._begin_s is None else min(max(self._begin_s, now - LONGEST_S), now - SHORTEST_S)
-        )
+        begin_s = now - SHORTEST_S if self._begin_s is None else self._begin_s
+        if not self._work:
+            begin_s = min(max(begin_s, now - LONGEST_S), now - SHORTEST_S)
         zone = datetime.now().astimezone().utcoffset()
         return {
             "now": now * 1e3,
             "begin": begin_s * 1e3,
             "at": None if at_s is None else at_s * 1e3,
             "zone": 0 if zone is None else zone.total_seconds() * 1e3,
-            "paths": PATHS,
+            "end": None if self._end_s is None else self._end_s * 1e3,
+            "work": self._work,
+            "paths": PATHS_OF_WORK if self._work else PATHS,
             "trouble": "",
             "words": {
                 "now": say("Now"),
@@ -162,6 +193,11 @@ class TimeSlider:
                 "reading": say("Reading …"),
             },
         }
+
+
+def work_of(number: str, path: str) -> int:
+    """The number of a hand-in in an address; 0: none, or the page does not show what is handed in."""
+    return int(number) if path in PATHS_OF_WORK and re.fullmatch(r"[1-9][0-9]{0,14}", number) else 0
 
 
 def _moment_of(at: str) -> float | None:

@@ -1,6 +1,6 @@
 // The lesson beside the robot: what its step names is framed on the page, and code is copied.
 const msbotLesson = (() => {
-  const LOOK_MS = 400, MOST = 4, HEAD_PX = 115, PHONE_PX = 600;
+  const LOOK_MS = 400, MOST = 4, HEAD_PX = 115, PHONE_PX = 600, WIDE_PX = 1500;
   let wanted = null, isNew = false;
 
   const shown = (one) => one.getClientRects().length > 0;
@@ -74,19 +74,25 @@ const msbotLesson = (() => {
     setFolded(button.closest(".ms-lesson"), isFolded);
     isNew = true;
     look();
-    try { sessionStorage.setItem("msbot-lesson-folded", isFolded ? "1" : "0"); } catch { /* it is forgotten then */ }
+    try { sessionStorage.setItem(place(), isFolded ? "1" : "0"); } catch { /* it is forgotten then */ }
   }
 
   function setFolded(aside, isFolded) {
     aside.classList.toggle("folded", isFolded);
     aside.querySelector(".ms-lesson-fold").setAttribute("aria-expanded", String(!isFolded));
+    dispatchEvent(new Event("resize"));  // blocks measure their room
   }
 
-  // A phone begins with the strip; afterwards it is as the person had it last.
+  const isAtProgram = () => location.pathname.endsWith("/program");
+
+  // A program needs the room that other pages have for the lesson.
+  const place = () => (isAtProgram() ? "msbot-lesson-folded-at-program" : "msbot-lesson-folded");
+
+  // A phone begins with the strip, and so does a program; afterwards it is as the person had it last.
   function foldAsKept(aside) {
     let kept = null;
-    try { kept = sessionStorage.getItem("msbot-lesson-folded"); } catch { /* as if there were none */ }
-    setFolded(aside, kept === null ? innerWidth <= PHONE_PX : kept === "1");
+    try { kept = sessionStorage.getItem(place()); } catch { /* as if there were none */ }
+    setFolded(aside, kept === null ? innerWidth <= (isAtProgram() ? WIDE_PX : PHONE_PX) : kept === "1");
   }
 
   // A drawer that is open keeps the keyboard to itself; answers are written here.

@@ -1,7 +1,7 @@
 // The time slider: which moment a page shows. Its range is seconds before now; what is read comes from the robot.
 const msbotMoment = (() => {
   const ASK_MS = 150, LIVE_S = 0.5, EACH_MS = 1000, MINUTE_S = 60;
-  let ahead = 0, begin = 0, at = null, zone = 0, words = {}, paths = [], asking = null, wanted = null;
+  let ahead = 0, begin = 0, end = null, work = 0, at = null, zone = 0, words = {}, paths = [], asking = null, wanted = null;
   let told = 0;  // the "now" that the slider's seconds count from: a press half a second later means the same moment
 
   const part = (name) => document.getElementById(name ? `ms-moment-${name}` : "ms-moment");
@@ -12,7 +12,7 @@ const msbotMoment = (() => {
 
   function take(setup) {
     ahead = setup.now - Date.now();
-    ({ begin, at, zone, words, paths } = setup);
+    ({ begin, end, work, at, zone, words, paths } = setup);
     part("trouble").textContent = setup.trouble;
   }
 
@@ -29,10 +29,10 @@ const msbotMoment = (() => {
     if (address.href !== location.href) history.replaceState(history.state, "", address);
     for (const link of document.querySelectorAll(".ms-nav a")) {
       const path = new URL(link.href).pathname;
-      if (paths.includes(path)) link.setAttribute("href", at === null ? path : `${path}?at=${Math.round(at)}`);
+      if (paths.includes(path)) link.setAttribute("href", at === null ? path : `${path}?at=${Math.round(at)}${work ? `&work=${work}` : ""}`);
     }
     part("back").hidden = at === null;
-    part("later").disabled = at === null;
+    part("later").disabled = at === null || (end !== null && Math.round(at) >= Math.floor(end));
     tell();
   }
 
@@ -51,6 +51,7 @@ const msbotMoment = (() => {
     const slider = part("at"), when = wanted === null ? at : wanted;
     told = now();
     slider.min = Math.floor((begin - told) / 1000);
+    slider.max = end === null ? 0 : Math.ceil((end - told) / 1000);
     slider.value = when === null ? 0 : (when - told) / 1000;
     const text = when === null ? words.now : words.past.replace("{time}", hour(when));
     const ago = when === null ? "" : words.ago.replace("{span}", span((now() - when) / 1000));
@@ -72,8 +73,8 @@ const msbotMoment = (() => {
 
   function step(seconds) {
     const from = wanted === null ? (at === null ? now() : at) : wanted;
-    const to = Math.max(from + seconds * 1000, begin);
-    ask(now() - to < LIVE_S * 1000 ? null : to);
+    const to = Math.min(Math.max(from + seconds * 1000, begin), end === null ? Infinity : end);
+    ask(now() - to < LIVE_S * 1000 && end === null ? null : to);
   }
 
   function back() {
@@ -85,7 +86,7 @@ const msbotMoment = (() => {
   function listen() {
     part("at").addEventListener("input", (event) => {
       const seconds = Number(event.target.value);
-      ask(seconds > -LIVE_S ? null : told + seconds * 1000);
+      ask(seconds > -LIVE_S && end === null ? null : Math.min(told + seconds * 1000, end === null ? Infinity : end));
     });
     part("earlier").addEventListener("click", () => step(-1));
     part("later").addEventListener("click", () => step(1));

@@ -20,7 +20,9 @@ PROGRAM = "from msbot import Part\nprint('<script>')\n"
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """The rover, with a database."""
-    with running("demo", "--robot", "rover", "--port", "0", cwd=tmp_path_factory.mktemp("demo")) as process:
+    with running(
+        "demo", "--robot", "rover", "--rec", "10min", "--port", "0", cwd=tmp_path_factory.mktemp("demo")
+    ) as process:
         yield Site(process)
 
 
@@ -33,6 +35,23 @@ def signed_in(browser: Browser, demo: Site, name: str, width: int = 1280) -> Pag
     page.locator("button").click()
     go(page, f"{demo.base}/learn")
     return page
+
+
+def look_at_its_recording(tina: Page, demo: Site) -> None:
+    """The teacher looks at the robot as it was, back to what was handed in, and takes the file."""
+    tina.get_by_role("link", name="The robot at the end").click()
+    tina.wait_for_url("**/?at=*&work=1")
+    tina.wait_for_function("document.documentElement?.classList.contains('ms-past')")
+    expect(tina.locator(".slot")).to_have_count(10)
+    expect(tina.get_by_role("button", name="A second later")).to_be_disabled()
+    tina.get_by_role("button", name="A second earlier").click()
+    expect(tina.get_by_role("button", name="A second later")).to_be_enabled()
+    expect(tina.locator("#ms-moment-trouble")).to_be_empty()
+    tina.get_by_role("button", name="Back to now").click()
+    tina.wait_for_url("**/learn/hand_in/1")
+    octets = tina.request.get(f"{demo.base}/api/lesson/hand_ins/1/recording").body()
+    assert octets.startswith(b"\x89MCAP")
+    assert octets.endswith(b"\x89MCAP0\r\n"), "whole"
 
 
 @pytest.mark.promise("What a pupil hands in is read by that pupil and by teachers, and by nobody else")
@@ -62,7 +81,9 @@ def test_handed_in_returned_and_read_by_nobody_else(blank: Page, demo: Site, bro
     tina.wait_for_url("**/learn/hand_in/1")
     for words in (PROGRAM.strip(), NOTE, "10 slots", "2 of 8"):
         expect(tina.locator("#content")).to_contain_text(words)
+    expect(tina.locator("#content")).to_contain_text(re.compile(r"Recording of the robot: \d\.\d min, 0\.\d\d MB"))
     assert hurdles_by_day_and_night(tina) == []
+    look_at_its_recording(tina, demo)
     tina.get_by_label("Comment").fill("Well done. Try 80 %.")
     tina.get_by_role("button", name="Return it").click()
     tina.wait_for_url("**/learn")
@@ -76,6 +97,11 @@ def test_handed_in_returned_and_read_by_nobody_else(blank: Page, demo: Site, bro
     ada.wait_for_function("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
     assert hurdles_by_day_and_night(ada) == []
 
+    ada.get_by_role("link", name="The robot at the beginning").tap()
+    ada.wait_for_function("document.documentElement?.classList.contains('ms-past')")
+    expect(ada.locator(".slot")).to_have_count(10)
+    assert call(ada, "GET", "/api/lesson/hand_ins/1/recording") == 403, "it says what everybody did at the robot"
+
     vera = signed_in(browser, demo, "vera")
     for other in (ben, vera):
         expect(other.get_by_role("button", name="Begin").or_(other.get_by_text("The first part")).first).to_be_visible()
@@ -84,7 +110,10 @@ def test_handed_in_returned_and_read_by_nobody_else(blank: Page, demo: Site, bro
             go(other, f"{demo.base}/learn/hand_in/{number}")
             expect(other.get_by_text(f"othing with the number {number} was handed in")).to_be_visible()
             assert "lamp.py" not in other.content()
+            assert call(other, "GET", f"/api/lesson/hand_ins/{number}/recording") == 403
             assert "ada" not in other.locator("#content").inner_text()
+        go(other, f"{demo.base}/?at=1&work=1")
+        expect(other.locator("#ms-moment-trouble")).to_contain_text("othing with the number 1 was handed in")
         assert other.evaluate("fetch('/api/lesson/hand_ins').then((one) => one.json())") == []
         assert call(other, "POST", "/api/lesson/hand_ins/1/return", {"comment": "ha"}) == 403
     for word in ("0", "-1", "x", "1e3", str(2**70)):

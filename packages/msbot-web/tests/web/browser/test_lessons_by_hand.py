@@ -96,9 +96,27 @@ def test_a_lesson_with_the_mouse(learn: Page, robot: Page) -> None:
     ticked(learn, 7)
     button(robot, "Plug knob in").click()
     ticked(learn, 8)
+    expect(robot.get_by_role("complementary", name="Lesson")).to_contain_text("8/8 · All done!")
+    robot.get_by_role("complementary", name="Lesson").get_by_role("link", name="Certificate").click()
+    expect(robot.get_by_text("has done the lesson")).to_be_visible()
+    on_paper(learn)
     learn.get_by_role("row", name="The first part").get_by_role("link", name="Certificate").click()
     expect(learn.get_by_text("The first part")).to_be_visible()
+    sheet = learn.pdf(prefer_css_page_size=True)
+    assert sheet.count(b"/Type /Page\n") == 1, "a certificate is one sheet"
     assert hurdles(learn, dark=True) == []
+
+
+def on_paper(learn: Page) -> None:
+    """A lesson is printed without what only a screen has, and without the list of the others."""
+    learn.emulate_media(media="print")
+    expect(learn.get_by_text("5. Plug it in again")).to_be_visible()
+    for name in ("Lessons", "For the teacher", "Answers"):
+        expect(learn.get_by_role("heading", name=name, exact=True)).to_be_hidden()
+    for name in ("Hand in", "End the lesson", "Easy to read"):
+        expect(learn.get_by_role("button", name=name)).to_be_hidden()
+    expect(learn.locator(".ms-nav, .ms-header").first).to_be_hidden()
+    learn.emulate_media(media="screen")
 
 
 def test_a_step_is_beside_the_robot_points_and_covers_nothing(learn: Page, robot: Page) -> None:
@@ -108,7 +126,7 @@ def test_a_step_is_beside_the_robot_points_and_covers_nothing(learn: Page, robot
     expect(lesson).to_contain_text("1/8")
     lesson.get_by_label("Answer").first.fill("ten slots")
     lesson.get_by_role("button", name="Answer").click()
-    expect(lesson).to_contain_text("2/8 · This step is done")
+    expect(lesson).to_contain_text("2/8 · ✓ This step is done: press Next sheet.")
     lesson.get_by_role("button", name="Next sheet").click()
     expect(lesson.get_by_role("heading", name="2. Plug it in")).to_be_visible()
     for width, height in ((1280, 900), (820, 1180), (390, 844)):
@@ -136,6 +154,40 @@ def test_a_step_is_beside_the_robot_points_and_covers_nothing(learn: Page, robot
             const fan = document.querySelector("[data-slot=fan]").getBoundingClientRect();
             return drawer && fan.right <= drawer.left; }"""
         )
+
+
+def test_code_of_a_lesson_is_copied_and_opened_as_a_program(learn: Page, demo: Site) -> None:
+    page = learn
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=demo.base)
+    page.get_by_role("button", name="Begin: A message of your own").click()
+    code = page.locator(".ms-code").filter(has=page.get_by_role("button", name="Open in Program")).first
+    text = code.locator("code").inner_text()
+    assert "part.run()" in text
+    code.get_by_role("button", name="Copy").click()
+    page.wait_for_function("text => navigator.clipboard.readText().then((one) => one === text)", arg=text)
+    code.get_by_role("button", name="Open in Program").click()
+    page.wait_for_url("**/program?name=own_message1.py")
+    expect(page.get_by_role("combobox", name="Program", exact=True)).to_have_value("own_message1.py")
+    expect(page.locator(".cm-content")).to_contain_text("part.run()")
+    shown = [one for one in page.locator(".cm-line").all_inner_texts() if one.strip()]
+    assert shown == [one for one in text.splitlines() if one.strip()]
+
+    # The program has the room; the lesson is a strip below it, and blocks reach down to it.
+    lesson = page.get_by_role("complementary", name="Lesson")
+    fold = lesson.get_by_role("button", name="Unfold the lesson")
+    expect(fold).to_have_attribute("aria-expanded", "false")
+    expect(lesson).to_contain_text("0/5")
+    room = page.locator(".cm-editor").bounding_box()
+    fold.click()
+    expect(lesson.get_by_role("button", name="Next sheet")).to_be_visible()
+    smaller = page.locator(".cm-editor").bounding_box()
+    assert room is not None
+    assert smaller is not None
+    assert room["width"] - smaller["width"] > 100
+    go(page, f"{demo.base}/program")
+    expect(fold).to_have_attribute("aria-expanded", "true")  # as the person had it last
+    go(page, demo.base)
+    expect(lesson.get_by_role("button", name="Next sheet")).to_be_visible()
 
 
 @pytest.mark.timeout(300)  # some thousand key presses, each a way to the browser and back
@@ -212,7 +264,9 @@ def test_a_lesson_easy_to_read(learn: Page, demo: Site) -> None:
         page.get_by_role("button", name="Back" if sheet == 1 else "Next sheet").click()
         if sheet == 1:
             page.get_by_role("button", name="Back").click()
-        expect(page.get_by_text(f"Sheet {sheet} of 8")).to_be_visible()
+            expect(page.get_by_role("navigation", name="Sheets")).not_to_contain_text("Step")  # the aim is none
+        else:
+            expect(page.get_by_text(f"Step {sheet - 1} of 5")).to_be_visible()
     page.get_by_role("button", name="Next sheet").click()
     expect(page.get_by_text("Count the cards. How many are there?")).to_be_visible()
     page.get_by_label("Answer").first.fill("10")

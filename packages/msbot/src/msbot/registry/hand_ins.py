@@ -6,7 +6,22 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, LargeBinary, Row, case, cast, delete, func, insert, select, update
+from sqlalchemy import (
+    Column,
+    ColumnElement,
+    Connection,
+    LargeBinary,
+    Row,
+    Select,
+    case,
+    cast,
+    delete,
+    func,
+    insert,
+    literal,
+    select,
+    update,
+)
 
 from msbot.registry.database.storage import Storage
 from msbot.registry.database.tables import hand_ins
@@ -18,6 +33,10 @@ MOST_OF_LESSON = 5
 """How many hand-ins of one person for one lesson are kept: the newest ones."""
 MOST_OF_ALL = 32 * 1024 * 1024
 """Octets of all programs that were handed in; of more, those that were returned longest ago give way."""
+MOST_RECORDED_OF_ONE = 8 * 1024 * 1024
+"""Octets of the recordings of one person; for a newer one, the oldest of the same person give way."""
+MOST_RECORDED = 128 * 1024 * 1024
+"""Octets of the recordings of a class; for a newer one, those give way that were returned longest ago."""
 MOST_LISTED = 500
 """How many are listed: those that wait for an answer before the others."""
 
@@ -47,6 +66,12 @@ class HandIn:
     returned_by: str = ""
     comment: str = ""
     """What the teacher says of it."""
+    recording_octets: int = 0
+    """How large the copy of the robot's recording is; 0: there is none."""
+    recorded_from_ns: int = 0
+    """When that copy begins."""
+    recorded_to_ns: int = 0
+    """When it ends."""
 
 
 class HandIns:
@@ -74,14 +99,28 @@ class HandIns:
         """
         return self._storage.read(partial(_get, number=number))
 
-    def store(self, work: HandIn) -> int:
+    def recording(self, number: int) -> bytes:
+        """The copy of the robot's recording that belongs to the one of that number: an MCAP file.
+
+        Raises:
+            NotThere: there is none, or it has given way to newer ones.
+            RegistryError: the database cannot be read.
+        """
+        return self._storage.read(partial(_recording, number=number))
+
+    def store(self, work: HandIn, recording: bytes = b"") -> int:
         """Keep what somebody hands in; returns its number.
+
+        Args:
+            work: what is handed in, with the times of the recording.
+            recording: the copy of the robot's recording; empty: there is none. It is left out if the recordings of work
+                that was not returned fill the class's share already.
 
         Raises:
             ConfigError: too much is kept that was not returned.
             RegistryError: the database cannot be written; nothing has changed.
         """
-        return self._storage.change(partial(_keep, work=work))
+        return self._storage.change(partial(_keep, work=work, recording=recording))
 
     def give_back(self, number: int, who: str, comment: str, at_ns: int) -> HandIn:
         """Return one with a comment; what was returned can be returned again with another one.
@@ -99,7 +138,7 @@ def remove_hand_ins_of(connection: Connection, person: str) -> None:
 
 
 def _of(connection: Connection, person: str | None) -> list[HandIn]:
-    columns = [column for column in hand_ins.c if column.name != "text"]
+    columns = [*_columns_but("text", "recording"), _recorded(connection)]
     is_returned = case((hand_ins.c.returned_ns > 0, 1), else_=0)
     query = select(*columns).order_by(is_returned, hand_ins.c.at_ns.desc(), hand_ins.c.id.desc()).limit(MOST_LISTED)
     if person is not None:
@@ -108,13 +147,30 @@ def _of(connection: Connection, person: str | None) -> list[HandIn]:
 
 
 def _get(connection: Connection, number: int) -> HandIn:
-    row = connection.execute(select(hand_ins).where(hand_ins.c.id == number)).one_or_none()
+    query = select(*_columns_but("recording"), _recorded(connection)).where(hand_ins.c.id == number)
+    row = connection.execute(query).one_or_none()
     if row is None:
         raise NotThere(said("nothing with the number {number} was handed in", number=number))
     return _hand_in(row, row.text)
 
 
-def _hand_in(row: Row[Any], text: str) -> HandIn:
+def _recording(connection: Connection, number: int) -> bytes:
+    found = connection.execute(select(hand_ins.c.recording).where(hand_ins.c.id == number)).scalar_one_or_none()
+    if not found:
+        raise NotThere(said("no recording is kept with the hand-in {number}", number=number))
+    return bytes(found)
+
+
+def _columns_but(*names: str) -> list[Column[Any]]:
+    """All columns but those, which may be large."""
+    return [column for column in hand_ins.c if column.name not in names]
+
+
+def _recorded(connection: Connection) -> ColumnElement[int]:
+    return _octets(connection, hand_ins.c.recording).label("recording_octets")
+
+
+def _hand_in(row: Row[*tuple[Any, ...]], text: str) -> HandIn:
     return HandIn(
         row.person,
         row.lesson,
@@ -128,10 +184,13 @@ def _hand_in(row: Row[Any], text: str) -> HandIn:
         row.returned_ns,
         row.returned_by,
         row.comment,
+        int(row.recording_octets),
+        row.recorded_from_ns,
+        row.recorded_to_ns,
     )
 
 
-def _keep(connection: Connection, work: HandIn) -> int:
+def _keep(connection: Connection, work: HandIn, recording: bytes) -> int:
     columns = hand_ins.c
     values = {
         "person": work.person,
@@ -142,6 +201,9 @@ def _keep(connection: Connection, work: HandIn) -> int:
         "text": work.text,
         "note": work.note,
         "answers": dict(work.answers or {}),
+        "recording": b"",
+        "recorded_from_ns": work.recorded_from_ns,
+        "recorded_to_ns": work.recorded_to_ns,
     }
     own = select(columns.id).where(columns.person == work.person, columns.lesson == work.lesson)
     older = connection.execute(own.order_by(columns.id.desc()).offset(MOST_OF_LESSON - 1)).scalars().all()
@@ -150,7 +212,40 @@ def _keep(connection: Connection, work: HandIn) -> int:
         insert(hand_ins).values(**values, returned_ns=0, returned_by="", comment="").returning(columns.id)
     ).scalar_one()
     _make_room(connection)
+    if recording and _has_room_for(connection, work.person, len(recording)):
+        connection.execute(update(hand_ins).where(columns.id == number).values(recording=recording))
     return int(number)
+
+
+def _has_room_for(connection: Connection, person: str, size: int) -> bool:
+    """Make room for a recording: a person's oldest give way, then what was returned longest ago; False: not enough."""
+    columns, octets = hand_ins.c, _recorded(connection)
+    everything = select(columns.id, octets).where(octets > 0)
+    own = everything.where(columns.person == person).order_by(columns.id)
+    if not _dropped(connection, own, MOST_RECORDED_OF_ONE - size, _used(connection, columns.person == person)):
+        return False
+    returned = everything.where(columns.returned_ns > 0).order_by(columns.returned_ns)
+    return _dropped(connection, returned, MOST_RECORDED - size, _used(connection, literal(value=True)))
+
+
+def _used(connection: Connection, where: ColumnElement[bool]) -> int:
+    """Octets of recordings."""
+    total = func.coalesce(func.sum(_octets(connection, hand_ins.c.recording)), 0)
+    return int(connection.execute(select(total).where(where)).scalar_one())
+
+
+def _dropped(connection: Connection, candidates: Select[tuple[Any, int]], most: int, used: int) -> bool:
+    """Drop recordings in this order until at most so many octets are used; False: that is not enough."""
+    gone: list[int] = []
+    for number, size in connection.execute(candidates):
+        if used <= most:
+            break
+        gone.append(number)
+        used -= size
+    if used > most:
+        return False
+    connection.execute(update(hand_ins).where(hand_ins.c.id.in_(gone)).values(recording=b""))
+    return True
 
 
 def _make_room(connection: Connection) -> None:
@@ -179,9 +274,13 @@ def _make_room(connection: Connection) -> None:
 
 
 def _size(connection: Connection) -> ColumnElement[int]:
-    """Octets of a row's program; SQLite counts characters unless it is told that they are octets."""
-    text = hand_ins.c.text
-    return func.octet_length(text) if connection.dialect.name != "sqlite" else func.length(cast(text, LargeBinary))
+    """Octets of a row's program."""
+    return _octets(connection, hand_ins.c.text)
+
+
+def _octets(connection: Connection, column: Column[Any]) -> ColumnElement[int]:
+    """Octets of a value; SQLite counts the characters of a text unless it is cast."""
+    return func.octet_length(column) if connection.dialect.name != "sqlite" else func.length(cast(column, LargeBinary))
 
 
 def _give_back(connection: Connection, number: int, who: str, comment: str, at_ns: int) -> HandIn:

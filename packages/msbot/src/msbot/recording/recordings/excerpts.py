@@ -93,7 +93,7 @@ class _Copier:
         self._ros = RosView() if ros else None
         self._channels: dict[ChannelKey, int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
-        self._before: dict[tuple[ChannelKey, int], RecordedMessage] | None = {}
+        self._before: dict[tuple[ChannelKey, int, bytes], RecordedMessage] | None = {}
         """What was known before the cut begins; None: it has begun."""
 
     def start(self) -> None:
@@ -121,9 +121,10 @@ class _Copier:
             self._cut.first_ns = message.at_ns if self._cut.first_ns is None else self._cut.first_ns
             self._cut.last_ns = message.at_ns
         elif self._before is not None and message.topic not in MOMENTS:
-            # Of a state there may be several keys, which the file does not tell apart: all are kept.
+            # Of a state there may be several keys, which the file does not tell apart: all are kept, also of one time.
             key = channel_key(message)
-            self._before[key, message.at_ns if message.channel.message_encoding == "json" else 0] = message
+            is_state = message.channel.message_encoding == "json"
+            self._before[key, message.at_ns if is_state else 0, message.data if is_state else b""] = message
 
     def finish(self, from_ns: int | None) -> None:
         """Write the end of the file."""

@@ -304,6 +304,9 @@ hand_ins = Table(
     Column("returned_ns", BigInteger, nullable=False, comment="when it was returned, 0: not yet"),
     Column("returned_by", Text, nullable=False, comment="who returned it, empty: nobody"),
     Column("comment", Text, nullable=False, comment="what the teacher says of it"),
+    Column("recording", LargeBinary, nullable=False, comment="copy of the robot's recording, MCAP, empty: none"),
+    Column("recorded_from_ns", BigInteger, nullable=False, comment="when that copy begins"),
+    Column("recorded_to_ns", BigInteger, nullable=False, comment="when it ends"),
     Index("ix_hand_ins_person", "person", "lesson"),
 )
 

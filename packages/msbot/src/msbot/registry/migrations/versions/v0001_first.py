@@ -66,6 +66,9 @@ def _hand_ins() -> None:
         sa.Column("returned_ns", sa.BigInteger(), nullable=False),
         sa.Column("returned_by", sa.Text(), nullable=False),
         sa.Column("comment", sa.Text(), nullable=False),
+        sa.Column("recording", sa.LargeBinary(), nullable=False),
+        sa.Column("recorded_from_ns", sa.BigInteger(), nullable=False),
+        sa.Column("recorded_to_ns", sa.BigInteger(), nullable=False),
         sa.PrimaryKeyConstraint("id", name="pk_hand_ins"),
     )
     op.create_index("ix_hand_ins_person", "hand_ins", ["person", "lesson"], unique=False)
