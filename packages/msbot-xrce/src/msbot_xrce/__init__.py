@@ -11,7 +11,7 @@ from msbot_xrce.lazy import lazy_face
 
 if TYPE_CHECKING:
     from msbot_xrce.compression import compress, decompress
-    from msbot_xrce.layout import FoundField, read_fields
+    from msbot_xrce.layout import Envelope, Form, FoundField, LaidField, read_fields
     from msbot_xrce.message_words import explain
     from msbot_xrce.messages.ids import Status
     from msbot_xrce.messages.message import is_whole
@@ -29,7 +29,10 @@ _NAMES = {
     ),
     "msbot_xrce.message_words": ("explain",),
     "msbot_xrce.layout": (
+        "Envelope",
+        "Form",
         "FoundField",
+        "LaidField",
         "read_fields",
     ),
     "msbot_xrce.messages.ids": ("Status",),
@@ -57,7 +60,10 @@ __all__ = [
     "ClientSession",
     "ClientSessionSettings",
     "ClientState",
+    "Envelope",
+    "Form",
     "FoundField",
+    "LaidField",
     "References",
     "Status",
     "compress",

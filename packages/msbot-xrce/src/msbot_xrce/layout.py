@@ -38,6 +38,8 @@ class Form(Enum):
     """Octets in their order, as a number: keys and ids, which are never swapped."""
     OCTETS = "octets"
     """No number."""
+    TEXT = "text"
+    """One octet with the length, then UTF-8."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,19 @@ BODIES: Final[Mapping[SubmessageId, tuple[LaidField, ...]]] = {
     ),
 }  # fmt: skip
 """The fields of each submessage, after its header."""
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """Messages of another protocol that travel beside those of DDS-XRCE, and may carry one of them."""
+
+    name: str
+    mark: bytes
+    """How each begins; no message of DDS-XRCE does."""
+    kinds: Mapping[int, tuple[str, tuple[LaidField, ...]]]
+    """By the octet after the mark: name and fields."""
+    carriers: frozenset[int]
+    """The kinds whose fields a message of DDS-XRCE follows."""
 
 
 @dataclass(frozen=True, slots=True)

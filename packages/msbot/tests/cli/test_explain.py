@@ -199,6 +199,68 @@ def test_wireshark_reads_the_same_fields(name: str, tmp_path: Path) -> None:
     assert compared > 10
 
 
+def beside(payloads: list[bytes], file: Path) -> None:
+    """A capture of datagrams to an agent."""
+    with file.open("wb") as stream:
+        writer = dpkt.pcap.Writer(stream)
+        for octets in payloads:
+            udp = dpkt.udp.UDP(sport=40000, dport=8888, data=octets, ulen=8 + len(octets))
+            packet = dpkt.ip.IP(src=b"\x0a\0\0\2", dst=b"\x0a\0\0\1", p=17, data=udp, len=28 + len(octets))
+            writer.writepkt(bytes(dpkt.ethernet.Ethernet(type=2048, data=packet)), ts=1.0)
+
+
+@pytest.mark.skipif(
+    shutil.which("tshark") is None and not os.environ.get("MSBOT_NEED_TSHARK"), reason="apt install tshark"
+)
+def test_wireshark_reads_relays_and_names_requests_and_replies(tmp_path: Path) -> None:
+    file, lua = tmp_path / "relay.pcap", tmp_path / "xrce.lua"
+    request, heard = map(bytes.fromhex, ("8101000007010800000a001700000000", "81010000090108000006001800000000"))
+    messages: list[relay.Message] = [
+        relay.Hello(b"bootboot", "Tür", "can:can0", 512, 500_000, True, False),
+        relay.Up(3, "node 3", request),
+        relay.Up(4, "", request),
+        relay.Down(3, 7, heard),
+        relay.RelayBeat(9, 1, "smoke", (relay.Event(3, relay.RelayEventKind.BACK, "node 3"),)),
+        relay.Room(((3, 7),)),
+        relay.Welcome(b"bootboot", 0xABCD, 2),
+        relay.Heard(9, 1, 2, 3),
+        relay.Refused("another relay of that name"),
+        relay.Who(),
+        relay.Bye(),
+    ]
+    cut = [relay.encode(messages[0])[:14], relay.encode(messages[0])[:-3], b"\0\xffRc", b"\0\xffR"]
+    beside([*map(relay.encode, messages), *cut, request], file)
+    assert run("--wireshark", str(lua)).exit_code == 0
+    names = ("relay_name", "relay_part", "relay_words", "relay_count", "relay_stops", "submessage_id", "service")
+    asked = [word for field in ("_ws.col.Info", *(f"xrce.{name}" for name in names)) for word in ("-e", field)]
+    done = subprocess.run(
+        ["tshark", "-X", f"lua_script:{lua}", "-r", str(file), "-T", "fields", "-E", "separator=;", *asked],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert "Lua: Error" not in done.stderr + done.stdout
+    assert [row.split(";") for row in done.stdout.splitlines()] == [
+        ["relay HELLO", "Tür", "", "", "", "", "", ""],
+        ["relay UP: WRITE_DATA (request)", "", "3", "node 3", "", "", "0x07", "request"],
+        ["relay UP: WRITE_DATA (request)", "", "4", "", "", "", "0x07", "request"],
+        ["relay DOWN: DATA (request)", "", "3", "", "7", "", "0x09", "request"],
+        ["relay BEAT", "", "", "", "9", "", "", ""],
+        ["relay ROOM", "", "", "", "", "", "", ""],
+        ["relay WELCOME", "", "", "", "", "2", "", ""],
+        ["relay HEARD", "", "", "", "9", "2", "", ""],
+        ["relay REFUSED", "", "", "another relay of that name", "", "", "", ""],
+        ["relay WHO", "", "", "", "", "", "", ""],
+        ["relay BYE", "", "", "", "", "", "", ""],
+        ["relay HELLO", "", "", "", "", "", "", ""],
+        ["relay HELLO", "Tür", "", "", "", "", "", ""],
+        ["relay 0x63", "", "", "", "", "", "", ""],
+        ["40000 → 8888 Len=3", "", "", "", "", "", "", ""],
+        ["WRITE_DATA (request)", "", "", "", "", "", "0x07", "request"],
+    ]
+
+
 def test_questions_are_the_same_for_the_same_seed_and_their_answers_are_right() -> None:
     first, again = (list(islice(questions(7), 80)) for _ in range(2))
     assert first == again

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msbot.part import HelloWorld
+from msbot.part.calls import ReplyStatus, encode_reply
 from msbot.part.join import thesis_messages
 from msbot.part.join.pnp_messages import (
     INVENTORY_REPLY_TOPIC,
@@ -157,7 +158,7 @@ def test_the_thesis_own_service_is_understood() -> None:
 
 
 def test_other_services_are_named() -> None:
-    assert after(service("adder"), packet(WriteData(20, 0x0017, b"\1")), up=True) == ["request of adder"]
+    assert after(service("adder"), packet(WriteData(20, 0x0017, b"\1")), up=True) == ["request of adder: a msbot_inventory_request"]
 
 
 def pieces(whole: bytes) -> list[bytes]:
@@ -420,3 +421,31 @@ def test_so_much_of_a_message_is_kept_and_not_an_octet_more(more: int) -> None:
     sent = [packet(Fragment(bytes(size), last=False), sequence_nr=number) for number, size in enumerate(sizes)]
     shown = after(RING, *sent, packet(Fragment(b"", last=True), sequence_nr=len(sizes)), up=True)
     assert bool(shown) is not bool(more)
+
+
+def between_parts(objects: int) -> bytes:
+    make = requester_variant if objects & 0xF == 7 else replier_variant
+    return packet(Create(14, objects, make("tell", "HelloWorld", "HelloWorld", "tell_Request", "tell_Reply", 0x11)))
+
+
+SHOWN = "HelloWorld(index=3, message='turn-on 2')"
+
+
+@pytest.mark.parametrize(
+    ("submessage", "note"),
+    [
+        (WriteData(20, 0x0017, SAMPLE), f"request of tell: {SHOWN}"),
+        (Data(20, 0x0017, bytes(4) + encode_reply(ReplyStatus.DONE, SAMPLE)), f"reply of tell: {SHOWN}"),
+        (
+            Data(20, 0x0017, bytes(4) + encode_reply(ReplyStatus.REFUSED, "not now")),
+            "reply of tell: no reply: refused: not now",
+        ),
+        (Data(20, 0x0018, bytes(24) + SAMPLE), f"request of tell: {SHOWN}"),
+        (WriteData(20, 0x0018, bytes(24) + encode_reply(ReplyStatus.DONE, SAMPLE)), f"reply of tell: {SHOWN}"),
+        (WriteData(20, 0x0018, bytes(24) + b"\xee"), "reply of tell: makes no sense: a reply with status 238"),
+    ],
+)
+def test_requests_and_replies_between_parts_are_shown(submessage: WriteData | Data, note: str) -> None:
+    setup = between_parts(submessage.object_id)
+    (shown,) = after(setup, packet(submessage), up=isinstance(submessage, WriteData))
+    assert shown.startswith(note)

@@ -16,6 +16,7 @@ from msbot.cli.robot_options import library_option
 from msbot.pnp import SessionListener
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import WholeRange, json_option
+from msbot_agent.explain.relay_layout import RELAY
 from msbot_agent.explain.relay_words import RelayWords, relay_words
 from msbot_agent.link.can.protocol import Frame, frame_bits, parse_frame, wire_bits
 from msbot_agent.text.untrusted_input import open_input_file
@@ -69,7 +70,7 @@ def command(
     Words, fields with their octets, and for a frame its bits and what it costs on the wire.
     """
     if wireshark is not None:
-        _write(wireshark, dissector((agent_port,)))
+        _write(wireshark, dissector((agent_port,), RELAY))
         click.echo(f"{wireshark} is written: tshark -X lua_script:{wireshark} -r CAPTURE, or Wireshark's plugin folder")
         if not what:
             return

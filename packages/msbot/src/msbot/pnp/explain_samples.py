@@ -13,16 +13,18 @@ from struct import pack, unpack
 from typing import Final
 
 from msbot.part import HelloWorld, Message
+from msbot.part.calls import decode_reply
 from msbot.part.join import thesis_messages
 from msbot.part.join.pnp_messages import INVENTORY_SERVICE, BindingDirection, ConfigurationMessage, ProfileMessage
 from msbot.part.messages.message import fields_of
 from msbot.pnp.packet_words import inventory_sentence, piece_sentence, submessage_sentence
 from msbot.pnp.session_seals import ObservedSeals, Read
 from msbot.pnp.thesis_claims import decode_thesis_claim
+from msbot.service_types import service_type
 from msbot_agent.link.can.protocol import DOWN, UP, CanDecoder, CanIds, Frame, LegacyDecoder, frame_sentence, node_of
 from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce import decompress, explain, is_whole
-from msbot_xrce.errors import RemoteProtocolError
+from msbot_xrce.errors import CallError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 from msbot_xrce.messages import (
     SESSION_NONE,
@@ -191,15 +193,16 @@ class _Session:
                 return [f"{topic}: {self._read(known, payload, cls, hears=hears)}"]
             case RequesterDef():
                 if isinstance(sample, Data):
-                    return self._service_words(definition.service_name, "reply", payload[RELATED:])
-                return self._service_words(definition.service_name, "request", payload)
+                    return self._service_words(definition, "reply", payload, RELATED)
+                return self._service_words(definition, "request", payload, 0)
             case ReplierDef():
                 kind = "request" if isinstance(sample, Data) else "reply"
-                return self._service_words(definition.service_name, kind, payload[IDENTITY:])
+                return self._service_words(definition, kind, payload, IDENTITY)
         self.unknown += 1
         return []
 
-    def _service_words(self, service: str, kind: str, body: bytes) -> list[str]:
+    def _service_words(self, definition: RequesterDef | ReplierDef, kind: str, payload: bytes, front: int) -> list[str]:
+        service, body = definition.service_name, payload[front:]
         decoders: dict[tuple[str, str], Callable[[bytes], Read[object]]] = {
             (INVENTORY_SERVICE, "request"): self._seals.request,
             (INVENTORY_SERVICE, "reply"): self._seals.reply,
@@ -208,7 +211,7 @@ class _Session:
         }
         decode = decoders.get((service, kind))
         if decode is None:
-            return [f"{kind} of {service}"]
+            return [self._call_words(definition, kind, payload, front)]
         try:
             message, seal = decode(body)
         except RemoteProtocolError as error:
@@ -219,6 +222,28 @@ class _Session:
         if sentence := inventory_sentence(message, self.part):
             self.about.append(sentence)
         return [f"{kind} of {service}: {_by_type_name(message)}{_seal_words(seal)}"]
+
+    def _call_words(self, definition: RequesterDef | ReplierDef, kind: str, payload: bytes, front: int) -> str:
+        """A request or reply between parts; a reply begins with its status (`msbot.part.calls`)."""
+        words = f"{kind} of {definition.service_name}"
+        type_name = definition.request_type if kind == "request" else definition.reply_type
+        cls = self._types.get(type_name)
+        if cls is None:
+            if type_name:
+                self.about.append(said("a {type}, which is not known here", type=type_name))
+                words += f": a {type_name}"
+            return words
+
+        def decode(octets: bytes) -> Message:
+            return cls.decode(decode_reply(octets[front:]) if kind == "reply" else octets[front:])
+
+        try:
+            message, seal = self._seals.sample(payload, decode)
+        except CallError as error:
+            return f"{words}: no reply: {error}"
+        except RemoteProtocolError as error:
+            return f"{words}: makes no sense: {error}"
+        return f"{words}: {message}{_seal_words(seal)}"
 
     def _is_in(self, slot: str) -> None:
         self.part = slot or nobody_in_particular(self._peer)
@@ -298,7 +323,8 @@ def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
     if kind in (ObjectKind.REQUESTER, ObjectKind.REPLIER):
         service = known.topic.removesuffix("_Request")
         make = RequesterDef if kind == ObjectKind.REQUESTER else ReplierDef
-        return make(service, "", "", known.topic, "")
+        request, reply = service_type(known.type_name) or ("", "")
+        return make(service, request, reply, known.topic, "")
     # Or a writer: what is said of a sample depends on its topic alone.
     return ReaderDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
 

@@ -2,6 +2,7 @@
 
 from msbot_agent.link.relay.relay import PartsRelay
 from msbot_agent.link.relay.relay_messages import (
+    BOOT_SIZE,
     MARK,
     Bye,
     Down,
@@ -10,6 +11,7 @@ from msbot_agent.link.relay.relay_messages import (
     Message,
     Refused,
     RelayBeat,
+    RelayKind,
     Room,
     Up,
     Welcome,
@@ -20,6 +22,7 @@ from msbot_agent.link.relay.relay_messages import (
 from msbot_agent.link.relay.relayed_link import RelayedLink, RelayGreeting
 
 __all__ = [
+    "BOOT_SIZE",
     "MARK",
     "Bye",
     "Down",
@@ -30,6 +33,7 @@ __all__ = [
     "Refused",
     "RelayBeat",
     "RelayGreeting",
+    "RelayKind",
     "RelayedLink",
     "Room",
     "Up",
