@@ -158,7 +158,9 @@ def test_the_thesis_own_service_is_understood() -> None:
 
 
 def test_other_services_are_named() -> None:
-    assert after(service("adder"), packet(WriteData(20, 0x0017, b"\1")), up=True) == ["request of adder: a msbot_inventory_request"]
+    assert after(service("adder"), packet(WriteData(20, 0x0017, b"\1")), up=True) == [
+        "request of adder: a msbot_inventory_request"
+    ]
 
 
 def pieces(whole: bytes) -> list[bytes]:
