@@ -194,7 +194,7 @@ class Load:
 
 
 LOADS = tuple(
-    Load(f"{size} octets, {name}", size, stream_id, burst)
+    Load(f"{size} bytes, {name}", size, stream_id, burst)
     for size in (4, 64)
     for name, stream_id in (("best effort", STREAM_BEST_EFFORT), ("reliable", STREAM_RELIABLE))
     for burst in (1, 8)
@@ -371,10 +371,10 @@ def table(samples: int, repeats: int) -> Iterator[str]:
             f"| {middle.frames_per_s:,.0f} | {middle.frames_per_s / BUS_FRAMES:.1f} |"
         )
     cpu, wall = sorted(asyncio.run(flood(5 * samples)) for _ in range(repeats))[repeats // 2]
-    yield "\nAs fast as another program says them (4 octets, best effort, a frame each), to a reader in the agent's"
+    yield "\nAs fast as another program says them (4 bytes, best effort, a frame each), to a reader in the agent's"
     yield f"own process: {cpu:,.0f} frames in a second of processor time, {cpu / BUS_FRAMES:.1f} times a full bus;"
     yield f"{wall:,.0f} in a second of the clock."
-    yield f"\nA full bus: {BUS_FRAMES:,} frames of 8 octets in a second, the most that 1 Mbit/s carries."
+    yield f"\nA full bus: {BUS_FRAMES:,} frames of 8 bytes in a second, the most that 1 Mbit/s carries."
 
 
 def profile(samples: int) -> Iterator[str]:

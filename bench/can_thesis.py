@@ -204,7 +204,7 @@ def _largest() -> list[str]:
         "largest message",
         "1792 bytes; longer ones arrive as garbage",
         f"{SIZES[-1]} bytes; samples of any size in pieces, {LARGE_SAMPLE:,} bytes tried; {large.wrong} wrong",
-        f"messages of {', '.join(map(str, SIZES))} bytes, octet by octet; a sample there and back",
+        f"messages of {', '.join(map(str, SIZES))} bytes, byte by byte; a sample there and back",
     ]
 
 

@@ -87,7 +87,7 @@ def watch(page: Page, pid: int, address: str) -> None:
     page.wait_for_timeout(WATCHED_S * 1000)
     seconds = time.perf_counter() - began
     print(
-        f"open: {received[0] / seconds:.0f} octets/s to the browser, "
+        f"open: {received[0] / seconds:.0f} bytes/s to the browser, "
         f"{(processor_s(pid) - used) / seconds * 100:.1f} % of a processor for master and page"
     )
     page.get_by_label("Search").fill("R42")

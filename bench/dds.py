@@ -92,7 +92,7 @@ def costs(runs: int) -> list[str]:
         "write, one reader in another process",
         "take and deliver, a batch of 64",
     )
-    lines = ["| µs a sample of 64 octets | in memory | over DDS |", "|---|---|---|"]
+    lines = ["| µs a sample of 64 bytes | in memory | over DDS |", "|---|---|---|"]
     for name in names:
         cells = [said([one[name] for one in many], ".2f") if name in many[0] else "-" for many in (memory, dds)]
         lines.append(f"| {name} | {cells[0]} | {cells[1]} |")
@@ -156,7 +156,7 @@ async def until_room(writer: DdsWriter, most: int) -> None:
 
 def between_processes(runs: int) -> list[str]:
     """Round trips and throughput to another process, ours and ddsperf's."""
-    lines = ["| 64 octets, two processes | over DDS | ddsperf (C) | in memory, one process |", "|---|---|---|---|"]
+    lines = ["| 64 bytes, two processes | over DDS | ddsperf (C) | in memory, one process |", "|---|---|---|---|"]
     trips = [asyncio.run(round_trips()) for _ in range(runs)]
     memory = asyncio.run(memory_trips())
     perf = perf_trips()
@@ -349,7 +349,7 @@ def over_zenoh(runs: int) -> list[str]:
             writes = [asyncio.run(zenoh_write()) for _ in range(runs)]
         finally:
             router.terminate()
-    lines = ["| 64 octets, in turns | over DDS | over Zenoh, by a router | ratio |", "|---|---|---|---|"]
+    lines = ["| 64 bytes, in turns | over DDS | over Zenoh, by a router | ratio |", "|---|---|---|---|"]
     for index, name in enumerate(("p50", "p99")):
         dds, zenoh = ([one[index] for one in trips[kind]] for kind in ("dds", "zenoh"))
         ratio = statistics.median(zenoh) / statistics.median(dds)

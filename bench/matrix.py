@@ -358,7 +358,7 @@ async def crowd(rounds: int, _bus: str) -> Row:
 
 async def large(rounds: int, bus: str) -> Row:
     """Samples larger than a packet, on reliable and best-effort wires."""
-    row = Row("samples of 1,500 to 3,000 octets among others on UDP, TCP and CAN, reliable and best effort")
+    row = Row("samples of 1,500 to 3,000 bytes among others on UDP, TCP and CAN, reliable and best effort")
     async with stage("udp", "tcp", bus, "udp", "udp") as it:
         await it.start()
         for number in range(rounds):

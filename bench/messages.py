@@ -13,7 +13,7 @@ ROUNDS = 5
 
 def main() -> None:
     print(f"Messages, {describe_machine()}; best of {ROUNDS}\n")
-    print("| message | octets | encode | decode |\n|---|---|---|---|")
+    print("| message | bytes | encode | decode |\n|---|---|---|---|")
     vector = Vector3(x=1.0, y=2.0, z=3.0)
     header = Header(stamp=Time(sec=1, nanosec=2), frame_id="base_link")
     ranges = [0.5 * i for i in range(360)]

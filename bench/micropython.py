@@ -96,8 +96,8 @@ class Measured(NodeEngine):
 def main() -> None:
     """Print the tables, or keep them in bench/results."""
     tables = [
-        table(["piece", "files", "lines", "without blank ones and docstrings", ".mpy, octets"], pieces()),
-        table(["file", "lines", "without blank ones and docstrings", ".py, octets", ".mpy, octets"], files()),
+        table(["piece", "files", "lines", "without blank ones and docstrings", ".mpy, bytes"], pieces()),
+        table(["file", "lines", "without blank ones and docstrings", ".py, bytes", ".mpy, bytes"], files()),
         table(["program", "link", "peak, .mpy", "at the end, .mpy", "peak, .py"], memory()),
         table(["imported for a moment", "memory while it is there"], for_a_moment()),
     ]

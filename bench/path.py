@@ -319,7 +319,7 @@ def main() -> None:
 
 def table(messages: int, repeats: int) -> Iterator[str]:
     """The table, line by line."""
-    yield f"The way of a message of {len(PAYLOAD)} octets through the agent, without sockets ({describe_machine()};"
+    yield f"The way of a message of {len(PAYLOAD)} bytes through the agent, without sockets ({describe_machine()};"
     yield f"median of {repeats} runs of {messages:,} messages, and the range)\n"
     yield "| messages | in a burst | µs a message | from | to |"
     yield "|---|---|---|---|---|"

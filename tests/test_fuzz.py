@@ -107,7 +107,7 @@ class Fragile:
         armed = False
         for step in case:
             if armed and 7 in step.data:
-                raise Violation(f"octet at {step.data.index(7)}")
+                raise Violation(f"byte at {step.data.index(7)}")
             armed = armed or step.verb == "arm"
         return {f"{len(case)} steps"}
 
@@ -127,7 +127,7 @@ def test_a_bug_is_found_made_small_stored_once_and_repeated(
     assert case[0] == Step("arm", b"", (1.5,))
     assert case[1].data[-1] == 7
     assert main(["--replay", str(path)]) == 1
-    assert "Violation: octet at" in capsys.readouterr().out
+    assert "Violation: byte at" in capsys.readouterr().out
     monkeypatch.setitem(TARGETS, "fragile", TARGETS["serial"])
     assert main(["--replay", str(path)]) == 0
     assert "nothing goes wrong any more" in capsys.readouterr().out

@@ -104,7 +104,7 @@ def texts_of_the_pages() -> set[str]:
             if not isinstance(node, ast.Call):
                 continue
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if called in ("say", "translate") and node.args:
+            if called in ("say", "translate") and node.args and not isinstance(node.args[0], ast.Call | ast.Dict):
                 found |= _strings(node.args[0])
             elif called == "count" and len(node.args) > 2:
                 found |= {text for form in node.args[1:3] for text in _strings(form)}

@@ -1,4 +1,4 @@
-"""A DDS-XRCE client over a bare UDP socket: the core does the protocol, this file the time and the octets."""
+"""A DDS-XRCE client over a bare UDP socket: the core does the protocol, this file the time and the bytes."""
 
 import socket
 import sys

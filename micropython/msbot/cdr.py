@@ -30,7 +30,7 @@ class Reader:
         """That many octets as they are."""
         end = self.at + size
         if end > len(self.octets):
-            raise RemoteProtocolError("{} octets where {} are needed".format(len(self.octets), end))
+            raise RemoteProtocolError("{} bytes where {} are needed".format(len(self.octets), end))
         octets = self.octets[self.at : end]
         self.at = end
         return octets

@@ -98,7 +98,7 @@ def decompress(data):
 
 def _need(condition):
     if not condition:
-        raise RemoteProtocolError("compressed message: the octets do not fit their form")
+        raise RemoteProtocolError("compressed message: the bytes do not fit their form")
 
 
 def _expand_on_stream(form, header, data):

@@ -26,7 +26,7 @@ def check_names(part):
             raise ConfigError('the {} is a text, not {!r}: write "{}"'.format(what, text, text))
         size = len(text.encode())
         if not text or size > 254 or "\0" in text:
-            raise ConfigError("the {} must have 1 to 254 octets, not {}".format(what, size))
+            raise ConfigError("the {} must have 1 to 254 bytes, not {}".format(what, size))
 
 
 def verb(part, name):

@@ -53,7 +53,7 @@ def describe(part):
     text = "\n".join(out) + "\n"
     size = len(text.encode())
     if size > _MOST:
-        words = "what the part says of itself has {} octets, and may have {}: give it fewer ports and settings"
+        words = "what the part says of itself has {} bytes, and may have {}: give it fewer ports and settings"
         raise ConfigError(words.format(size, _MOST))
     return text + "\n" * (_LEAST - size)
 

@@ -47,5 +47,5 @@ def parse_key(key):
             words = "that is not a key: write 32 hexadecimal digits, as `msbot key new` shows them"
             raise ConfigError(words) from None
     if not 16 <= len(key) <= 64:
-        raise ConfigError("a key has 16 to 64 octets, this one has {}; `msbot key new` draws one".format(len(key)))
+        raise ConfigError("a key has 16 to 64 bytes, this one has {}; `msbot key new` draws one".format(len(key)))
     return key

@@ -122,7 +122,7 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
         reader = Reader(octets)
         message = read(cls, reader)
         if len(octets) - reader.at > 3:
-            words = "{} octets left over after {}: is it another type?"
+            words = "{} bytes left over after {}: is it another type?"
             raise RemoteProtocolError(words.format(len(octets) - reader.at, type_name_of(cls)))
         return message
 

@@ -57,7 +57,7 @@ class Part:
         load("declaring").check_names(self)
         self.robot = robot if isinstance(robot, ExpectedRobot) else ExpectedRobot(robot)
         if uid is not None and len(uid) != 8:
-            raise ConfigError("a UID has 8 octets, not {}".format(len(uid)))
+            raise ConfigError("a UID has 8 bytes, not {}".format(len(uid)))
         self.uid = uid
         self.key = None
         if key is not None:

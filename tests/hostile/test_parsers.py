@@ -43,7 +43,7 @@ def _blf_with_a_damaged_container() -> bytes:
         pytest.param("candump", "can0 123 [2] DE\u00a0AD".encode(), id="another space"),
         pytest.param("asc", b"date Wed\x1b[31m\nbase hex", id="escape sequence in a log"),
         pytest.param("recording", b"\x89MCAP\r\r\n" + bytes(40), id="a version that controls the terminal"),
-        pytest.param("recording", b"\x89MCAP0\r\n" + bytes(40), id="octets that are no record"),
+        pytest.param("recording", b"\x89MCAP0\r\n" + bytes(40), id="bytes that are no record"),
         pytest.param("pass", b"\xff", id="a proof that is no text behind the right name and time"),
         pytest.param(
             "sessions",
@@ -61,7 +61,7 @@ def _blf_with_a_damaged_container() -> bytes:
             id="the infinite STOP",
         ),
         pytest.param("board", b"5", id="a board that answers something of another kind"),
-        pytest.param("board", b"(0, 0, 0, 0)", id="a board whose blocks have no octets"),
+        pytest.param("board", b"(0, 0, 0, 0)", id="a board whose blocks have no bytes"),
         pytest.param("board", b"(" * 3000, id="a deep answer of a board"),
         pytest.param("board_settings", b'{"a": NaN}', id="settings that no board could read again"),
         pytest.param("status_file", b'{"port": 1e999, "token": "", "pid": 1}', id="the infinite port"),

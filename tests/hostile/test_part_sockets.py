@@ -81,7 +81,7 @@ async def test_what_is_no_packet_is_answered_with_a_sentence() -> None:
         token = await site.token("eve")
         for message, words in (
             ("hello robot", "a part sends packets of DDS-XRCE in binary messages, and no text"),
-            (bytes(70_000), "a packet has 1 to 65535 octets, not 70000"),
+            (bytes(70_000), "a packet has 1 to 65535 bytes, not 70000"),
         ):
             async with dial(site, token) as socket:
                 await socket.send(message)

@@ -11,7 +11,7 @@ FILES = ["agent_answers_1.txt", "agent_answers_2.txt"]
 DEAD = "the genuine agent has aborted or hangs"
 UNSEEN = "part of the dialogue was not recorded"
 DIFFERENT = {
-    "create, key 0": "the genuine agent sends stale octets behind the status",
+    "create, key 0": "the genuine agent sends stale bytes behind the status",
     "GET_INFO truncated": "answered with zeros; here silence",
     "old session id 0x81 still used on that endpoint": "taken for the new session; here a late packet of the old one",
     "HEARTBEAT first 4 last 5 (skips)": "number 18, which came beyond the window, is asked for again",

@@ -104,7 +104,7 @@ def _which(random: Random) -> Question:
         said("Which submessage is it?"),
         kind,
         said(
-            "octet {number} is {octets}: that is {kind}; the message's header has 4 octets before it",
+            "byte {number} is {octets}: that is {kind}; the message's header has 4 bytes before it",
             number=found.start,
             octets=found.octets.hex(),
             kind=kind,
@@ -125,9 +125,9 @@ def _field(random: Random) -> Question:
     first, last = chosen.start, chosen.start + len(chosen.octets) - 1
     octets, words = chosen.octets.hex(" "), chosen.words
     where = (
-        said("octet {first}, {octets}: {words}", first=first, octets=octets, words=words)
+        said("byte {first}, {octets}: {words}", first=first, octets=octets, words=words)
         if last == first
-        else said("octets {first} to {last}, {octets}: {words}", first=first, last=last, octets=octets, words=words)
+        else said("bytes {first} to {last}, {octets}: {words}", first=first, last=last, octets=octets, words=words)
     )
     return Question(
         _shown(packet),
@@ -147,7 +147,7 @@ def _stream(random: Random) -> Question:
         said("On which kind of stream is it sent: none, best effort, reliable?"),
         kind,
         said(
-            "octet {number} is {octets}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
+            "byte {number} is {octets}: 00 is none, 01 to 7f are best effort, 80 to ff reliable",
             number=found.start,
             octets=found.octets.hex(),
         ),
@@ -204,7 +204,7 @@ def _length_of(frame: Frame, _: Random) -> Question:
         ),
         str(bits),
         said(
-            "47 bits and 8 for each of its octets of data ({octets}), and stuff bits ({count}): {bits}",
+            "47 bits and 8 for each of its bytes of data ({octets}), and stuff bits ({count}): {bits}",
             octets=len(frame.data),
             count=stuff_bits,
             bits=bits,

@@ -223,7 +223,7 @@ def test_a_damaged_chunk_costs_only_what_is_in_it(tmp_path: Path) -> None:
     found = [int.from_bytes(one.data[4:6]) for one in reader.messages()]
     assert found == list(range(found[0], 1_000))
     assert 400 < found[0] < 600
-    assert "2 of its chunks cannot be read, the first ends at octet" in reader.damage
+    assert "2 of its chunks cannot be read, the first ends at byte" in reader.damage
     assert "the others were read" in reader.damage
 
     path.write_bytes(octets[: chunks[-1].chunk_start_offset])  # without the end: nothing says what the channel is
@@ -237,7 +237,7 @@ def test_a_damaged_chunk_costs_only_what_is_in_it(tmp_path: Path) -> None:
     [
         (b"", "is empty"),
         (b"hello, world", "is no recording"),
-        (b"\x89MCA", "ends after 4 octets: nothing is in it"),
+        (b"\x89MCA", "ends after 4 bytes: nothing is in it"),
         (b"\x89MCAP1\r\n" + bytes(100), "an MCAP file of version 1; this program reads version 0"),
     ],
 )

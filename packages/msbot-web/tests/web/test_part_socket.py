@@ -187,8 +187,8 @@ def test_text_empty_and_huge_messages_are_refused_in_words() -> None:
     async def scene(accounts: Accounts, link: WebSocketServerLink) -> None:
         for message, words in (
             ({"text": "hello"}, "a part sends packets of DDS-XRCE in binary messages, and no text"),
-            ({"bytes": b""}, "a packet has 1 to 65535 octets, not 0"),
-            ({"bytes": bytes(65536)}, "a packet has 1 to 65535 octets, not 65536"),
+            ({"bytes": b""}, "a packet has 1 to 65535 bytes, not 0"),
+            ({"bytes": bytes(65536)}, "a packet has 1 to 65535 bytes, not 65536"),
         ):
             one = Fake(accounts, link)
             one.inbox.put_nowait({"type": "websocket.receive", **message})

@@ -391,7 +391,7 @@ def _expand_status(data: bytes) -> bytes:
             return data + b"\0\0"
         case 6:
             return data
-    raise RemoteProtocolError(f"compressed STATUS of {len(data)} octets")
+    raise RemoteProtocolError(f"compressed STATUS of {len(data)} bytes")
 
 
 def _expand_outside(form: int, session_id: int, data: bytes) -> bytes:
@@ -408,10 +408,10 @@ def _expand_outside(form: int, session_id: int, data: bytes) -> bytes:
         return first + _NO_STREAM_HEAD + FIXED[data[0] & ~OUTSIDE]
     if form == LOGIN:
         if size != 6:
-            raise RemoteProtocolError(f"compressed CREATE_CLIENT of {size} octets")
+            raise RemoteProtocolError(f"compressed CREATE_CLIENT of {size} bytes")
         return _LOGIN_HEAD + data[:4] + bytes((session_id, 0)) + data[4:]
     if size not in (2, 4, 5):
-        raise RemoteProtocolError(f"compressed {'ACKNACK' if form == ACKNACK else 'HEARTBEAT'} of {size} octets")
+        raise RemoteProtocolError(f"compressed {'ACKNACK' if form == ACKNACK else 'HEARTBEAT'} of {size} bytes")
     if size == 2:
         data += b"\0\0" if form == ACKNACK else data
     return header + _REPORT_HEADS[form] + data + (b"" if size == 5 else bytes((STREAM_RELIABLE,)))
@@ -419,7 +419,7 @@ def _expand_outside(form: int, session_id: int, data: bytes) -> bytes:
 
 def _submessage(kind: int, contents: bytes, flags: int = LITTLE_ENDIAN) -> bytes:
     if len(contents) > MAX_LENGTH:
-        raise RemoteProtocolError(f"compressed message: a submessage of {len(contents)} octets")
+        raise RemoteProtocolError(f"compressed message: a submessage of {len(contents)} bytes")
     return _SUBMESSAGE.pack(kind, flags, len(contents)) + contents
 
 

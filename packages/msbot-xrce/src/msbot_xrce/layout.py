@@ -196,7 +196,7 @@ def _read(
 
 def _value(field: LaidField, octets: bytes, *, little: bool) -> tuple[int | None, str]:
     if field.form is Form.OCTETS:
-        return None, amount(len(octets), "octet")
+        return None, amount(len(octets), "byte")
     is_little = field.form is Form.LITTLE or (field.form is Form.NUMBER and little)
     value = int.from_bytes(octets, "little" if is_little else "big")
     words = f"0x{value:0{2 * len(octets)}X}" if field.is_hexadecimal else str(value)

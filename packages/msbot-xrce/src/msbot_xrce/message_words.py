@@ -149,7 +149,7 @@ def _about_the_session(
     match submessage:
         case CreateClient():
             words = f"CREATE_CLIENT {submessage.client_key:08X}: wants session 0x{submessage.session_id:02X}"
-            words += f", messages of at most {submessage.mtu} octets"
+            words += f", messages of at most {submessage.mtu} bytes"
             settings = ", ".join(f"{name}={value}" for name, value in submessage.properties or ())
             return f"{words}, {_short(settings)}" if settings else words
         case StatusAgent():
@@ -203,7 +203,7 @@ def _read(read: ReadData) -> str:
     if control.max_elapsed_s:
         words += f", for {control.max_elapsed_s} s"
     if control.max_bytes_per_second:
-        words += f", {control.max_bytes_per_second} octets a second"
+        words += f", {control.max_bytes_per_second} bytes a second"
     if control.min_pace_ms:
         words += f", {control.min_pace_ms} ms apart"
     return words
@@ -241,7 +241,7 @@ def _stream(stream_id: int) -> str:
 def _octets(octets: bytes) -> str:
     shown = octets[:SHOWN_OCTETS].hex(" ")
     more = " ..." if len(octets) > SHOWN_OCTETS else ""
-    return f"{amount(len(octets), 'octet')} {shown}{more}".rstrip()
+    return f"{amount(len(octets), 'byte')} {shown}{more}".rstrip()
 
 
 def _short(text: str) -> str:

@@ -98,7 +98,7 @@ def complaints(submessages: bytes) -> list[str]:
     meant = as_meant(submessages)
     found = [f"kind {one.kind}: no stock client knows it, nor skips it" for one in meant if one.kind not in KNOWN]
     found += [
-        f"DATA of {len(one.contents)} octets: it counts to {LONGEST}" for one in meant if len(one.contents) > LONGEST
+        f"DATA of {len(one.contents)} bytes: it counts to {LONGEST}" for one in meant if len(one.contents) > LONGEST
     ]
     if sum(one.kind == STATUS for one in meant) > 1:
         found.append("two STATUS in one message: a client that awaits them one by one loses the second")

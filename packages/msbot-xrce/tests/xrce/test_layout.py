@@ -70,7 +70,7 @@ def test_fields_follow_each_other_and_are_those_octets() -> None:
         for one, after in zip(fields, [*fields[1:], None], strict=True):
             assert packet[one.start : one.start + len(one.octets)] == one.octets
             gap = (len(packet) if after is None else after.start) - one.start - len(one.octets)
-            assert 0 <= gap <= 3, "but for padding, every octet has a name"
+            assert 0 <= gap <= 3, "but for padding, every byte has a name"
 
 
 @given(st.binary(max_size=80))

@@ -41,16 +41,16 @@ LINES = [
     ("80000000 02010800 000afffd 02000000", "GET_INFO about the agent, request 10"),
     ("81000000 03010400 0002fffe", "DELETE the client, request 2"),
     ("81000000 03010400 00020010", "DELETE object 0x0010, request 2"),
-    ("81010100 07010900 001f0015 0001020304", "WRITE_DATA to datawriter 0x0015, request 31: 5 octets 00 01 02 03 04"),
-    ("81010100 09010400 001f0016", "DATA from datareader 0x0016, request 31: 0 octets"),
-    ("81010100 07010500 001f0015 00", "WRITE_DATA to datawriter 0x0015, request 31: 1 octet 00"),
-    ("81800800 0d030200 6869", "FRAGMENT, the last: 2 octets 68 69"),
+    ("81010100 07010900 001f0015 0001020304", "WRITE_DATA to datawriter 0x0015, request 31: 5 bytes 00 01 02 03 04"),
+    ("81010100 09010400 001f0016", "DATA from datareader 0x0016, request 31: 0 bytes"),
+    ("81010100 07010500 001f0015 00", "WRITE_DATA to datawriter 0x0015, request 31: 1 byte 00"),
+    ("81800800 0d030200 6869", "FRAGMENT, the last: 2 bytes 68 69"),
     ("81000000 0c010000", "RESET: all streams start over"),
     ("81000000 04010b00 8500 58524345 0100010f00", "STATUS_AGENT: the request makes no sense"),
     ("81000000 0e010800 00000000 01000000", "TIMESTAMP: 1970-01-01 00:00:00.000000001"),
     (HEADERLESS_ANSWER.hex(), "a C client's answer to GET_INFO, which has no submessage header"),
-    ("8100", "not a message: a message of 2 octets"),
-    ("81000000 07010200 0000", "the rest makes no sense: WRITE_DATA: 2 octets where 4 are needed"),
+    ("8100", "not a message: a message of 2 bytes"),
+    ("81000000 07010200 0000", "the rest makes no sense: WRITE_DATA: 2 bytes where 4 are needed"),
 ]
 
 
@@ -66,7 +66,7 @@ def one_line(submessage: Submessage) -> str:
 VALUES: list[tuple[Submessage, str]] = [
     (ReadData(1, 0x16, 0x80), "READ_DATA of datareader 0x0016, request 1, on reliable stream 0x80: one sample"),
     (ReadData(1, 0x16, 0, DeliveryControl(0)), "on no stream: stop"),
-    (ReadData(1, 0x16, 1, DeliveryControl(5, 2, 100, 7)), "5 samples, for 2 s, 100 octets a second, 7 ms apart"),
+    (ReadData(1, 0x16, 1, DeliveryControl(5, 2, 100, 7)), "5 samples, for 2 s, 100 bytes a second, 7 ms apart"),
     (ReadData(1, 0x16, 1, DeliveryControl()), "without end"),
     (Info(10, 0xFFFD, availability=0), "takes no clients, does not know you"),
     (Info(10, 0xFFFD, implementation_status=1), "takes clients, knows your session"),

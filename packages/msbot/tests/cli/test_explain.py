@@ -55,7 +55,7 @@ def run(*words: str) -> Result:
 def test_a_message_in_words_and_fields() -> None:
     done = run(*WRITE.split())
     assert done.exit_code == 0, done.output
-    assert "WRITE_DATA to datawriter 0x0015, request 10: 4 octets 00 00 80 3f" in done.output
+    assert "WRITE_DATA to datawriter 0x0015, request 10: 4 bytes 00 00 80 3f" in done.output
     assert "     10  0015                      WRITE_DATA.object_id          0x0015" in done.output
     (told,) = json.loads(run(WRITE, "--json").output)
     assert [field["name"] for field in told["fields"]][-3:] == ["request_id", "object_id", "payload"]
@@ -84,7 +84,7 @@ def test_a_file_of_frames(tmp_path: Path) -> None:
     ("what", "right"),
     [
         ("tea", "'tea' is no file here, no frame such as 103#C181000A, and no message"),
-        ("8101", "no message in hexadecimal of 4 octets or more"),
+        ("8101", "no message in hexadecimal of 4 bytes or more"),
         ("XYZ#11", "123#DEADBEEF"),
     ],
 )
@@ -143,10 +143,10 @@ def test_what_a_relay_carries_is_unpacked(tmp_path: Path) -> None:
     inside = json.loads(run(beat.hex(), "--json").output)[0]["words"]
     told = [json.loads(run(octets.hex(), "--json").output)[0]["words"] for octets in (up, down, hello, b"\0\xffR\x63")]
     assert told == [
-        ["relay: a packet from part 3 (node 3), 16 octets", *inside],
-        ["relay: packet 7 for part 3, 16 octets", *inside],
+        ["relay: a packet from part 3 (node 3), 16 bytes", *inside],
+        ["relay: packet 7 for part 3, 16 bytes", *inside],
         ["relay: HELLO, I am desk and carry the parts of can:can0"],
-        ["relay: relay message of 4 octets cannot be read: 99 is not a valid RelayKind"],
+        ["relay: relay message of 4 bytes cannot be read: 99 is not a valid RelayKind"],
     ]
     file = tmp_path / "relay.pcap"
     with file.open("wb") as stream:
@@ -154,7 +154,7 @@ def test_what_a_relay_carries_is_unpacked(tmp_path: Path) -> None:
         packet = dpkt.ip.IP(src=b"\x0a\0\0\2", dst=b"\x0a\0\0\1", p=17, data=udp, len=28 + len(up))
         dpkt.pcap.Writer(stream).writepkt(bytes(dpkt.ethernet.Ethernet(type=2048, data=packet)), ts=1.0)
     (one,) = json.loads(run(str(file), "--json", "--fields").output)
-    assert (one["words"][0], bool(one["fields"])) == ("relay: a packet from part 3 (node 3), 16 octets", True)
+    assert (one["words"][0], bool(one["fields"])) == ("relay: a packet from part 3 (node 3), 16 bytes", True)
 
 
 def test_a_capture_of_a_can_bus(tmp_path: Path) -> None:

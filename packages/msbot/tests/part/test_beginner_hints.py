@@ -207,9 +207,9 @@ def test_a_text_without_end_is_told_with_its_line_and_the_part_goes_on(caplog: p
 
         room.plug(part)
         await asyncio.sleep(5.0)
-        (line,) = [record.getMessage() for record in caplog.records if "octets" in record.getMessage()]
+        (line,) = [record.getMessage() for record in caplog.records if "bytes" in record.getMessage()]
         assert re.match(
-            r"test_beginner_hints\.py:\d+ in tell: LocalProtocolError: this HelloWorld has 300,0\d\d octets, ", line
+            r"test_beginner_hints\.py:\d+ in tell: LocalProtocolError: this HelloWorld has 300,0\d\d bytes, ", line
         )
         assert "one message may have 262,000: does a text or list in it grow without end?" in line
         assert part.state is JoinState.ACTIVE

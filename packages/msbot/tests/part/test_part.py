@@ -589,10 +589,10 @@ def deaf() -> None:
     ("make", "words"),
     [
         (lambda: Part(1234), 'the part number is a text, not 1234: write "1234"'),  # type: ignore[arg-type]
-        (lambda: Part(""), "the part number '' must have 1 to 254 octets and no NUL"),
-        (lambda: Part("ABCD", local_name="x" * 255), "must have 1 to 254 octets"),
+        (lambda: Part(""), "the part number '' must have 1 to 254 bytes and no NUL"),
+        (lambda: Part("ABCD", local_name="x" * 255), "must have 1 to 254 bytes"),
         (lambda: Part("ABCD", local_name="a\0b"), "no NUL"),
-        (lambda: Part("ABCD", uid=b"123"), "a UID has 8 octets, not 3"),
+        (lambda: Part("ABCD", uid=b"123"), "a UID has 8 bytes, not 3"),
         (lambda: make_part().every(0), "every(0): the period must be more than 0 seconds"),
         (lambda: make_part().every(float("nan")), "the period must be more than 0"),
         (lambda: make_part().every(1.0)(lambda _: None), "must take no arguments"),  # type: ignore[type-var]

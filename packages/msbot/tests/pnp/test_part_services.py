@@ -320,7 +320,7 @@ def test_a_reply_or_request_that_no_agent_takes_is_told_where_it_was_made() -> N
 
         await scene.plug(scene.bb, scene.aa)
         assert scene.log == [
-            "call of name: the function that serves it failed: LocalProtocolError: the reply has 300,006 octets, "
+            "call of name: the function that serves it failed: LocalProtocolError: the reply has 300,006 bytes, "
             "and may have 261,976: send less"
         ]
 

@@ -77,10 +77,10 @@ def test_what_was_checked_counts_for_the_same_words_only() -> None:
 @pytest.mark.parametrize(
     ("octets", "words"),
     [
-        (len(WORDS) * 40, "it is longer than 4096 octets"),
-        (b"\xff\xff" + bytes(600), "its octets cannot be read: "),
-        (b"\x1d\x02\0\0" + b"\xfe" * 540 + b"\0", "its octets cannot be read: "),
-        (b"number = 'NEW-1'\n" * 9, "its octets cannot be read: "),
+        (len(WORDS) * 40, "it is longer than 4096 bytes"),
+        (b"\xff\xff" + bytes(600), "its bytes cannot be read: "),
+        (b"\x1d\x02\0\0" + b"\xfe" * 540 + b"\0", "its bytes cannot be read: "),
+        (b"number = 'NEW-1'\n" * 9, "its bytes cannot be read: "),
     ],
 )
 def test_what_cannot_be_read_is_refused_with_the_reason_in_why(octets: int | bytes, words: str) -> None:
@@ -214,7 +214,7 @@ def test_what_is_refused_or_checked_is_announced_at_once(more: int) -> None:
     desk.is_asked(STRANGER)
     announced.clear()
     desk.rig.inventory.descriptions.unreadable(KEY, pnp_messages.MOST_DESCRIPTION + more, "a fault", desk.rig.now)
-    fault = "it is longer than 4096 octets" if more else "its octets cannot be read: a fault"
+    fault = "it is longer than 4096 bytes" if more else "its bytes cannot be read: a fault"
     assert announced == [f"what it says of itself is refused: {fault}"]
     says = desk.rig.part(KEY).says
     assert says == SelfDescription("", fault=fault)

@@ -42,7 +42,7 @@ def test_the_one_free_slot_that_fits_is_found() -> None:
         (Claim("A" * 255), "longer than 254"),
         (Claim("ABCD", "B" * 255), "longer than 254"),
         (Claim("AB\x1b[2JCD"), "control characters"),
-        (Claim("ABCD", "", b"123"), "UID has 3 octets instead of 8"),
+        (Claim("ABCD", "", b"123"), "UID has 3 bytes instead of 8"),
     ],
 )
 def test_a_claim_that_makes_no_sense_is_refused(claim: Claim, words: str) -> None:

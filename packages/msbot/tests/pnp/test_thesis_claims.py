@@ -49,7 +49,7 @@ def test_what_is_not_two_strings_in_96_octets_is_dropped(body: bytes) -> None:
 
 
 def test_a_reply_of_another_size_is_dropped() -> None:
-    with pytest.raises(RemoteProtocolError, match="reply of 4 octets"):
+    with pytest.raises(RemoteProtocolError, match="reply of 4 bytes"):
         decode_reply(b"ABCD")
 
 
@@ -87,7 +87,7 @@ def test_a_string_has_to_end_in_nul_wherever_it_ends(length: int) -> None:
     assert decode_reply((body + b"\0").ljust(96, b"\0")) == "A" * (length - 1)
     with pytest.raises(RemoteProtocolError, match="string without its final NUL"):
         decode_reply((body + b"A").ljust(96, b"\0"))
-    with pytest.raises(RemoteProtocolError, match="string of 93 octets at offset 0"):
+    with pytest.raises(RemoteProtocolError, match="string of 93 bytes at offset 0"):
         decode_reply((93).to_bytes(4, "little") + bytes(92))
 
 
@@ -96,5 +96,5 @@ def test_a_reply_has_96_octets_and_not_one_more(length: int, fits: bool) -> None
     if fits:
         assert decode_reply(encode_reply("n" * length)) == "n" * length
     else:
-        with pytest.raises(ValueError, match="100 octets do not fit into 96"):
+        with pytest.raises(ValueError, match="100 bytes do not fit into 96"):
             encode_reply("n" * length)

@@ -42,7 +42,7 @@ def test_the_description_is_the_file_as_it_is(tmp_path: Path) -> None:
         (b"robot", "is not XML in UTF-8"),
         (b"<robot>\xff</robot>", "is not XML in UTF-8"),
         (b"<sdf/>", "is not URDF: it begins with <sdf>, not with <robot>"),
-        (b" " * (LARGEST + 1), f"has more than {LARGEST} octets"),
+        (b" " * (LARGEST + 1), f"has more than {LARGEST} bytes"),
     ],
 )
 def test_a_file_that_is_no_description_is_told_at_the_start(octets: bytes | None, words: str, tmp_path: Path) -> None:

@@ -138,5 +138,5 @@ def test_what_fast_dds_leaves_behind_a_message_is_not_looked_at() -> None:
     form = form_of(standard.Text)
     message = ros2.String(data="hello").encode()
     assert standard.Text.decode(form.inward(message + b"\xfe" * 12)) == standard.Text(text="hello")
-    with pytest.raises(RemoteProtocolError, match="octets left over"):
+    with pytest.raises(RemoteProtocolError, match="bytes left over"):
         form.inward(message + bytes(2000))

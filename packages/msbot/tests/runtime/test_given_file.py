@@ -27,14 +27,14 @@ def test_a_file_is_read_whole_or_not_at_all(tmp_path: Path) -> None:
     assert read_input_file(path, 5, "a program") == b"12345"
     with pytest.raises(ConfigError) as refused:
         read_input_file(path, 4, "a program")
-    assert str(refused.value) == (f"{path} is larger than 4 octets, or has no end: a program is not; name another file")
+    assert str(refused.value) == (f"{path} is larger than 4 bytes, or has no end: a program is not; name another file")
     with pytest.raises(FileNotFoundError):
         read_input_file(tmp_path / "nothing", 4, "a program")
 
 
 @needs_zero
 def test_a_program_for_a_board_has_an_end() -> None:
-    with pytest.raises(ConfigError, match="/dev/zero is larger than 1,000,000 octets, or has no end: a program is"):
+    with pytest.raises(ConfigError, match="/dev/zero is larger than 1,000,000 bytes, or has no end: a program is"):
         _Program(ZERO)
 
 

@@ -68,7 +68,7 @@ def drop_too_large(info: ClientInfo, object_id: int, size: int, dropped: Tally) 
     """Count a sample that is not sent, and tell of the first: it would arrive cut, and spoil what follows it."""
     if TOO_LARGE_FOR_STOCK not in dropped:
         logger.warning(
-            "client %08X, object %04X: a sample of %d octets is not sent, as none above %d is: stock clients count in"
+            "client %08X, object %04X: a sample of %d bytes is not sent, as none above %d is: stock clients count in"
             " 16 bits",
             info.key,
             object_id,

@@ -32,9 +32,9 @@ def relay_words(octets: bytes) -> RelayWords | None:
     match message:
         case Up(number, words, packet):
             where = f" ({words})" if words else ""
-            return RelayWords(f"relay: a packet from part {number}{where}, {len(packet)} octets", packet, number, True)
+            return RelayWords(f"relay: a packet from part {number}{where}, {len(packet)} bytes", packet, number, True)
         case Down(number, count, packet):
-            return RelayWords(f"relay: packet {count} for part {number}, {len(packet)} octets", packet, number)
+            return RelayWords(f"relay: packet {count} for part {number}, {len(packet)} bytes", packet, number)
         case Hello():
             return RelayWords(f"relay: HELLO, I am {message.name} and carry the parts of {message.carried}")
         case RelayBeat():

@@ -167,4 +167,4 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: octet {error.start} is not UTF-8") from None
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8") from None

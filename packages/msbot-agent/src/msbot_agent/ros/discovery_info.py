@@ -69,7 +69,7 @@ def decode(payload: bytes, gid_octets: int) -> tuple[Guid, list[NodeInfo]]:
     participant = reader.octets(gid_octets)[:GUID_OCTETS]
     nodes = [NodeInfo(NodeName(reader.string(), reader.string()), guids(), guids()) for _ in range(reader.u32())]
     if reader.remaining > LARGEST_PADDING:
-        raise RemoteProtocolError(f"{reader.remaining} octets are left over")
+        raise RemoteProtocolError(f"{reader.remaining} bytes are left over")
     return participant, nodes
 
 

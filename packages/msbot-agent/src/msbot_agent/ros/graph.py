@@ -237,7 +237,7 @@ class RosGraph:
         elif not self._has_warned:
             self._has_warned = True
             logger.warning(
-                "a ROS 2 node tells of its nodes with GIDs of %d octets, here they have %d: it does not see this "
+                "a ROS 2 node tells of its nodes with GIDs of %d bytes, here they have %d: it does not see this "
                 "program's nodes (ROS 2 up to Humble has 24, from Iron on 16; ROS_DISTRO says which is right here)",
                 theirs,
                 self._octets,

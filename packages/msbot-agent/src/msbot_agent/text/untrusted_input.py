@@ -85,7 +85,7 @@ def read_input_file(path: Path, most: int, what: str) -> bytes:
     with open_input_file(path) as stream:
         octets = stream.read(most + 1) or b""  # None: a device that has nothing to say now
     if len(octets) > most:
-        raise ConfigError(f"{path} is larger than {most:,} octets, or has no end: {what} is not; name another file")
+        raise ConfigError(f"{path} is larger than {most:,} bytes, or has no end: {what} is not; name another file")
     return octets
 
 

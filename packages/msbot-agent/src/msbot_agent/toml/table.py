@@ -397,7 +397,7 @@ class Table:
         if octets > MOST_OCTETS:
             self.problem(
                 said(
-                    '"{value}..." is {octets} octets long; shorten it to {most_octets}',
+                    '"{value}..." is {octets} bytes long; shorten it to {most_octets}',
                     value=value[:20],
                     octets=octets,
                     most_octets=MOST_OCTETS,

@@ -81,7 +81,7 @@ def test_bytes_that_no_packet_gives_are_counted_in_words() -> None:
 def test_reasons_with_a_number_of_the_sender_in_them_do_not_fill_the_memory() -> None:
     counters = LinkCounters()
     for size in range(1000):
-        counters.dropped.count(f"compressed message of {size} octets")
+        counters.dropped.count(f"compressed message of {size} bytes")
     assert len(counters.dropped) == MOST_NAMES + 1
     assert counters.dropped[OTHERS] == 1000 - MOST_NAMES
 

@@ -110,7 +110,7 @@ def test_so_much_waits_for_a_slow_part_and_room_is_told_when_all_of_it_has_gone(
 def test_what_is_no_packet_is_refused_and_counted(size: int) -> None:
     async def scene(link: WebSocketServerLink, end: End) -> None:
         peer = link.join(ANN)
-        with pytest.raises(ValueError, match=f"a packet has 1 to 65535 octets, not {size}"):
+        with pytest.raises(ValueError, match=f"a packet has 1 to 65535 bytes, not {size}"):
             peer.receive(bytes(size), now())
         assert "no text" in peer.took_text()
         assert list(link.counters.dropped.values()) == [2]

@@ -60,7 +60,7 @@ def test_a_message_on_the_wire(message: Message, octets: str) -> None:
 def test_a_message_that_was_cut_short_is_none(octets: str) -> None:
     whole = bytes.fromhex(octets)
     for size in range(len(whole)):
-        with pytest.raises(RemoteProtocolError, match=f"relay message of {size} octets cannot be read"):
+        with pytest.raises(RemoteProtocolError, match=f"relay message of {size} bytes cannot be read"):
             decode(whole[:size])
 
 

@@ -157,7 +157,7 @@ class NarrowLink(BaseLink):
 
 def test_a_way_with_tiny_packets_is_refused_with_a_sentence() -> None:
     async def main() -> None:
-        with pytest.raises(ConfigError, match="63 octets, and a relay needs 256"):
+        with pytest.raises(ConfigError, match="63 bytes, and a relay needs 256"):
             PartsRelay(lambda _: NarrowLink(), NarrowLink(), name="pi", say=print)  # type: ignore[arg-type, return-value]
 
     asyncio.run(main())

@@ -368,7 +368,7 @@ def _check_length(path: str, headers: Headers, session: Session | None) -> tuple
 
 
 def _too_long(most: int) -> tuple[int, str]:
-    return 413, f"at most {most} octets can be sent here"
+    return 413, f"at most {most} bytes can be sent here"
 
 
 def is_client_gone(scope: Scope, error: Exception) -> bool:

@@ -83,7 +83,7 @@ class _Table:
                     ui.button(
                         page.translate(title), icon="download", on_click=partial(_download, page, name, lines)
                     ).props("flat")
-                ui.link(page.translate("Quiz: take octets and frames apart"), "/learn/quiz")
+                ui.link(page.translate("Quiz: take bytes and frames apart"), "/learn/quiz")
             with ui.element("div").classes("ms-split"):
                 with ui.element("div").classes("scroll").props("tabindex=0"):
                     self._table = (

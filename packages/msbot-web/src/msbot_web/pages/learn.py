@@ -71,7 +71,7 @@ class _LessonList:
         with panel().classes("no-print") as self._panel:
             with ui.element("div").classes("row spread"):
                 heading(page.translate("Lessons"))
-                ui.link(page.translate("Quiz: take octets and frames apart"), "/learn/quiz")
+                ui.link(page.translate("Quiz: take bytes and frames apart"), "/learn/quiz")
             self._list = ui.column().classes("w-full").style("gap:0")
         page.every_look(self._show)
 

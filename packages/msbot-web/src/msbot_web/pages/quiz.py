@@ -80,7 +80,7 @@ class _Quiz:
                 sources = {MADE_UP: say("made up")}
                 if page.sight.bus().watched:
                     sources[OF_THE_BUS] = say("from this robot's bus")
-                self._source = ui.select(sources, value=MADE_UP, label=say("Octets and frames"))
+                self._source = ui.select(sources, value=MADE_UP, label=say("Bytes and frames"))
                 self._source.props("dense outlined").style("min-width:min(14rem,100%)").on_value_change(self._ask)
                 self._score = ui.label("").props("role=status").style("font-weight:600")
             self._shown = ui.html("", sanitize=False).classes("w-full")

@@ -231,7 +231,7 @@ async def test_bodies_are_bounded_whether_or_not_they_say_their_length() -> None
     assert nonsense.status == 400
     chunks = (b"x" * (MAX_BODY // 2),) * 5
     unsaid = await rig.ask("/api/go", "POST", session=session, bodies=chunks, more=word)
-    assert (unsaid.status, unsaid.json) == (413, {"error": f"at most {MAX_BODY} octets can be sent here"})
+    assert (unsaid.status, unsaid.json) == (413, {"error": f"at most {MAX_BODY} bytes can be sent here"})
     assert len(unsaid.messages) == 2, "and nothing of what the application makes of it"
     for length in (str(MAX_BODY + 1), "many"):
         stop = await rig.ask("/api/stop", "POST", session=session, content_length=length, more=word)

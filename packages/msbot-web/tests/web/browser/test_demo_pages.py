@@ -265,7 +265,7 @@ def test_a_quiz_is_answered_by_keyboard_graded_and_asks_about_frames_of_the_bus(
     expect(page.locator("pre")).to_have_text(third.shown)
     expect(page.get_by_text("1 of 2 are right")).to_be_visible()
     second = third
-    page.get_by_label("Octets and frames").click()
+    page.get_by_label("Bytes and frames").click()
     page.get_by_role("option", name="from this robot's bus").click()
     expect(page.locator("pre")).not_to_have_text(second.shown)
     shown = page.locator("pre").inner_text()

@@ -35,12 +35,12 @@ class CdrWriter:
         try:
             self._buffer.append(value)
         except ValueError:
-            raise _misfit(value, "an octet") from None
+            raise _misfit(value, "a byte") from None
 
     def i8(self, value: int) -> None:
         """Write a signed octet."""
         if not -128 <= value <= 127:
-            raise _misfit(value, "a signed octet")
+            raise _misfit(value, "a signed byte")
         self._buffer.append(value & 0xFF)
 
     def u16(self, value: int) -> None:
@@ -270,7 +270,7 @@ class CdrReader:
         return offset
 
     def _overrun(self, needed: int) -> RemoteProtocolError:
-        return RemoteProtocolError(f"{needed} octets are needed where {max(self.remaining, 0)} are left")
+        return RemoteProtocolError(f"{needed} bytes are needed where {max(self.remaining, 0)} are left")
 
 
 def _misfit(value: object, what: str) -> LocalProtocolError:

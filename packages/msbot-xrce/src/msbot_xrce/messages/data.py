@@ -92,7 +92,7 @@ def _refused(length: int, flags: int) -> RemoteProtocolError:
     if form:
         words = FORMAT_NAMES.get(form, f"0x{form:02X}")
         return RemoteProtocolError(f"in format {words}: only DATA is spoken")
-    return RemoteProtocolError(f"{length} octets where 4 are needed")
+    return RemoteProtocolError(f"{length} bytes where 4 are needed")
 
 
 @dataclass(frozen=True, slots=True)

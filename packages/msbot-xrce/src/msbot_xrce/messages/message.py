@@ -134,12 +134,12 @@ def decode_header(packet: bytes) -> Header:
         RemoteProtocolError: fewer than 4 octets, or fewer than 8 where the header has a client key.
     """
     if len(packet) < 4:
-        raise RemoteProtocolError(f"a message of {len(packet)} octets: the header alone has 4")
+        raise RemoteProtocolError(f"a message of {len(packet)} bytes: the header alone has 4")
     session_id, stream_id, sequence_nr = _HEADER.unpack_from(packet)
     if session_id >= SESSION_NONE:
         return Header(session_id, stream_id, sequence_nr)
     if len(packet) < 8:
-        raise RemoteProtocolError(f"a message of {len(packet)} octets: the header with client key has 8")
+        raise RemoteProtocolError(f"a message of {len(packet)} bytes: the header with client key has 8")
     return Header(session_id, stream_id, sequence_nr, int.from_bytes(packet[4:8], "big"))
 
 
@@ -180,7 +180,7 @@ def located_submessages(packet: bytes, offset: int) -> Iterator[tuple[Submessage
             if kind == _CREATE_CLIENT:
                 submessage, end = CreateClient.decode_by_content(packet, start, size, flags)
             elif end > size:
-                raise RemoteProtocolError(f"{end - start} octets announced where {size - start} are left")
+                raise RemoteProtocolError(f"{end - start} bytes announced where {size - start} are left")
             elif (decode := _DECODERS.get(kind)) is not None:
                 submessage = decode(packet, start, end, flags)
         except RemoteProtocolError as error:

@@ -92,7 +92,7 @@ class CreateClient:
 def _read_properties(reader: CdrReader) -> tuple[tuple[str, str], ...]:
     count = reader.u32()
     if count * 8 > reader.remaining:
-        raise RemoteProtocolError(f"{count} properties do not fit {reader.remaining} octets")
+        raise RemoteProtocolError(f"{count} properties do not fit {reader.remaining} bytes")
     return tuple((reader.string(), reader.string()) for _ in range(count))
 
 
@@ -305,7 +305,7 @@ def _need_agent(reader: CdrReader) -> None:
 def _read_locators(reader: CdrReader) -> tuple[Locator, ...]:
     count = reader.u32()
     if count * 4 > reader.remaining:
-        raise RemoteProtocolError(f"{count} locators do not fit {reader.remaining} octets")
+        raise RemoteProtocolError(f"{count} locators do not fit {reader.remaining} bytes")
     return tuple(Locator.read(reader) for _ in range(count))
 
 

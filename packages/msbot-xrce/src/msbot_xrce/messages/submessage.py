@@ -29,7 +29,7 @@ def frame(submessage_id: int, payload: bytes, flags: int = LITTLE_ENDIAN) -> byt
     length = len(payload)
     if length > MAX_LENGTH:
         name = SubmessageId(submessage_id).name
-        raise LocalProtocolError(f"{name} of {length} octets: a submessage has {MAX_LENGTH} at most")
+        raise LocalProtocolError(f"{name} of {length} bytes: a submessage has {MAX_LENGTH} at most")
     return bytes((submessage_id, flags, length & 0xFF, length >> 8)) + payload
 
 
@@ -40,7 +40,7 @@ def need(start: int, end: int, size: int) -> None:
         RemoteProtocolError: fewer than `size` octets.
     """
     if end - start < size:
-        raise RemoteProtocolError(f"{end - start} octets where {size} are needed")
+        raise RemoteProtocolError(f"{end - start} bytes where {size} are needed")
 
 
 def locate(packet: bytes, start: int) -> tuple[int, int, int]:

@@ -64,7 +64,7 @@ def parse_xml(text: str, *, max_octets: int = MAX_OCTETS, max_elements: int = MA
     """
     octets = text.encode("utf-8", "replace")
     if len(octets) > max_octets:
-        raise RemoteProtocolError(f"XML of {len(octets)} octets: {max_octets} at most")
+        raise RemoteProtocolError(f"XML of {len(octets)} bytes: {max_octets} at most")
     try:
         return _Builder(max_elements).parse(octets)
     except expat.ExpatError as error:

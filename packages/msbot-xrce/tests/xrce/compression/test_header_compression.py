@@ -324,5 +324,5 @@ def test_a_submessage_of_the_greatest_length_is_the_last_that_is_read() -> None:
     longest = short[:-60] + bytes(MAX_LENGTH - 4)
     whole = WriteData(0x000A, 0x0015, bytes(MAX_LENGTH - 4))
     assert decompress(longest) == encode_message(Header(0x81, 0x80, 5), [whole], pad_end=True)
-    with pytest.raises(RemoteProtocolError, match=f"a submessage of {MAX_LENGTH + 1} octets"):
+    with pytest.raises(RemoteProtocolError, match=f"a submessage of {MAX_LENGTH + 1} bytes"):
         decompress(longest + b"x")

@@ -56,7 +56,7 @@ def test_numbers_out_of_range_are_refused_when_writing(verb: str, low: int, high
 @pytest.mark.parametrize(("verb", "size"), [(verb, size) for verb, size, _, _ in NUMBERS] + [("f32", 4), ("f64", 8)])
 def test_numbers_cut_short_are_refused(verb: str, size: int) -> None:
     for left in range(size):
-        with pytest.raises(RemoteProtocolError, match="octets are needed"):
+        with pytest.raises(RemoteProtocolError, match="bytes are needed"):
             getattr(CdrReader(bytes(left)), verb)()
 
 
@@ -113,9 +113,9 @@ def test_text_of_length_0_is_taken_for_empty() -> None:
         ("03000000616263", "NUL"),
         ("0400000061006200", "NUL inside"),
         ("02000000ff00", "UTF-8"),
-        ("ffffffff6100", "4294967295 octets are needed where 2 are left"),
-        ("030000006100", "3 octets are needed where 2 are left"),
-        ("0300", "4 octets are needed"),
+        ("ffffffff6100", "4294967295 bytes are needed where 2 are left"),
+        ("030000006100", "3 bytes are needed where 2 are left"),
+        ("0300", "4 bytes are needed"),
     ],
 )
 def test_wrong_texts_are_refused(octets: str, reason: str) -> None:

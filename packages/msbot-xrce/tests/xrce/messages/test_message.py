@@ -94,7 +94,7 @@ def test_length_that_reaches_beyond_the_message_is_refused_after_what_stands_bef
     packet = bytes.fromhex("81000000 03010400 000c0012 20010100")
     found = iter_submessages(packet, 4)
     assert next(found) == Delete(12, 0x0012)
-    with pytest.raises(RemoteProtocolError, match="submessage 0x20: 1 octets announced where 0 are left"):
+    with pytest.raises(RemoteProtocolError, match="submessage 0x20: 1 bytes announced where 0 are left"):
         next(found)
 
 

@@ -106,5 +106,5 @@ def test_delete_and_status_round_trip(request_id: int, object_id: int, status: i
 
 @pytest.mark.parametrize("octets", ["03010300 000a00", "05010500 000a001100"])
 def test_payload_cut_short_is_refused(octets: str) -> None:
-    with pytest.raises(RemoteProtocolError, match="octets where"):
+    with pytest.raises(RemoteProtocolError, match="bytes where"):
         one(bytes.fromhex(octets))

@@ -53,9 +53,9 @@ def test_create_client_round_trip(client: CreateClient) -> None:
     ("octets", "reason"),
     [
         ("00011000 58524345 0100 010f aabbccdd 81 02 fc01", "a boolean is 2"),
-        ("00011000 58524345 0100 010f aabbccdd 81 00 fc", "octets are needed"),
-        ("00011000 58524345 0100 010f aabbccdd 81 01 0000 ffffffff fc01", "4294967295 properties do not fit 2 octets"),
-        ("00011000 58524345 0100 010f aabbccdd 81 01 0000 01000000 ff000000 75787200", "255 octets are needed"),
+        ("00011000 58524345 0100 010f aabbccdd 81 00 fc", "bytes are needed"),
+        ("00011000 58524345 0100 010f aabbccdd 81 01 0000 ffffffff fc01", "4294967295 properties do not fit 2 bytes"),
+        ("00011000 58524345 0100 010f aabbccdd 81 01 0000 01000000 ff000000 75787200", "255 bytes are needed"),
     ],
 )
 def test_wrong_create_client_is_refused(octets: str, reason: str) -> None:
@@ -82,7 +82,7 @@ def test_get_info_round_trip(request: GetInfo) -> None:
 
 def test_get_info_cut_short_is_refused() -> None:
     # The genuine agent answers it, with zeros for what is missing.
-    with pytest.raises(RemoteProtocolError, match="GET_INFO: 4 octets where 8 are needed"):
+    with pytest.raises(RemoteProtocolError, match="GET_INFO: 4 bytes where 8 are needed"):
         one(bytes.fromhex("02010400 000afffd"))
 
 
@@ -127,7 +127,7 @@ def test_properties_of_the_agent_in_an_info_are_skipped() -> None:
     ("octets", "reason"),
     [
         ("06010900 000afffd 0000 01 0e 58", "about kind 0x0E"),
-        ("06011000 000afffd 0000 00 01 0d 00 0100 01000000", "1 locators do not fit 0 octets"),
+        ("06011000 000afffd 0000 00 01 0d 00 0100 01000000", "1 locators do not fit 0 bytes"),
         ("06011400 000afffd 0000 00 01 0d 00 0100 01000000 04000000", "a locator of format 4"),
         ("06011400 000afffd 0000 00 01 0d 00 0100 ffffffff 04000000", "4294967295 locators do not fit"),
     ],
@@ -171,5 +171,5 @@ def test_time_with_a_second_of_nanoseconds_is_refused() -> None:
 
 @pytest.mark.parametrize("octets", ["0e010400 00000000", "0f010800 00000000 00000000", "04010400 00005852"])
 def test_payload_cut_short_is_refused(octets: str) -> None:
-    with pytest.raises(RemoteProtocolError, match="octets where"):
+    with pytest.raises(RemoteProtocolError, match="bytes where"):
         one(bytes.fromhex(octets))

@@ -15,5 +15,5 @@ def test_length_is_little_endian() -> None:
 
 def test_payload_of_64_kib_does_not_fit() -> None:
     assert len(Fragment(bytes(0xFFFF)).encode()) == 0xFFFF + 4
-    with pytest.raises(LocalProtocolError, match="FRAGMENT of 65536 octets"):
+    with pytest.raises(LocalProtocolError, match="FRAGMENT of 65536 bytes"):
         Fragment(bytes(0x10000)).encode()

@@ -138,7 +138,7 @@ def test_depth_0_is_no_depth() -> None:
         (ObjectVariant(ObjectKind.PUBLISHER, Format.XML, "<dds>"), "XML, line 1"),
         (ObjectVariant(ObjectKind.TOPIC, Format.BINARY, blob=bytes.fromhex("0100000000 00 00")), "without a name"),
         (ObjectVariant(ObjectKind.PARTICIPANT, Format.BINARY, blob=b"\2\0"), "a boolean is 2"),
-        (ObjectVariant(ObjectKind.REPLIER, Format.BINARY, blob=bytes.fromhex("01000000" * 9)), "octets|NUL|name"),
+        (ObjectVariant(ObjectKind.REPLIER, Format.BINARY, blob=bytes.fromhex("01000000" * 9)), "bytes|NUL|name"),
     ],
 )
 def test_refused(variant: ObjectVariant, reason: str) -> None:

@@ -66,7 +66,7 @@ def test_well_formed_text_is_never_mended() -> None:
         ('<!DOCTYPE a SYSTEM "http://example/a.dtd"><a/>', "document type"),
         ("<a>" * (MAX_DEPTH + 1) + "</a>" * (MAX_DEPTH + 1), "elements deep"),
         ("<a>" + "<b/>" * MAX_ELEMENTS + "</a>", "too many elements"),
-        ("<a>" + " " * MAX_OCTETS + "</a>", "65543 octets: 65536 at most"),
+        ("<a>" + " " * MAX_OCTETS + "</a>", "65543 bytes: 65536 at most"),
         ("<a>\0</a>", "not well-formed"),
         ("<a>\ud800</a", "XML"),
     ],

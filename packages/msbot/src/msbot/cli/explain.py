@@ -75,7 +75,7 @@ def command(
         if not what:
             return
     if not what:
-        raise click.UsageError("say what: octets in hexadecimal, a frame such as 103#C181000A, or a file")
+        raise click.UsageError("say what: bytes in hexadecimal, a frame such as 103#C181000A, or a file")
     told = _told(what, agent_port, library_of(blueprint, folders, complain), fields=fields)
     if as_json:
         click.echo(json.dumps(list(told), ensure_ascii=False))
@@ -103,7 +103,7 @@ def _told(what: tuple[str, ...], agent_port: int, library: object, *, fields: bo
         if not _HEX.fullmatch(text):
             raise ConfigError(
                 f"{text[:60]!r} is no file here, no frame such as 103#C181000A, and no message in hexadecimal of 4 "
-                "octets or more, such as 81010000 0905..."
+                "bytes or more, such as 81010000 0905..."
             )
         yield _message(bytes.fromhex(re.sub(r"[\s:.-]", "", text)))
 
@@ -235,7 +235,7 @@ def _lines(one: dict[str, object], *, after: bool) -> Iterable[str]:
     found = one.get("fields")
     if isinstance(found, list) and found:
         yield ""
-        yield "  octet  octets                    field                         value"
+        yield "  byte   bytes                     field                         value"
         for row in found:
             name = f"{row['part']}.{row['name']}"
             shown = row["hex"] if len(row["hex"]) <= 24 else f"{row['hex'][:20]}..."

@@ -95,7 +95,7 @@ def _agent(agent: AgentFigures) -> Iterator[Metric]:
 
     sessions = GaugeMetricFamily("msbot_sessions", "DDS-XRCE sessions that are open.", labels=["link"])
     packets = CounterMetricFamily("msbot_link_packets", "Packets on a link.", labels=["link", "direction"])
-    octets = CounterMetricFamily("msbot_link_octets", "Octets on a link.", labels=["link", "direction"])
+    octets = CounterMetricFamily("msbot_link_octets", "Bytes on a link.", labels=["link", "direction"])
     lost = CounterMetricFamily(
         "msbot_link_lost", "Packets that a link did not deliver or did not send.", labels=["link", "reason"]
     )

@@ -72,7 +72,7 @@ def decode_reply(reply: bytes) -> bytes:
         RemoteProtocolError: it is no reply.
     """
     if not reply:
-        raise RemoteProtocolError("a reply without its first octet")
+        raise RemoteProtocolError("a reply without its first byte")
     try:
         status = ReplyStatus(reply[0])
     except ValueError:

@@ -31,7 +31,7 @@ def describe(number: str, name: str, program: ProgramDeclarations) -> str:
     size = len(text.encode())
     if size > MOST_DESCRIPTION:
         raise ConfigError(
-            f"what the part says of itself has {size:,} octets, and may have {MOST_DESCRIPTION:,}: "
+            f"what the part says of itself has {size:,} bytes, and may have {MOST_DESCRIPTION:,}: "
             "give it fewer ports and settings, or write a library file"
         )
     return text + "\n" * (LEAST_DESCRIPTION - size)

@@ -84,7 +84,7 @@ class Part:
         self.local_name = _name("local name", part_number if local_name is None else local_name)
         self.robot = ExpectedRobot(robot) if isinstance(robot, str) else robot
         if uid is not None and len(uid) != UID_OCTETS:
-            raise ConfigError(f"a UID has {UID_OCTETS} octets, not {len(uid)}")
+            raise ConfigError(f"a UID has {UID_OCTETS} bytes, not {len(uid)}")
         self.uid = uid
         self.key = parse_key(key) if isinstance(key, str) else check_key(key) if key is not None else None
         """The part's key; if there is none, `run` uses the one kept for the part."""
@@ -549,5 +549,5 @@ def _name(what: str, text: str) -> str:
     if not isinstance(text, str):
         raise ConfigError(f'the {what} is a text, not {text!r}: write "{text}"')
     if not text or "\0" in text or len(text.encode()) > TEXT_OCTETS:
-        raise ConfigError(f"the {what} {text!r} must have 1 to {TEXT_OCTETS} octets and no NUL")
+        raise ConfigError(f"the {what} {text!r} must have 1 to {TEXT_OCTETS} bytes and no NUL")
     return text

@@ -193,7 +193,7 @@ class PartServices:
                     encoded = encode_reply(ReplyStatus.DONE, answer.encode())
                     if len(encoded) > LARGEST_REPLY:
                         raise LocalProtocolError(
-                            f"the reply has {len(encoded):,} octets, and may have {LARGEST_REPLY:,}: send less"
+                            f"the reply has {len(encoded):,} bytes, and may have {LARGEST_REPLY:,}: send less"
                         )
                     octets = encoded
                 else:

@@ -256,7 +256,7 @@ def _bounded(octets: bytes, type_name: str) -> bytes:
     """The octets of a message; a text that has grown too long is reported here, where its line is known."""
     if len(octets) > LARGEST_MESSAGE:
         raise LocalProtocolError(
-            f"this {type_name} has {len(octets):,} octets, and one message may have {LARGEST_MESSAGE:,}: "
+            f"this {type_name} has {len(octets):,} bytes, and one message may have {LARGEST_MESSAGE:,}: "
             "does a text or list in it grow without end? Begin it anew, or send it in pieces"
         )
     return octets

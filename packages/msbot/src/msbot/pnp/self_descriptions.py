@@ -86,9 +86,9 @@ class SelfDescriptions:
             return
         if record.refusal is not Refusal.UNKNOWN_PART:
             return
-        words = said("its octets cannot be read: {fault}", fault=fault)
+        words = said("its bytes cannot be read: {fault}", fault=fault)
         if size > MOST_DESCRIPTION:
-            words = said("it is longer than {most} octets", most=MOST_DESCRIPTION)
+            words = said("it is longer than {most} bytes", most=MOST_DESCRIPTION)
         record.says = SelfDescription("", fault=words)
         self._changes.note(record, now, said("what it says of itself is refused: {fault}", fault=words))
         self._changes.publish()

@@ -285,7 +285,7 @@ def _fault_of(claim: Claim) -> str | None:
     if not (claim.part_number + claim.local_name).isprintable():
         return said("a text of the claim holds control characters")
     if len(claim.uid) not in (0, UID_BYTES):
-        return said("the UID has {count} octets instead of {uid_bytes}", count=len(claim.uid), uid_bytes=UID_BYTES)
+        return said("the UID has {count} bytes instead of {uid_bytes}", count=len(claim.uid), uid_bytes=UID_BYTES)
     return None
 
 

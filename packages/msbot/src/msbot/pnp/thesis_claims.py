@@ -20,7 +20,7 @@ def decode_thesis_claim(body: bytes) -> Claim:
         RemoteProtocolError: not 96 octets, or not two strings in them.
     """
     if len(body) != BUFFER_BYTES:
-        raise RemoteProtocolError(f"request of {len(body)} octets, expected {BUFFER_BYTES}")
+        raise RemoteProtocolError(f"request of {len(body)} bytes, expected {BUFFER_BYTES}")
     part_number, offset = read_string(body, 0)
     local_name, _ = read_string(body, offset)
     return Claim(part_number=part_number, local_name=local_name, layout="compat")

@@ -229,7 +229,7 @@ def read_description(blueprint: Blueprint) -> str:
         ) from error
     if len(octets) > LARGEST:
         raise ConfigError(
-            f"{where}: {path} has more than {LARGEST} octets: name meshes in it instead of containing them"
+            f"{where}: {path} has more than {LARGEST} bytes: name meshes in it instead of containing them"
         )
     try:
         text = octets.decode()

@@ -76,7 +76,7 @@ class Brief(FakeLink):
         (0, []),
         (3, []),
         (4, ["agent on pty:, opened /dev/pts/7, a hint; Ctrl-C ends it"]),
-        (6, ["agent on pty:, opened /dev/pts/7, a hint; Ctrl-C ends it", "from peer client: 4 octets"]),
+        (6, ["agent on pty:, opened /dev/pts/7, a hint; Ctrl-C ends it", "from peer client: 4 bytes"]),
     ],
 )
 def test_how_much_is_said(verbose: int, lines: list[str], capsys: pytest.CaptureFixture[str]) -> None:

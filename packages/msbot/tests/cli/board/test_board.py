@@ -214,7 +214,7 @@ def test_a_compiled_package_is_installed_on_an_empty_board() -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"flash": 30_000}, "has no space for this: .* octets in .* files need .* kB more .* and 29 kB are free"),
+        ({"flash": 30_000}, "has no space for this: .* bytes in .* files need .* kB more .* and 29 kB are free"),
         ({"boot": "OLD"}, "has MicroPython 1.21.0, MsBOT needs 1.22 or newer: put a new one on it"),
         ({"boot": "CIRCUIT"}, "runs circuitpython 9.1.0: MsBOT needs MicroPython 1.22 or newer"),
     ],

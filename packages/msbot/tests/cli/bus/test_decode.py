@@ -38,7 +38,7 @@ def test_the_thesis_framing_is_decoded_on_demand() -> None:
     frames = ("0380000000000110", "0200585243450100", "01010FBA5EBA1181", "0000EC05")
     lines = decoded("--legacy", log="".join(f"(1.0) can0 123#{data}\n" for data in frames))
     assert lines[3].endswith("component to master, 0: 24 bytes")
-    assert lines[5].strip() == "CREATE_CLIENT BA5EBA11: wants session 0x81, messages of at most 1516 octets"
+    assert lines[5].strip() == "CREATE_CLIENT BA5EBA11: wants session 0x81, messages of at most 1516 bytes"
 
 
 def test_a_long_fd_frame_pushes_the_words_out() -> None:

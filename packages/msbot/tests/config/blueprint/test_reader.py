@@ -178,7 +178,7 @@ WRONG = [
     ('version = "1"', "version = 1", "line 3, robot.version: must be text in quotes, for example"),
     ('"today"', "2021-04-08", "it is the date or time 2021-04-08 without quotes"),
     ('"007"', '""', "line 4, robot.serial_number: must not be empty; write for example serial_number ="),
-    ('"R2"', f'"{"R" * 255}"', f'line 2, robot.name: "{"R" * 20}..." is 255 octets long; shorten it to 254'),
+    ('"R2"', f'"{"R" * 255}"', f'line 2, robot.name: "{"R" * 20}..." is 255 bytes long; shorten it to 254'),
     ('name = "eye"', "", 'line 7, slot[0].name: is missing; add a line such as name = "AA"'),
     ('part = "ABCD"', "", 'line 7, slot[0].part: is missing; add a line such as part = "ABCD"'),
     ('"eye"', '"e.ye"', 'line 8, slot[0].name: "e.ye" must not contain "."; use for example "_" in its place'),

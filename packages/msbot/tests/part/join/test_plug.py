@@ -92,7 +92,7 @@ def test_the_profile_of_the_original_is_103_octets() -> None:
 def test_profile_texts_are_as_short_as_the_buffers_of_the_original() -> None:
     PROFILE_LIKE = ProfileMessage(index=1, message="x" * 254, name="", id="", dof="", make="")
     assert ProfileMessage.decode(PROFILE_LIKE.encode()) == PROFILE_LIKE
-    with pytest.raises(LocalProtocolError, match="at most 254 octets"):
+    with pytest.raises(LocalProtocolError, match="at most 254 bytes"):
         PROFILE_LIKE.message = "x" * 255
 
 

@@ -121,7 +121,7 @@ def test_messages_are_equal_by_class_and_fields() -> None:
         ("origin", track(), "Track.origin cannot be Track"),
         ("raw", "text", "bytes needs bytes"),
         ("code", b"abcd", "exactly 3 bytes"),
-        ("label", "Größe", "at most 4 octets"),
+        ("label", "Größe", "at most 4 bytes"),
         ("raw", list(range(100)), r"\.\.\.: bytes needs bytes"),
     ],
 )
@@ -182,7 +182,7 @@ def test_a_list_of_messages_without_fields_is_refused() -> None:
 
 def test_padding_after_the_message_is_accepted_and_more_is_not() -> None:
     assert HelloWorld.decode(HELLO + b"\0\0\0").index == 1
-    with pytest.raises(RemoteProtocolError, match="4 octets left over after HelloWorld"):
+    with pytest.raises(RemoteProtocolError, match="4 bytes left over after HelloWorld"):
         HelloWorld.decode(HELLO + b"\0\0\0\0")
 
 
@@ -191,7 +191,7 @@ def test_a_list_longer_than_the_message_is_refused_before_it_is_built() -> None:
         values: list[uint32]
 
     assert Numbers.decode(Numbers(values=[1, 2]).encode()).values == [1, 2]
-    with pytest.raises(RemoteProtocolError, match="a list of 4294967295 uint32 in 4 octets"):
+    with pytest.raises(RemoteProtocolError, match="a list of 4294967295 uint32 in 4 bytes"):
         Numbers.decode(b"\xff\xff\xff\xff\0\0\0\0")
 
 
@@ -199,7 +199,7 @@ def test_a_text_beyond_its_bound_is_refused() -> None:
     class Short(Message):
         label: Annotated[str, AtMost(2)]
 
-    with pytest.raises(RemoteProtocolError, match="a str of 3 where at most 2 octets are agreed"):
+    with pytest.raises(RemoteProtocolError, match="a str of 3 where at most 2 bytes are agreed"):
         Short.decode(b"\4\0\0\0abc\0")
 
 

@@ -136,7 +136,7 @@ def test_a_full_disk_or_a_read_only_file_stops_nobody(
         connection.execute(f"PRAGMA {present}")
 
     def much(connection: Connection) -> None:
-        connection.execute(text("CREATE TABLE much (octets BLOB)"))
+        connection.execute(text("CREATE TABLE much (bytes BLOB)"))
         connection.execute(text("INSERT INTO much VALUES (zeroblob(100000))"))
 
     writer.put(much)

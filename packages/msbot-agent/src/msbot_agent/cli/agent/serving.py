@@ -53,7 +53,7 @@ def packet_tap(link: Link, say: Callable[[str], None]) -> Tap:
 def packet_text(at: datetime, way: str, address: str, packet: bytes) -> str:
     """One packet: when, from or to whom, its octets, its meaning."""
     arrow = "from" if way == "in" else "to"
-    lines = [f"{at:%H:%M:%S.%f} {arrow} {address}: {amount(len(packet), 'octet')}"]
+    lines = [f"{at:%H:%M:%S.%f} {arrow} {address}: {amount(len(packet), 'byte')}"]
     for start in range(0, len(packet), OCTETS_A_LINE):
         lines.append(f"    {packet[start : start + OCTETS_A_LINE].hex(' ')}")
     lines += [f"    {line}" for line in explain(packet)]

@@ -32,7 +32,7 @@ SLOW_DOWN_AGAIN_S = 30.0
 """Time before a part that is too fast is told so again."""
 
 TOO_MANY = "connection refused: too many are open"
-NO_PACKET = "no packet, but text or more octets than a packet has"
+NO_PACKET = "no packet, but text or more bytes than a packet has"
 SILENT = "connection closed: no packet came"
 
 
@@ -67,7 +67,7 @@ class SocketPeer:
         """
         if not 0 < len(packet) <= MAX_PACKET:
             self._link.counters.dropped.count(NO_PACKET)
-            raise ValueError(said("a packet has 1 to {most} octets, not {size}", most=MAX_PACKET, size=len(packet)))
+            raise ValueError(said("a packet has 1 to {most} bytes, not {size}", most=MAX_PACKET, size=len(packet)))
         self._heard = True
         self._link.peer_brought(packet, self, now)
         pause_s = self._budget.spend(len(packet), now)

@@ -54,7 +54,7 @@ class PartsRelay:
     def __init__(self, open_parts: Callable[[int], Link], way: Link, *, name: str, say: Callable[[str], None]) -> None:
         if way.info.mtu < SMALLEST_WAY:
             raise ConfigError(
-                f"link {way.info.name}: its packets have {way.info.mtu} octets, and a relay needs {SMALLEST_WAY} "
+                f"link {way.info.name}: its packets have {way.info.mtu} bytes, and a relay needs {SMALLEST_WAY} "
                 "towards the master: take another kind of link"
             )
         self._open_parts = open_parts

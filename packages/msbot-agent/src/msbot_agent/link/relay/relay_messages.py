@@ -208,7 +208,7 @@ def decode(octets: bytes) -> Message:
     try:
         return _decode(octets)
     except (struct.error, IndexError, ValueError) as error:
-        raise RemoteProtocolError(f"relay message of {len(octets)} octets cannot be read: {error}") from None
+        raise RemoteProtocolError(f"relay message of {len(octets)} bytes cannot be read: {error}") from None
 
 
 def _decode(octets: bytes) -> Message:

@@ -78,7 +78,7 @@ class Serialiser:
         quick = self._quick
         sample = quick.ddsi_serdata_from_ser_iov(sample_type, DATA, 1, self._octets_at, size)
         if not sample:
-            raise RemoteProtocolError(f"DDS does not take a sample of {len(body)} octets")
+            raise RemoteProtocolError(f"DDS does not take a sample of {len(body)} bytes")
         code: int = quick.dds_writecdr(writer, sample)
         return code
 

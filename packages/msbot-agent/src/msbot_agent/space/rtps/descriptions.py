@@ -240,7 +240,7 @@ def _read_string(value: bytes, little: bool) -> str:
 def _read_octets(value: bytes, little: bool) -> bytes:
     size = _read_u32(value, little)
     if size > len(value) - 4:
-        raise RemoteProtocolError("octets end behind their parameter")
+        raise RemoteProtocolError("bytes end behind their parameter")
     return value[4 : 4 + size]
 
 

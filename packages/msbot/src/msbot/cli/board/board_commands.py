@@ -208,7 +208,7 @@ class _Ready:
     def words(self) -> str:
         """What was done, for a person."""
         done = (
-            f"{amount(len(self._written), 'file')} written, {self._octets} octets"
+            f"{amount(len(self._written), 'file')} written, {self._octets} bytes"
             if self._written
             else "all was there already"
         )
@@ -413,7 +413,7 @@ def _check_room(board: Board, facts: BoardFacts, plan: Plan) -> None:
     if need * block > free:
         files = amount(len(plan.write), "file")
         raise ConfigError(
-            f"the board at {board.port} has no space for this: {plan.octets} octets in {files} need "
+            f"the board at {board.port} has no space for this: {plan.octets} bytes in {files} need "
             f"{-(-need * block // 1024)} kB more than what they replace, and {free // 1024} kB are free: remove files "
             "from it (msbot board shell; import os; os.listdir())"
         )

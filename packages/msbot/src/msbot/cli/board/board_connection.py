@@ -279,7 +279,7 @@ class Board:
             with contextlib.suppress(CodeFailed):
                 self.execute(f"_f.close()\nimport os\nos.remove({path!r})")
             raise ConfigError(
-                f"the board at {self.port} has no space left for {path} ({len(octets)} octets): remove files from it "
+                f"the board at {self.port} has no space left for {path} ({len(octets)} bytes): remove files from it "
                 f"(msbot board shell; import os; os.listdir())"
             ) from None
 

@@ -126,7 +126,7 @@ def list_recordings(db: str | None, robot: str | None, *, as_json: bool) -> None
     if topics := status.get("not_ros2"):
         click.echo(f"Left out there, for they are no ROS 2 messages: {_names(topics)}")
     if left_out := status.get("left_out"):
-        click.echo(f"{left_out} octets were left out: more was said than could be written.")
+        click.echo(f"{left_out} bytes were left out: more was said than could be written.")
     troubles = status.get("troubles")
     for name, trouble in (troubles if isinstance(troubles, dict) else {}).items():
         click.echo(f"{name} {trouble}")

@@ -268,7 +268,7 @@ def bw(
     db: str | None,
     robot: str | None,
 ) -> None:
-    """Say each second how many octets messages bring, until Ctrl-C."""
+    """Say each second how many bytes messages bring, until Ctrl-C."""
 
     def report(seen: MessageWindow, now: float) -> str | None:
         found = seen.bandwidth(now)

@@ -92,7 +92,7 @@ def board_documents(parts: Mapping[str, WiredPart]) -> dict[str, str]:
     if octets > MOST_OCTETS:
         raise ConfigError(
             said(
-                "the parts of the board need {octets} octets of {most}; wire some of them to another board",
+                "the parts of the board need {octets} bytes of {most}; wire some of them to another board",
                 octets=octets,
                 most=MOST_OCTETS,
             )

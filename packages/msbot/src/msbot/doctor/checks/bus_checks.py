@@ -205,8 +205,8 @@ def check_serial(facts: SerialFacts) -> Iterator[Finding]:
                 "port-held",
                 port,
                 said("{program} has {port} open", program=facts.held[port], port=port),
-                said("two programs at one port take octets from each other: messages are torn"),
-                said("frames with wrong check sums, and octets that are missing"),
+                said("two programs at one port take bytes from each other: messages are torn"),
+                said("frames with wrong check sums, and bytes that are missing"),
                 f"fuser -k {port}",
             )
     ports = [port for port in facts.there if port.startswith(("/dev/ttyUSB", "/dev/ttyACM"))]
@@ -220,7 +220,7 @@ def check_serial(facts: SerialFacts) -> Iterator[Finding]:
                     "it takes boards for modems or Braille displays: they are disturbed in their first seconds, some "
                     "hang"
                 ),
-                said("octets such as AT commands before the first frame, and check sums that are wrong"),
+                said("bytes such as AT commands before the first frame, and check sums that are wrong"),
                 f"sudo systemctl disable --now {program}",
             )
 

@@ -85,7 +85,7 @@ def check_key(key: bytes) -> bytes:
     """
     if not KEY_OCTETS <= len(key) <= LONGEST_KEY:
         raise ConfigError(
-            f"a key has {KEY_OCTETS} to {LONGEST_KEY} octets, this one has {len(key)}; `msbot key new` draws one"
+            f"a key has {KEY_OCTETS} to {LONGEST_KEY} bytes, this one has {len(key)}; `msbot key new` draws one"
         )
     return key
 

@@ -72,7 +72,7 @@ def decode_reply(body: bytes) -> str:
         RemoteProtocolError: not 96 octets, or no string in them.
     """
     if len(body) != BUFFER_BYTES:
-        raise RemoteProtocolError(f"reply of {len(body)} octets, expected {BUFFER_BYTES}")
+        raise RemoteProtocolError(f"reply of {len(body)} bytes, expected {BUFFER_BYTES}")
     return read_string(body, 0)[0]
 
 
@@ -87,7 +87,7 @@ def read_string(body: bytes, offset: int) -> tuple[str, int]:
     (length,) = _LENGTH.unpack_from(body, offset)
     end = offset + 4 + length
     if length == 0 or end > len(body):
-        raise RemoteProtocolError(f"string of {length} octets at offset {offset}")
+        raise RemoteProtocolError(f"string of {length} bytes at offset {offset}")
     raw = body[offset + 4 : end]
     if raw[-1] != 0:
         raise RemoteProtocolError("string without its final NUL")
@@ -106,5 +106,5 @@ def _string(text: str) -> bytes:
 
 def _filled(content: bytes) -> bytes:
     if len(content) > BUFFER_BYTES:
-        raise ValueError(f"{len(content)} octets do not fit into {BUFFER_BYTES}")
+        raise ValueError(f"{len(content)} bytes do not fit into {BUFFER_BYTES}")
     return content.ljust(BUFFER_BYTES, b"\0")

@@ -226,7 +226,7 @@ class Message:
         reader = CdrReader(data)
         message = _read(cls, reader)
         if reader.remaining > most_behind:
-            words = f"{reader.remaining} octets left over after {cls.type_name}: is it another type?"
+            words = f"{reader.remaining} bytes left over after {cls.type_name}: is it another type?"
             raise RemoteProtocolError(words)
         return message
 

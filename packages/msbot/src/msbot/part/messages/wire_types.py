@@ -138,7 +138,7 @@ def _size_of(value: str | bytes | list[object]) -> int:
 
 
 def _at_most(codec: FieldCodec, limit: int) -> FieldCodec:
-    words = f"at most {limit} {'elements' if codec.fragile else 'octets'}"
+    words = f"at most {limit} {'elements' if codec.fragile else 'bytes'}"
 
     def fits(value: object) -> bool:
         return isinstance(value, str | bytes | list) and codec.fits(value) and _size_of(value) <= limit
@@ -295,7 +295,7 @@ def _write_all(writer: CdrWriter, element: FieldCodec, values: list[Any]) -> Non
 def _read_all(reader: CdrReader, element: FieldCodec, count: int) -> list[Any]:
     # Checked before the loop, so that four octets cannot make us build a list of four billion elements.
     if count * element.smallest > reader.remaining:
-        raise RemoteProtocolError(f"a list of {count} {element.word} in {reader.remaining} octets")
+        raise RemoteProtocolError(f"a list of {count} {element.word} in {reader.remaining} bytes")
     if element.code is not None and element.code != "?":
         return reader.numbers(element.code, count)
     return [element.read(reader) for _ in range(count)]

@@ -113,7 +113,7 @@ class Unpacker:
         while at + size <= end:
             kind, channel, at_s, length = _HEAD.unpack_from(data, at)
             if length > LARGEST_CONTENT:
-                raise RemoteProtocolError(f"a record of {length} octets")
+                raise RemoteProtocolError(f"a record of {length} bytes")
             if at + size + length > end:
                 break
             at += size + length

@@ -96,7 +96,7 @@ class RecordingReader:
 
         def lost(chunk_end: int, error: Exception) -> None:
             if not self._lost_chunks:
-                self._first_lost = f"the first ends at octet {chunk_end} ({error or type(error).__name__})"
+                self._first_lost = f"the first ends at byte {chunk_end} ({error or type(error).__name__})"
                 _take_summary(self.path, schemas, channels)
             self._lost_chunks += 1
 
@@ -112,7 +112,7 @@ class RecordingReader:
                 if stream.tell() <= len(_MAGIC):
                     raise ConfigError(f"{self.path} {_no_recording(stream)}") from error
                 why = error or type(error).__name__
-                return f"it cannot be read beyond octet {stream.tell()} ({why}); what came before was read"
+                return f"it cannot be read beyond byte {stream.tell()} ({why}); what came before was read"
             match record:
                 case None:
                     return ""
@@ -230,7 +230,7 @@ def _unpacked(chunk: Chunk) -> bytes:
     """
     size = chunk.uncompressed_size
     if size > LARGEST_RECORD:
-        raise ValueError(f"a chunk of {size} octets")
+        raise ValueError(f"a chunk of {size} bytes")
     match chunk.compression:
         case "":
             return chunk.data
@@ -255,7 +255,7 @@ def _no_recording(stream: BinaryIO) -> str:
     if not begin:
         return "is empty"
     if _MAGIC.startswith(begin) and begin != _MAGIC:
-        return f"ends after {amount(len(begin), 'octet')}: nothing is in it"
+        return f"ends after {amount(len(begin), 'byte')}: nothing is in it"
     return "is no recording: it does not begin like an MCAP file"
 
 

@@ -26,7 +26,7 @@ def line_of(message: RecordedMessage, decoder: Decoder) -> str | None:
         return None
     fields = decoder.fields(message)
     if fields is None:
-        return f"{_who(message)}{amount(len(message.data), 'octet')}, whose meaning the recording does not tell"
+        return f"{_who(message)}{amount(len(message.data), 'byte')}, whose meaning the recording does not tell"
     if topic == f"{OWN}events" and isinstance(fields.get("words"), str):
         return str(fields["words"])
     if topic == f"{OWN}acts":

@@ -148,7 +148,7 @@ def test_a_count_that_has_no_room_is_told_as_the_largest(more: int) -> None:
 
 
 def test_a_key_has_16_octets() -> None:
-    with pytest.raises(LocalProtocolError, match="16 octets"):
+    with pytest.raises(LocalProtocolError, match="16 bytes"):
         encode(Hello(b"short", "A"))
 
 

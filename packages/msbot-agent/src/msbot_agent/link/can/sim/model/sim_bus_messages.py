@@ -194,7 +194,7 @@ def _body(message: Message) -> bytes:
             return _SENT.pack(message.tag, message.at)
         case Hello():
             if len(message.key) != 16:
-                raise LocalProtocolError(f"the key of a bus has 16 octets, not {len(message.key)}")
+                raise LocalProtocolError(f"the key of a bus has 16 bytes, not {len(message.key)}")
             flags = message.listen_only * _LISTEN_ONLY | message.classic * _CLASSIC
             return _HELLO.pack(_MAGIC, VERSION, flags, message.key) + _text(message.name)
         case Welcome():
