@@ -18,7 +18,7 @@ _SENTENCE = 180
 def refusal(octets):
     """Why a reply has no message."""
     if not octets:
-        return "a reply without its first octet"
+        return "a reply without its first byte"
     if octets[0] >= len(_STATUS):
         return "a reply with status {}, which this version does not know".format(octets[0])
     said = _text(octets[1 : 1 + _SENTENCE])
