@@ -12,6 +12,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #ifndef MSBOT_CAN_MTU
 #define MSBOT_CAN_MTU 256 /* octets of the largest packet; tell the agent 4 less (CREATE_CLIENT) */
 #endif
@@ -136,5 +140,9 @@ size_t msbot_joiner_take(msbot_joiner *joiner, const uint8_t *data, size_t size,
 void msbot_splitter_begin(msbot_splitter *splitter); /* finishes `body` of `size` octets */
 size_t msbot_splitter_next(msbot_splitter *splitter, uint8_t *data); /* data bytes of the next frame, 0 = no more */
 uint32_t msbot_crc32(const uint8_t *data, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,6 +7,10 @@
 
 #include "msbot_part.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* A CAN controller and a clock; none of the functions waits. */
 typedef struct {
     void *context;
@@ -21,5 +25,9 @@ typedef struct {
 /* One turn: takes what came, does what is due, hands over what is to be sent. To be called whenever a frame has come or
  * left, and at the time it returns at the latest (in microseconds from now). */
 uint32_t msbot_turn(msbot_part *part, const msbot_controller *controller);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -8,6 +8,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* The text to compress: two pieces, one after the other. */
 typedef struct {
     const uint8_t *head;
@@ -20,5 +24,9 @@ typedef struct {
 size_t msbot_deflate(uint8_t *octets, size_t most, const msbot_text *text);
 /* Restores the text from all these octets; -1 = they are not one, or there is no room for it. */
 int msbot_inflate(uint8_t *text, size_t room, const uint8_t *octets, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -15,6 +15,8 @@
 #define ANSWER_US 1000000U
 #define SILENT_BEATS 12U
 #define SHORTEST_BEAT_MS 20U
+#define LONGEST_NAMES (MSBOT_XRCE_MTU - 48U) /* a claim with them fits into one message */
+#define LONGEST_CALL_US 1800000000U
 #define NEVER UINT32_MAX /* no GO has that number */
 
 enum { PARTICIPANT = 0x0011, PROFILE_TOPIC = 0x0012, PUBLISHER = 0x0013, SUBSCRIBER = 0x0014, PROFILE_READER = 0x0016,
@@ -48,9 +50,12 @@ static uint16_t topic_id(unsigned port) { return (uint16_t)(0x0022 + 16 * port);
 
 static uint16_t endpoint_id(const msbot_part *part, unsigned port)
 {
-    /* Data reader 1 reads the profile. */
-    return (uint16_t)(part->config.ports[port].publishes ? 0x0015 + 16 * port : 0x0026 + 16 * port);
+    /* Data reader 1 reads the profile, requester 1 asks the inventory. */
+    static const uint16_t first[4] = {0x0026, 0x0015, 0x0018, 0x0027};
+    return (uint16_t)(first[part->config.ports[port].does] + 16 * port);
 }
+
+static bool is_service(const msbot_part *part, unsigned port) { return part->config.ports[port].does >= MSBOT_SERVES; }
 
 /* Reading what comes. */
 
@@ -94,7 +99,8 @@ static const char *take_string(reader *from)
 typedef struct {
     const char *port, *topic, *type;
     uint16_t topic_at;
-    bool publishes, reliable;
+    uint8_t does;
+    bool reliable;
 } binding;
 
 static binding take_binding(reader *from)
@@ -104,7 +110,8 @@ static binding take_binding(reader *from)
     taken.topic = take_string(from);
     taken.topic_at = (uint16_t)(from->at - strlen(taken.topic) - 1);
     taken.type = take_string(from);
-    taken.publishes = take_u8(from) == 0;
+    taken.does = take_u8(from);
+    taken.does = taken.does < 2 ? !taken.does : taken.does; /* there 0 is to publish, 1 to subscribe */
     taken.reliable = take_u8(from) != 0;
     return taken;
 }
@@ -165,6 +172,24 @@ static void recognise(msbot_part *part)
     part->robot_known = part->robot_seen;
 }
 
+/* Calls: each ends once, with its reply or a sentence. */
+
+static void end_call(msbot_part *part, unsigned call, const uint8_t *reply, size_t size, const char *why)
+{
+    msbot_replied replied = part->calls[call].replied;
+    part->calls[call].replied = NULL; /* first: it may call again */
+    replied(part->calls[call].context, reply, size, why);
+}
+
+static void end_calls(msbot_part *part, int port, const char *why)
+{
+    for (unsigned i = 0; i < MSBOT_PART_CALLS; i++) {
+        if (part->calls[i].replied != NULL && (port == MSBOT_ALL_PORTS || part->calls[i].port == port)) {
+            end_call(part, i, NULL, 0, why);
+        }
+    }
+}
+
 static void beat(msbot_part *part, uint32_t now_us)
 {
     uint8_t payload[6] = {0};
@@ -220,6 +245,7 @@ static void enter(msbot_part *part, msbot_part_state state, uint32_t now_us)
         part->profile_wanted = MSBOT_READ_ALL;
     }
     if (before == MSBOT_ACTIVE && state != MSBOT_ACTIVE) {
+        end_calls(part, MSBOT_ALL_PORTS, "the part is not active any more");
         part->config.safe(part->config.context, MSBOT_ALL_PORTS);
     }
     if (before != state && part->config.changed != NULL) {
@@ -361,7 +387,7 @@ static void want_binding(msbot_part *part, const binding *wanted)
     for (unsigned i = 0; i < part->config.port_count; i++) {
         const msbot_port_type *port = &part->config.ports[i];
         if (strcmp(port->name, wanted->port) == 0) {
-            if (strcmp(port->type, wanted->type) != 0 || port->publishes != wanted->publishes) {
+            if (strcmp(port->type, wanted->type) != 0 || port->does != wanted->does) {
                 part->dropped++; /* the library describes another port than the program */
                 return;
             }
@@ -412,6 +438,11 @@ static void use_configuration(msbot_part *part)
     for (uint32_t left = take_u32(&from); left > 0; left--) {
         binding wanted = take_binding(&from);
         want_binding(part, &wanted);
+    }
+    for (unsigned i = 0; i < part->config.port_count; i++) {
+        if (part->ports[i].have != 0 && part->ports[i].have != part->ports[i].want) {
+            end_calls(part, (int)i, "the robot has taken its wire away");
+        }
     }
     if (!tell_settings(part, &from) && part->stop_is_asked) {
         end_stop(part);
@@ -545,6 +576,7 @@ static void notice(msbot_part *part, const uint8_t *payload, uint32_t now_us)
     } else if (kind == PARTNER_LOST && number == part->version && beats(part)) {
         int port = port_at(part, payload[4] | (uint32_t)payload[5] << 8);
         if (port >= 0) {
+            end_calls(part, port, "the part that served it has left, or is held");
             part->config.safe(part->config.context, port);
         }
     }
@@ -576,6 +608,83 @@ static void reply_received(msbot_part *part, const uint8_t *payload, size_t size
     }
 }
 
+/* Requests and replies (src/msbot/part/calls.py): a reply begins with one octet, 0, or why there is no message. */
+
+enum { DONE, STOPPED, FAILED = 3, NOT_SERVED = 5, REFUSED, STATUSES = 8 };
+enum { IDENTITY = 24 }; /* octets before a request, and before its reply */
+
+static void request_received(msbot_part *part, unsigned port, const uint8_t *payload, size_t size)
+{
+    uint8_t answer[MSBOT_PART_REQUEST];
+    uint8_t *reply = answer + IDENTITY + 1;
+    size_t length = 0;
+    if (size < IDENTITY || part->state != MSBOT_ACTIVE) {
+        part->dropped++;
+        return;
+    }
+    memcpy(answer, payload, IDENTITY);
+    answer[IDENTITY] = part->ports[port].serve == NULL ? NOT_SERVED : part->stopped ? STOPPED : DONE;
+    if (answer[IDENTITY] == DONE) {
+        reply[0] = 0;
+        int given = part->ports[port].serve(part->ports[port].serve_context, payload + IDENTITY, size - IDENTITY, reply);
+        if (given < 0) {
+            answer[IDENTITY] = REFUSED;
+            while (length < MSBOT_PART_SENTENCE && reply[length] != 0) {
+                length++;
+            }
+        } else if (given > MSBOT_PART_REPLY) {
+            answer[IDENTITY] = FAILED;
+        } else {
+            length = (size_t)given;
+        }
+    }
+    if (!msbot_xrce_write(&part->client, endpoint_id(part, port), MSBOT_RELIABLE, answer, IDENTITY + 1 + length)) {
+        part->dropped++;
+    }
+}
+
+int msbot_refuse(uint8_t *reply, const char *why)
+{
+    size_t length = strlen(why);
+    length = length < MSBOT_PART_SENTENCE ? length : MSBOT_PART_SENTENCE;
+    memcpy(reply, why, length);
+    reply[length] = 0;
+    return -1;
+}
+
+static void reply_to_call(msbot_part *part, const uint8_t *payload, size_t size)
+{
+    static const char *const words[STATUSES] = {
+        "", "STOP is in force: call again after GO", "the part that serves it has 8 requests already: call again later",
+        "the function that serves it failed", "the part that serves it cannot read the request",
+        "the program of the part has no function for it", "refused", "the robot does not pass it on"};
+    char sentence[80 + MSBOT_PART_SENTENCE];
+    uint16_t request = (uint16_t)(payload[0] << 8 | payload[1]);
+    unsigned call = 0;
+    while (call < MSBOT_PART_CALLS && (part->calls[call].replied == NULL || part->calls[call].request != request)) {
+        call++;
+    }
+    if (call == MSBOT_PART_CALLS) {
+        part->dropped++; /* late, or twice */
+    } else if (size < 5 || payload[4] >= STATUSES) {
+        end_call(part, call, NULL, 0, "the reply makes no sense to this version");
+    } else if (payload[4] == DONE) {
+        end_call(part, call, payload + 5, size - 5, NULL);
+    } else {
+        const char *why = words[payload[4]];
+        size_t at = strlen(why);
+        memcpy(sentence, why, at + 1);
+        if (size > 5) {
+            size_t more = size - 5;
+            more = more > MSBOT_PART_SENTENCE ? MSBOT_PART_SENTENCE : more;
+            memcpy(sentence + at, ": ", 2);
+            memcpy(sentence + at + 2, payload + 5, more);
+            sentence[at + 2 + more] = 0;
+        }
+        end_call(part, call, NULL, 0, sentence);
+    }
+}
+
 static void data_received(void *context, uint16_t object_id, const uint8_t *payload, size_t size, uint32_t now_us)
 {
     msbot_part *part = context;
@@ -588,12 +697,17 @@ static void data_received(void *context, uint16_t object_id, const uint8_t *payl
         return;
     }
     for (unsigned port = 0; port < part->config.port_count; port++) {
-        if (!part->config.ports[port].publishes && endpoint_id(part, port) == object_id && part->ports[port].want != 0) {
-            if (part->state == MSBOT_ACTIVE && !part->stopped) {
-                part->config.received(part->config.context, port, payload, size);
-            }
-            return;
+        if (endpoint_id(part, port) != object_id || part->ports[port].want == 0) {
+            continue;
         }
+        if (part->config.ports[port].does == MSBOT_SERVES) {
+            request_received(part, port, payload, size);
+        } else if (part->config.ports[port].does == MSBOT_CALLS && size >= 4) {
+            reply_to_call(part, payload, size);
+        } else if (part->state == MSBOT_ACTIVE && !part->stopped) {
+            part->config.received(part->config.context, port, payload, size);
+        }
+        return;
     }
     part->dropped++;
 }
@@ -656,7 +770,16 @@ static bool book_port(msbot_part *part, unsigned port)
             if (part->ports[port].want == 0) {
                 return true;
             }
-            if (type->publishes && !part->has_publisher) {
+            if (is_service(part, port)) {
+                if (!msbot_xrce_create_service(client, endpoint, PARTICIPANT,
+                                               (const char *)part->configuration + part->ports[port].topic_at, type->type)) {
+                    return false;
+                }
+                part->ports[port].have = part->ports[port].want;
+                part->ports[port].step = MSBOT_HAS_ENDPOINT;
+                break;
+            }
+            if (type->does == MSBOT_PUBLISHES && !part->has_publisher) {
                 if (!msbot_xrce_create_group(client, PUBLISHER, PARTICIPANT)) {
                     return false;
                 }
@@ -670,11 +793,11 @@ static bool book_port(msbot_part *part, unsigned port)
             part->ports[port].step = MSBOT_HAS_TOPIC;
             break;
         case MSBOT_HAS_TOPIC:
-            if (!msbot_xrce_create_endpoint(client, endpoint, type->publishes ? PUBLISHER : SUBSCRIBER, topic_id(port),
+            if (!msbot_xrce_create_endpoint(client, endpoint, type->does == MSBOT_PUBLISHES ? PUBLISHER : SUBSCRIBER, topic_id(port),
                                             part->ports[port].reliable)) {
                 return false;
             }
-            part->ports[port].step = type->publishes ? MSBOT_BOUND : MSBOT_HAS_ENDPOINT;
+            part->ports[port].step = type->does == MSBOT_PUBLISHES ? MSBOT_BOUND : MSBOT_HAS_ENDPOINT;
             break;
         case MSBOT_HAS_ENDPOINT:
             if (!msbot_xrce_read(client, endpoint, part->ports[port].reliable ? MSBOT_RELIABLE : MSBOT_BEST_EFFORT,
@@ -690,7 +813,7 @@ static bool book_port(msbot_part *part, unsigned port)
             if (!msbot_xrce_delete(client, endpoint)) {
                 return false;
             }
-            part->ports[port].step = MSBOT_CLOSING;
+            part->ports[port].step = is_service(part, port) ? MSBOT_UNBOUND : MSBOT_CLOSING;
             break;
         default: /* MSBOT_CLOSING */
             if (!msbot_xrce_delete(client, topic_id(port))) {
@@ -713,10 +836,6 @@ static size_t put_string(uint8_t *octets, size_t at, const char *text)
 static bool send_claim(msbot_part *part)
 {
     uint8_t payload[MSBOT_XRCE_MTU] = {0};
-    size_t names = strlen(part->config.part_number) + strlen(part->config.local_name);
-    if (names > MSBOT_XRCE_MTU - 48) {
-        return true; /* does not fit into one message; the programmer must shorten the names */
-    }
     size_t at = put_string(payload, 0, part->config.part_number);
     at = put_string(payload, at, part->config.local_name);
     memcpy(payload + at, part->config.can.uid, 8);
@@ -785,21 +904,73 @@ static void take_news(msbot_part *part, uint32_t now_us)
     }
 }
 
-void msbot_part_init(msbot_part *part, const msbot_part_config *config)
+static msbot_config_error fault_of(const msbot_part_config *config)
 {
-    memset(part, 0, sizeof *part);
-    part->config = *config;
-    if (part->config.port_count > MSBOT_PART_PORTS) {
-        part->config.port_count = MSBOT_PART_PORTS;
+    static const uint8_t no_uid[8] = {0};
+    bool subscribes = false;
+    if (memcmp(config->can.uid, no_uid, 8) == 0) {
+        return MSBOT_CONFIG_UID;
     }
+    if (config->can.fd && MSBOT_CAN_DATA < 64) {
+        return MSBOT_CONFIG_FD;
+    }
+    if (config->part_number == NULL || config->local_name == NULL ||
+        strlen(config->part_number) + strlen(config->local_name) > LONGEST_NAMES) {
+        return MSBOT_CONFIG_NAMES;
+    }
+    if (config->key != NULL && (config->key_size < 16 || config->key_size > 64)) {
+        return MSBOT_CONFIG_KEY;
+    }
+    if (config->random == 0) {
+        return MSBOT_CONFIG_RANDOM;
+    }
+    if (config->port_count > MSBOT_PART_PORTS) {
+        return MSBOT_CONFIG_TOO_MANY_PORTS;
+    }
+    for (unsigned i = 0; i < config->port_count; i++) {
+        const msbot_port_type *port = &config->ports[i];
+        if (port->name == NULL || port->type == NULL || port->does > MSBOT_CALLS ||
+            (port->does >= MSBOT_SERVES) != (strstr(port->type, " -> ") != NULL)) {
+            return MSBOT_CONFIG_PORT;
+        }
+        for (unsigned k = 0; k < i; k++) {
+            if (strcmp(port->name, config->ports[k].name) == 0) {
+                return MSBOT_CONFIG_PORT;
+            }
+        }
+        subscribes = subscribes || port->does == MSBOT_SUBSCRIBES;
+    }
+    return config->safe == NULL || (subscribes && config->received == NULL) ? MSBOT_CONFIG_FUNCTIONS : MSBOT_CONFIG_OK;
+}
+
+const char *msbot_config_words(msbot_config_error error)
+{
+    static const char *const words[] = {
+        "all is well", "can.uid is all zero", "can.fd needs MSBOT_CAN_DATA 64",
+        "part_number and local_name: one is missing, or together they are too long for MSBOT_XRCE_MTU",
+        "key_size must be 16 to 64", "random must not be 0", "port_count is more than MSBOT_PART_PORTS",
+        "ports: one has no name, no type or a wrong one, or two have the same name",
+        "safe is missing, or received although a port subscribes"};
+    return (unsigned)error < sizeof words / sizeof words[0] ? words[error] : "an unknown error";
+}
+
+msbot_config_error msbot_part_init(msbot_part *part, const msbot_part_config *config)
+{
+    msbot_config_error fault = fault_of(config);
+    memset(part, 0, sizeof *part);
+    if (fault != MSBOT_CONFIG_OK) {
+        return fault;
+    }
+    part->config = *config;
     part->config.can.seed ^= config->random;
-    part->random = config->random ? config->random : 1;
+    part->random = config->random;
     msbot_can_init(&part->link, &part->config.can);
     msbot_xrce_init(&part->client, draw(part));
     part->nonce = draw(part);
     part->client.on_data = data_received;
     part->client.context = part;
     part->config.safe(part->config.context, MSBOT_ALL_PORTS);
+    return MSBOT_CONFIG_OK;
 }
 
 void msbot_part_start(msbot_part *part) { msbot_can_start(&part->link); }
@@ -833,6 +1004,11 @@ void msbot_part_tick(msbot_part *part, uint32_t now_us)
             fetch(part, now_us);
         }
     }
+    for (unsigned i = 0; i < MSBOT_PART_CALLS; i++) {
+        if (part->calls[i].replied != NULL && is_due(part->calls[i].until_us, now_us)) {
+            end_call(part, i, NULL, 0, "no reply in time: is the part there that serves it?");
+        }
+    }
     if (part->waiting && is_due(part->waiting_us + ANSWER_US, now_us)) {
         beat_missed(part, now_us);
     }
@@ -845,17 +1021,33 @@ void msbot_part_tick(msbot_part *part, uint32_t now_us)
     }
 }
 
+static void sooner(bool *any, uint32_t *at, uint32_t due_us)
+{
+    if (!*any || (int32_t)(due_us - *at) < 0) {
+        *at = due_us;
+    }
+    *any = true;
+}
+
 bool msbot_part_timer(const msbot_part *part, uint32_t *at)
 {
-    uint32_t times[5] = {0, 0, part->retry_us, part->beat_at_us, part->waiting_us + ANSWER_US};
-    bool has[5] = {false, false, part->has_retry, part->has_beat, part->waiting};
-    has[0] = msbot_can_timer(&part->link, &times[0]);
-    has[1] = msbot_xrce_timer(&part->client, &times[1]);
-    bool any = false;
-    for (unsigned i = 0; i < 5; i++) {
-        if (has[i] && (!any || (int32_t)(times[i] - *at) < 0)) {
-            *at = times[i];
-            any = true;
+    uint32_t due_us = 0;
+    bool any = msbot_can_timer(&part->link, at);
+    if (msbot_xrce_timer(&part->client, &due_us)) {
+        sooner(&any, at, due_us);
+    }
+    if (part->has_retry) {
+        sooner(&any, at, part->retry_us);
+    }
+    if (part->has_beat) {
+        sooner(&any, at, part->beat_at_us);
+    }
+    if (part->waiting) {
+        sooner(&any, at, part->waiting_us + ANSWER_US);
+    }
+    for (unsigned i = 0; i < MSBOT_PART_CALLS; i++) {
+        if (part->calls[i].replied != NULL) {
+            sooner(&any, at, part->calls[i].until_us);
         }
     }
     return any;
@@ -881,14 +1073,62 @@ bool msbot_part_is_bound(const msbot_part *part, unsigned port)
     return part->state == MSBOT_ACTIVE && port < part->config.port_count && part->ports[port].want != 0;
 }
 
+static bool is_open(const msbot_part *part, unsigned port)
+{
+    return part->ports[port].step == MSBOT_BOUND && part->ports[port].have == part->ports[port].want;
+}
+
 bool msbot_part_publish(msbot_part *part, unsigned port, const uint8_t *message, size_t size)
 {
-    if (!msbot_part_is_bound(part, port) || !part->config.ports[port].publishes ||
-        part->ports[port].step != MSBOT_BOUND || part->ports[port].have != part->ports[port].want) {
+    if (!msbot_part_is_bound(part, port) || part->config.ports[port].does != MSBOT_PUBLISHES ||
+        !is_open(part, port)) {
         return false;
     }
     uint8_t stream = part->ports[port].reliable ? MSBOT_RELIABLE : MSBOT_BEST_EFFORT;
     return msbot_xrce_write(&part->client, endpoint_id(part, port), stream, message, size);
+}
+
+bool msbot_part_serve(msbot_part *part, unsigned port, msbot_serve serve, void *context)
+{
+    if (port >= part->config.port_count || part->config.ports[port].does != MSBOT_SERVES) {
+        return false;
+    }
+    part->ports[port].serve = serve;
+    part->ports[port].serve_context = context;
+    return true;
+}
+
+const char *msbot_part_call(msbot_part *part, unsigned port, const uint8_t *request, size_t size, uint32_t timeout_us,
+                            msbot_replied replied, void *context, uint32_t now_us)
+{
+    unsigned call = 0;
+    if (port >= part->config.port_count || part->config.ports[port].does != MSBOT_CALLS || replied == NULL) {
+        return "it is no port that calls";
+    }
+    if (part->state != MSBOT_ACTIVE) {
+        return "the part is not active";
+    }
+    if (part->ports[port].want == 0) {
+        return "this robot does not use the port";
+    }
+    while (call < MSBOT_PART_CALLS && part->calls[call].replied != NULL) {
+        call++;
+    }
+    if (call == MSBOT_PART_CALLS) {
+        return "MSBOT_PART_CALLS calls wait for replies already: call more slowly";
+    }
+    /* The id that the request will get, by rule. */
+    uint16_t id = (uint16_t)(0xA000U | (part->client.next & 0x1FFFU));
+    if (!is_open(part, port) || !msbot_xrce_write(&part->client, endpoint_id(part, port), MSBOT_RELIABLE, request, size)) {
+        return size > MSBOT_PART_REQUEST ? "the request is larger than MSBOT_PART_REQUEST"
+                                         : "there is no room on the way to the robot now: call again later";
+    }
+    part->calls[call].replied = replied;
+    part->calls[call].context = context;
+    part->calls[call].until_us = now_us + (timeout_us < LONGEST_CALL_US ? timeout_us : LONGEST_CALL_US);
+    part->calls[call].request = id;
+    part->calls[call].port = (uint8_t)port;
+    return NULL;
 }
 
 void msbot_part_say_stop(msbot_part *part, uint8_t reason)

@@ -11,11 +11,18 @@
 #include "msbot_can.h"
 #include "msbot_xrce.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #ifndef MSBOT_PART_PORTS
 #define MSBOT_PART_PORTS 7 /* ports of the part, at most */
 #endif
 #ifndef MSBOT_PART_SETTINGS
 #define MSBOT_PART_SETTINGS 16 /* settings whose values the part remembers; any beyond are reported again */
+#endif
+#ifndef MSBOT_PART_CALLS
+#define MSBOT_PART_CALLS 4 /* calls that wait for their replies */
 #endif
 #ifndef MSBOT_PART_CONFIGURATION
 #define MSBOT_PART_CONFIGURATION MSBOT_XRCE_LARGEST /* octets of the largest configuration */
@@ -32,11 +39,28 @@ typedef enum {
     MSBOT_WRONG_ROBOT
 } msbot_part_state;
 
+/* What a port does. */
+enum { MSBOT_SUBSCRIBES, MSBOT_PUBLISHES, MSBOT_SERVES, MSBOT_CALLS };
+
 typedef struct {
     const char *name; /* the part's own name for it, as in its type in the library */
-    const char *type; /* of its messages */
-    bool publishes;
+    const char *type; /* of its messages; of requests and replies "Angle -> Text" */
+    uint8_t does;     /* MSBOT_SUBSCRIBES ... */
 } msbot_port_type;
+
+/* Octets of the largest request, and of the largest reply. */
+#define MSBOT_PART_REQUEST (MSBOT_XRCE_MTU - 15)
+#define MSBOT_PART_REPLY (MSBOT_PART_REQUEST - 25)
+/* Octets of the sentence that refuses a request, at most. */
+#define MSBOT_PART_SENTENCE (MSBOT_PART_REPLY > 180 ? 180 : MSBOT_PART_REPLY - 1)
+
+/* Serves a request: writes the reply into `reply`, which has MSBOT_PART_REPLY octets, and returns its size; or refuses,
+ * `return msbot_refuse(reply, "the lid is open")`: the caller gets the sentence. */
+typedef int (*msbot_serve)(void *context, const uint8_t *request, size_t size, uint8_t *reply);
+int msbot_refuse(uint8_t *reply, const char *why);
+
+/* A call has ended: with its reply and `why` NULL, or with `reply` NULL and a sentence. */
+typedef void (*msbot_replied)(void *context, const uint8_t *reply, size_t size, const char *why);
 
 #define MSBOT_ALL_PORTS (-1)
 
@@ -65,6 +89,19 @@ typedef struct {
     void (*identify)(void *context);                        /* somebody asks which part this is; may be NULL */
 } msbot_part_config;
 
+/* What is wrong with a configuration. */
+typedef enum {
+    MSBOT_CONFIG_OK,
+    MSBOT_CONFIG_UID,            /* can.uid is all zero */
+    MSBOT_CONFIG_FD,             /* can.fd needs MSBOT_CAN_DATA 64 */
+    MSBOT_CONFIG_NAMES,          /* part_number or local_name is missing, or both are too long for MSBOT_XRCE_MTU */
+    MSBOT_CONFIG_KEY,            /* key_size is not 16 to 64 */
+    MSBOT_CONFIG_RANDOM,         /* random is 0 */
+    MSBOT_CONFIG_TOO_MANY_PORTS, /* port_count is more than MSBOT_PART_PORTS */
+    MSBOT_CONFIG_PORT,           /* a port without name or type, one that does nothing known, or two of one name */
+    MSBOT_CONFIG_FUNCTIONS       /* safe is missing, or received although a port subscribes */
+} msbot_config_error;
+
 typedef enum { MSBOT_UNBOUND, MSBOT_HAS_TOPIC, MSBOT_HAS_ENDPOINT, MSBOT_BOUND, MSBOT_CLOSING } msbot_port_step;
 
 typedef struct {
@@ -84,7 +121,16 @@ typedef struct {
         uint16_t topic_at;   /* in the configuration */
         bool reliable;
         msbot_port_step step;
+        msbot_serve serve;
+        void *serve_context;
     } ports[MSBOT_PART_PORTS];
+    struct {
+        msbot_replied replied; /* NULL: free */
+        void *context;
+        uint32_t until_us;
+        uint16_t request; /* its id */
+        uint8_t port;
+    } calls[MSBOT_PART_CALLS];
     uint8_t configuration[MSBOT_PART_CONFIGURATION];
     uint16_t configuration_size;
     uint32_t told[MSBOT_PART_SETTINGS];
@@ -96,10 +142,12 @@ typedef struct {
     uint32_t stop_heard, stop_over, stop_ends_with;
     uint32_t robot_seen, robot_known; /* hashes of profiles: of the last one, and of the robot last joined */
     uint32_t beats, missed_beats;
-    uint16_t dropped; /* messages that could not be used */
+    uint16_t dropped; /* messages that could not be used, and replies for which there was no room */
 } msbot_part;
 
-void msbot_part_init(msbot_part *part, const msbot_part_config *config);
+/* What the configuration names must stay where it is. After an error the part must not be used. */
+msbot_config_error msbot_part_init(msbot_part *part, const msbot_part_config *config);
+const char *msbot_config_words(msbot_config_error error); /* a sentence */
 void msbot_part_start(msbot_part *part); /* the controller is on the bus */
 void msbot_part_stop(msbot_part *part, uint32_t now_us); /* the controller has left the bus */
 void msbot_part_receive(msbot_part *part, const msbot_frame *frame, uint32_t now_us);
@@ -112,6 +160,13 @@ void msbot_part_drained(msbot_part *part, uint32_t now_us); /* all frames have l
 bool msbot_part_is_bound(const msbot_part *part, unsigned port); /* the robot uses the port now */
 /* Sends a message out of a port; false when the part is not active, the port not bound, or there is no room. */
 bool msbot_part_publish(msbot_part *part, unsigned port, const uint8_t *message, size_t size);
+/* Calls `serve` with the requests at a port, from `msbot_part_init` on; while STOP holds, none is served. False: no such
+ * port, or it does not serve. */
+bool msbot_part_serve(msbot_part *part, unsigned port, msbot_serve serve, void *context);
+/* Sends a request out of a port. NULL: it is sent, and `replied` will be called once, within `timeout_us` (at most half
+ * an hour). Otherwise a sentence that says why it is not sent. */
+const char *msbot_part_call(msbot_part *part, unsigned port, const uint8_t *request, size_t size, uint32_t timeout_us,
+                            msbot_replied replied, void *context, uint32_t now_us);
 void msbot_part_say_stop(msbot_part *part, uint8_t reason); /* to every node on the bus, and the part itself */
 /* How a STOP button stands: pressed, it says STOP, and the robot refuses GO until it is released, which is no GO. Call it
  * as often as you like. */
@@ -119,5 +174,9 @@ void msbot_part_hold_stop(msbot_part *part, bool pressed, uint32_t now_us);
 
 /* The answer to a challenge; the tests call it. */
 void msbot_part_prove(const msbot_part_config *config, const uint8_t nonce[16], uint32_t session_key, uint8_t proof[16]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -8,6 +8,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct {
     uint32_t state[8];
     uint8_t block[64];
@@ -20,5 +24,9 @@ void msbot_sha256_end(msbot_sha256 *hash, uint8_t digest[32]);
 
 void msbot_hmac_begin(msbot_sha256 *hash, const uint8_t *key, size_t size);
 void msbot_hmac_end(msbot_sha256 *hash, const uint8_t *key, size_t size, uint8_t digest[32]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -491,15 +491,18 @@ static void put(writer *to, const void *octets, size_t size)
 static void put_octet(writer *to, uint8_t octet) { put(to, &octet, 1); }
 
 /* Every CREATE begins with 12 octets, a multiple of 4, so positions can count from the blob. */
-static void put_string(writer *to, const char *text)
+static void put_joined(writer *to, const char *text, size_t length, const char *ending)
 {
-    size_t length = strlen(text) + 1;
-    const uint8_t size[4] = {(uint8_t)length, (uint8_t)(length >> 8)};
+    size_t more = strlen(ending) + 1;
+    const uint8_t size[4] = {(uint8_t)(length + more), (uint8_t)((length + more) >> 8)};
     static const uint8_t zeros[3] = {0};
     put(to, zeros, -to->size & 3U);
     put(to, size, 4);
     put(to, text, length);
+    put(to, ending, more);
 }
+
+static void put_string(writer *to, const char *text) { put_joined(to, text, strlen(text), ""); }
 
 static void put_optional(writer *to, const char *text)
 {
@@ -579,6 +582,25 @@ bool msbot_xrce_create_requester(msbot_xrce *client, uint16_t object_id, uint16_
     put_string(&blob, names[2]);
     put_optional(&blob, names[3]);
     put_optional(&blob, names[4]);
+    return create(client, object_id, &blob, participant_id);
+}
+
+bool msbot_xrce_create_service(msbot_xrce *client, uint16_t object_id, uint16_t participant_id, const char *topic,
+                               const char *type)
+{
+    const char *arrow = strstr(type, " -> ");
+    writer blob;
+    if (arrow == NULL) {
+        return false;
+    }
+    begin_blob(&blob);
+    put_string(&blob, topic);
+    put_joined(&blob, type, (size_t)(arrow - type), "");
+    put_string(&blob, arrow + 4);
+    put_octet(&blob, 1);
+    put_joined(&blob, topic, strlen(topic), "_Request");
+    put_octet(&blob, 1);
+    put_joined(&blob, topic, strlen(topic), "_Reply");
     return create(client, object_id, &blob, participant_id);
 }
 

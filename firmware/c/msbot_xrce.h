@@ -12,6 +12,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #ifndef MSBOT_XRCE_MTU
 #define MSBOT_XRCE_MTU 252 /* octets of the largest message, both ways */
 #endif
@@ -94,10 +98,17 @@ bool msbot_xrce_create_endpoint(msbot_xrce *client, uint16_t object_id, uint16_t
                                 bool reliable); /* data writer, data reader */
 bool msbot_xrce_create_requester(msbot_xrce *client, uint16_t object_id, uint16_t participant_id,
                                  const char *const names[5]); /* service, its two types, its two topics */
+/* A requester (kind 7) or a replier (kind 8) of a service of parts: its `type` is two types, "Angle -> Text". */
+bool msbot_xrce_create_service(msbot_xrce *client, uint16_t object_id, uint16_t participant_id, const char *topic,
+                               const char *type);
 bool msbot_xrce_delete(msbot_xrce *client, uint16_t object_id);
 /* How many samples a read asks for. */
 typedef enum { MSBOT_READ_ONE, MSBOT_READ_ALL, MSBOT_READ_NO_MORE } msbot_read_what;
 bool msbot_xrce_read(msbot_xrce *client, uint16_t object_id, uint8_t stream, msbot_read_what what);
 bool msbot_xrce_write(msbot_xrce *client, uint16_t object_id, uint8_t stream, const uint8_t *payload, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -11,6 +11,10 @@
 
 #include "msbot_can.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* The registers by their offsets; a test puts a model in their place. */
 #ifdef BXCAN_MODEL
 uint32_t bxcan_get(uint32_t offset);
@@ -19,8 +23,8 @@ void bxcan_set(uint32_t offset, uint32_t value);
 #ifndef BXCAN_BASE
 #define BXCAN_BASE 0x40006400U /* CAN1 */
 #endif
-static inline uint32_t bxcan_get(uint32_t offset) { return *(volatile uint32_t *)(BXCAN_BASE + offset); }
-static inline void bxcan_set(uint32_t offset, uint32_t value) { *(volatile uint32_t *)(BXCAN_BASE + offset) = value; }
+static inline uint32_t bxcan_get(uint32_t offset) { return *(volatile uint32_t *)(uintptr_t)(BXCAN_BASE + offset); }
+static inline void bxcan_set(uint32_t offset, uint32_t value) { *(volatile uint32_t *)(uintptr_t)(BXCAN_BASE + offset) = value; }
 #endif
 
 /* Timing for CAN_BTR: `prescaler` clocks of the bus are a quantum, 1 + segment1 + segment2 quanta a bit. */
@@ -36,5 +40,9 @@ unsigned bxcan_pending(void *context);
 bool bxcan_has_room(void *context);
 void bxcan_send(void *context, const msbot_frame *frame);
 void bxcan_interrupt(void); /* acknowledges the interrupt of an empty mailbox */
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

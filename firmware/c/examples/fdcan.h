@@ -10,6 +10,10 @@
 
 #include "msbot_can.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #ifndef FDCAN_BASE
 #define FDCAN_BASE 0x40006400U   /* FDCAN1 */
 #define FDCAN_MEMORY 0x4000A400U /* its section of the message RAM */
@@ -33,5 +37,9 @@ unsigned fdcan_pending(void *context);
 bool fdcan_has_room(void *context);
 void fdcan_send(void *context, const msbot_frame *frame);
 void fdcan_interrupt(void); /* acknowledges all pending interrupts */
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

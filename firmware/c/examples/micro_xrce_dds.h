@@ -17,6 +17,10 @@
 
 #include "msbot_controller.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct {
     const msbot_controller *controller;
     msbot_can_config config;
@@ -33,5 +37,9 @@ bool msbot_uxr_open(uxrCustomTransport *transport);
 bool msbot_uxr_close(uxrCustomTransport *transport);
 size_t msbot_uxr_write(uxrCustomTransport *transport, const uint8_t *packet, size_t size, uint8_t *error);
 size_t msbot_uxr_read(uxrCustomTransport *transport, uint8_t *packet, size_t room, int timeout_ms, uint8_t *error);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

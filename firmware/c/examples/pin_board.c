@@ -11,18 +11,19 @@
 enum { DRIVE, LEVEL };
 
 static const msbot_port_type PORTS[] = {
-    [DRIVE] = {"drive", "Switch", false},
-    [LEVEL] = {"level", "Switch", true},
+    [DRIVE] = {"drive", "Switch", MSBOT_SUBSCRIBES},
+    [LEVEL] = {"level", "Switch", MSBOT_PUBLISHES},
 };
 
 static msbot_part part;
+static pin_board_pins pins;
 static bool driven, safe_value, invert, has_said, said;
 static uint32_t repeat_us = 5000000, said_us;
 
 static void drive(bool on)
 {
     driven = on;
-    board_drive_pin(on != invert);
+    pins.drive(pins.context, on != invert);
 }
 
 /* Converts seconds as people write them, 0.25 or 5, to microseconds; digits beyond the sixth are ignored. */
@@ -74,9 +75,10 @@ static void safe(void *context, int port)
     }
 }
 
-void pin_board_init(const uint8_t uid[8], uint32_t random, uint32_t bitrate)
+msbot_config_error pin_board_init(const pin_board_pins *board, const uint8_t uid[8], uint32_t random, uint32_t bitrate)
 {
     msbot_part_config config;
+    pins = *board;
     memset(&config, 0, sizeof config);
     memcpy(config.can.uid, uid, 8);
     config.can.codec = &msbot_compact;
@@ -90,14 +92,14 @@ void pin_board_init(const uint8_t uid[8], uint32_t random, uint32_t bitrate)
     config.received = received;
     config.setting = setting;
     config.safe = safe;
-    msbot_part_init(&part, &config);
+    return msbot_part_init(&part, &config);
 }
 
 uint32_t pin_board_turn(const msbot_controller *controller)
 {
     uint32_t rest_us = msbot_turn(&part, controller);
     uint32_t now_us = controller->micros(controller->context);
-    bool on = board_read_pin() != invert;
+    bool on = pins.read(pins.context) != invert;
     if (!msbot_part_is_bound(&part, LEVEL)) {
         has_said = false;
     } else if (!has_said || on != said || now_us - said_us >= repeat_us) {

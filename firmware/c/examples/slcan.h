@@ -11,6 +11,10 @@
 
 #include "msbot_can.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct {
     bool (*read)(uint8_t *octet); /* false: nothing has come */
     void (*write)(const char *octets, size_t size);
@@ -24,5 +28,9 @@ bool slcan_receive(void *context, msbot_frame *frame);
 unsigned slcan_pending(void *context);
 bool slcan_has_room(void *context);
 void slcan_send(void *context, const msbot_frame *frame);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,6 +7,11 @@
 #include <string.h>
 
 #define QUEUE_FRAMES 32
+#ifdef CAN_FILTER_DATA /* up to Zephyr 3.5 a filter says that it lets data frames through */
+#define DATA_FRAMES CAN_FILTER_DATA
+#else
+#define DATA_FRAMES 0
+#endif
 
 K_MSGQ_DEFINE(zephyr_can_queue, sizeof(struct can_frame), QUEUE_FRAMES, 4);
 
@@ -19,7 +24,7 @@ static void frame_sent(const struct device *device, int error, void *context)
 
 int zephyr_can_open(zephyr_can *can, const struct device *device)
 {
-    static const struct can_filter all[2] = {{0, 0, 0}, {0, 0, CAN_FILTER_IDE}};
+    static const struct can_filter all[2] = {{.flags = DATA_FRAMES}, {.flags = CAN_FILTER_IDE | DATA_FRAMES}};
     can->device = device;
     (void)atomic_set(&can->pending, 0);
     for (size_t i = 0; i < 2; i++) {

@@ -10,7 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const msbot_port_type PORTS[] = {{"drive", "Switch", false}, {"level", "Switch", true}};
+static const msbot_port_type PORTS[] = {{"drive", "Switch", MSBOT_SUBSCRIBES},
+                                        {"level", "Switch", MSBOT_PUBLISHES},
+                                        {"photo", "Switch -> Switch", MSBOT_SERVES},
+                                        {"look", "Switch -> Switch", MSBOT_CALLS}};
 
 static void received(void *context, unsigned port, const uint8_t *message, size_t size)
 {
@@ -32,7 +35,7 @@ static void setting(void *context, const char *name, const char *value)
 static void safe(void *context, int port)
 {
     (void)context;
-    if (port < MSBOT_ALL_PORTS || port > 1) {
+    if (port < MSBOT_ALL_PORTS || port > 3) {
         abort();
     }
 }
@@ -87,12 +90,12 @@ static void begin(bool codec)
     config.key = key;
     config.key_size = sizeof key;
     config.ports = PORTS;
-    config.port_count = 2;
+    config.port_count = 4;
     config.received = received;
     config.setting = setting;
     config.safe = safe;
     now_us = 0;
-    msbot_part_init(&part, &config);
+    (void)msbot_part_init(&part, &config);
     msbot_part_start(&part);
     say_all();
     hear(0x02000000U | 2U << 8 | 5U, MSBOT_EXTENDED, config.can.uid, 8);

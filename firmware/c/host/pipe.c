@@ -197,7 +197,8 @@ static uint8_t story[60000];
 static size_t told;
 static char texts[1000];
 static uint8_t key[64];
-static msbot_port_type ports[MSBOT_PART_PORTS];
+static msbot_port_type ports[2 * MSBOT_PART_PORTS];
+static bool with_functions = true;
 
 static void tell(uint8_t letter, const void *octets, size_t size)
 {
@@ -255,8 +256,38 @@ static const char *get_text(size_t *used)
     return text;
 }
 
+/* Serves by the first octet of a request: the request again, a sentence, too much. */
+static int serve(void *context, const uint8_t *asked, size_t size, uint8_t *reply)
+{
+    uint8_t octets[MSBOT_XRCE_LARGEST + 1] = {*(const uint8_t *)context};
+    memcpy(octets + 1, asked, size);
+    tell('q', octets, size + 1);
+    if (size > 0 && asked[0] == 'r') {
+        static char sentence[301];
+        memset(sentence, 'w', sizeof sentence - 1); /* too long: it is cut */
+        return msbot_refuse(reply, sentence);
+    }
+    if (size > 0 && asked[0] == 'n') {
+        return -1;
+    }
+    if (size > 0 && asked[0] == 'l') {
+        return MSBOT_PART_REPLY + 1;
+    }
+    memcpy(reply, asked, size);
+    return (int)size;
+}
+
+static void replied(void *context, const uint8_t *reply, size_t size, const char *why)
+{
+    uint8_t octets[MSBOT_XRCE_LARGEST + 2] = {(uint8_t)(uintptr_t)context, why != NULL};
+    size = why != NULL ? strlen(why) : size;
+    memcpy(octets + 2, why != NULL ? (const uint8_t *)why : reply, size);
+    tell('y', octets, size + 2);
+}
+
 static void make_part(void)
 {
+    static const uint8_t numbers[MSBOT_PART_PORTS] = {0, 1, 2, 3, 4, 5, 6};
     size_t used = 0;
     msbot_part_config config;
     memset(&config, 0, sizeof config);
@@ -276,7 +307,7 @@ static void make_part(void)
     config.key = config.key_size ? key : NULL;
     config.port_count = get(1);
     for (unsigned i = 0; i < config.port_count; i++) {
-        ports[i].publishes = get(1);
+        ports[i].does = (uint8_t)get(1);
         ports[i].name = get_text(&used);
         ports[i].type = get_text(&used);
     }
@@ -287,7 +318,10 @@ static void make_part(void)
     config.changed = changed;
     config.identify = identify;
     told = 0;
-    msbot_part_init(&part, &config);
+    put(msbot_part_init(&part, &config), 1);
+    for (unsigned i = 0; i < part.config.port_count && with_functions; i++) {
+        (void)msbot_part_serve(&part, i, serve, (void *)(uintptr_t)&numbers[i]);
+    }
 }
 
 static void put_part(void)
@@ -337,6 +371,18 @@ static void answer_part(uint8_t letter)
     } else if (letter == 'U') { /* port, message: whether it is taken */
         unsigned port = get(1);
         put(msbot_part_publish(&part, port, request + at, end - at), 1);
+    } else if (letter == 'E') { /* whether the program has functions that serve: before the part is made */
+        with_functions = get(1) != 0;
+    } else if (letter == 'L') { /* port, number of the call, timeout, time, request: why it is not sent */
+        unsigned port = get(1);
+        uintptr_t number = get(1);
+        uint32_t timeout = get(4);
+        uint32_t now = get(4);
+        const char *why = msbot_part_call(&part, port, request + at, end - at, timeout, replied, (void *)number, now);
+        put_octets((const uint8_t *)(why != NULL ? why : ""), why != NULL ? strlen(why) : 0);
+    } else if (letter == 'W') { /* number of an error: what it says */
+        const char *words = msbot_config_words((msbot_config_error)get(1));
+        put_octets((const uint8_t *)words, strlen(words));
     } else if (letter == 'K') { /* reason: say STOP */
         msbot_part_say_stop(&part, (uint8_t)get(1));
     } else if (letter == 'P') { /* pressed, time: how a STOP button stands */

@@ -81,9 +81,10 @@ static uint32_t micros(void *context)
     return (uint32_t)((uint64_t)now.tv_sec * 1000000U + (uint64_t)now.tv_nsec / 1000U);
 }
 
-void board_drive_pin(bool high)
+static void drive_pin(void *context, bool high)
 {
     static int shown = -1;
+    (void)context;
     if (shown != high) {
         shown = high;
         (void)printf("%d\n", high);
@@ -91,9 +92,10 @@ void board_drive_pin(bool high)
     }
 }
 
-bool board_read_pin(void)
+static bool read_pin(void *context)
 {
     static bool level;
+    (void)context;
     char octets[16];
     ssize_t size = read(STDIN_FILENO, octets, sizeof octets);
     for (ssize_t i = 0; i < size; i++) {
@@ -116,6 +118,7 @@ static bool open_channel(const char *name)
 
 int main(int count, char **words)
 {
+    static const pin_board_pins pins = {drive_pin, read_pin, NULL};
     static const msbot_controller controller = {NULL, on_bus, receive, pending, has_room, send_frame, micros};
     uint8_t uid[8];
     if (count != 3 || strlen(words[2]) != 16) {
@@ -131,7 +134,9 @@ int main(int count, char **words)
         return 1;
     }
     (void)fcntl(STDIN_FILENO, F_SETFL, O_NONBLOCK);
-    pin_board_init(uid, micros(NULL) | 1U, 0);
+    if (pin_board_init(&pins, uid, micros(NULL) | 1U, 0) != MSBOT_CONFIG_OK) {
+        return 1;
+    }
     for (;;) {
         uint32_t rest_us = pin_board_turn(&controller);
         struct pollfd news = {channel, POLLIN, 0};

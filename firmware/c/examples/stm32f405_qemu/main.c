@@ -58,9 +58,10 @@ static void serial_write(const char *octets, size_t size)
     }
 }
 
-void board_drive_pin(bool high)
+static void drive_pin(void *context, bool high)
 {
     static int8_t shown = -1;
+    (void)context;
     if (shown != high) {
         shown = high;
         while (!(STATUS(USART2) & SENDS)) {
@@ -69,9 +70,10 @@ void board_drive_pin(bool high)
     }
 }
 
-bool board_read_pin(void)
+static bool read_pin(void *context)
 {
     static bool level;
+    (void)context;
     while (STATUS(USART2) & RECEIVED) {
         level = DATA(USART2) == '1';
     }
@@ -80,6 +82,7 @@ bool board_read_pin(void)
 
 int main(void)
 {
+    static const pin_board_pins pins = {drive_pin, read_pin, NULL};
     static slcan adapter = {serial_read, serial_write, {0}, 0, false, false};
     static const msbot_controller controller = {&adapter,       slcan_on_bus, slcan_receive, slcan_pending,
                                                 slcan_has_room, slcan_send,   micros};
@@ -93,7 +96,9 @@ int main(void)
     while (!slcan_receive(&adapter, &none) && !adapter.is_open) {
         __asm volatile("wfi");
     }
-    pin_board_init(uid, micros(NULL) * 2654435761U | 1U, 0);
+    if (pin_board_init(&pins, uid, micros(NULL) * 2654435761U | 1U, 0) != MSBOT_CONFIG_OK) {
+        return 1;
+    }
     for (;;) {
         /* Any interrupt ends the sleep; SysTick (every 4 ms) ends it in time for all that is due. */
         if (pin_board_turn(&controller) > 0 && ring_in == ring_out) {

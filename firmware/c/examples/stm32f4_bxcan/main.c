@@ -33,12 +33,21 @@ static void can_received_handler(void) { REGISTER(0xE000E180U) = 1U << 20; }
 __attribute__((section(".vectors"), used)) const vector VECTORS[16 + 21] = {
     SYSTEM_VECTORS, [16 + 19] = can_sent_handler, [16 + 20] = can_received_handler};
 
-void board_drive_pin(bool high) { SET_RESET(GPIOA) = high ? 1U << 5 : 1U << (5 + 16); }
+static void drive_pin(void *context, bool high)
+{
+    (void)context;
+    SET_RESET(GPIOA) = high ? 1U << 5 : 1U << (5 + 16);
+}
 
-bool board_read_pin(void) { return (INPUT(GPIOC) & 1U << 13) != 0; }
+static bool read_pin(void *context)
+{
+    (void)context;
+    return (INPUT(GPIOC) & 1U << 13) != 0;
+}
 
 int main(void)
 {
+    static const pin_board_pins pins = {drive_pin, read_pin, NULL};
     static const msbot_controller controller = {NULL,           bxcan_on_bus, bxcan_receive, bxcan_pending,
                                                 bxcan_has_room, bxcan_send,   micros};
     RCC_AHB1ENR |= 7U;       /* ports A, B, C */
@@ -56,7 +65,9 @@ int main(void)
     /* 16 MHz / 2 = 8 MHz; 1 + 13 + 2 quanta: 500 kbit/s, sampled at 87.5 %. */
     bxcan_open(BXCAN_TIMING(2U, 13U, 2U));
     /* The time that the bus made us wait differs from start to start; on a chip with an RNG, use that. */
-    pin_board_init(uid, (SYSTICK_VALUE ^ words[1]) | 1U, 500000);
+    if (pin_board_init(&pins, uid, (SYSTICK_VALUE ^ words[1]) | 1U, 500000) != MSBOT_CONFIG_OK) {
+        return 1;
+    }
     NVIC_ENABLE0 = 3U << 19;
     for (;;) {
         if (pin_board_turn(&controller) > 0) {

@@ -28,12 +28,21 @@ static void can_handler(void) { fdcan_interrupt(); }
 
 __attribute__((section(".vectors"), used)) const vector VECTORS[16 + 22] = {SYSTEM_VECTORS, [16 + 21] = can_handler};
 
-void board_drive_pin(bool high) { SET_RESET(GPIOA) = high ? 1U << 5 : 1U << (5 + 16); }
+static void drive_pin(void *context, bool high)
+{
+    (void)context;
+    SET_RESET(GPIOA) = high ? 1U << 5 : 1U << (5 + 16);
+}
 
-bool board_read_pin(void) { return (INPUT(GPIOC) & 1U << 13) != 0; }
+static bool read_pin(void *context)
+{
+    (void)context;
+    return (INPUT(GPIOC) & 1U << 13) != 0;
+}
 
 int main(void)
 {
+    static const pin_board_pins pins = {drive_pin, read_pin, NULL};
     static const msbot_controller controller = {NULL,           fdcan_on_bus, fdcan_receive, fdcan_pending,
                                                 fdcan_has_room, fdcan_send,   micros};
     RCC_AHB2ENR |= 7U;                          /* ports A, B, C */
@@ -51,7 +60,9 @@ int main(void)
     memcpy(uid, numbers, sizeof uid);
     /* 16 MHz: 32 quanta a bit at 500 kbit/s, 8 at 2 Mbit/s; both sampled at 75 %. */
     fdcan_open(FDCAN_TIMING(1U, 23U, 8U, 8U), FDCAN_DATA_TIMING(1U, 5U, 2U, 2U));
-    pin_board_init(uid, (SYSTICK_VALUE ^ words[1]) | 1U, 500000);
+    if (pin_board_init(&pins, uid, (SYSTICK_VALUE ^ words[1]) | 1U, 500000) != MSBOT_CONFIG_OK) {
+        return 1;
+    }
     NVIC_ENABLE0 = 1U << 21;
     for (;;) {
         if (pin_board_turn(&controller) > 0) {

@@ -39,14 +39,14 @@ class Described:
     random: int = 77
     codec: bool = True
     fd: bool = False
-    ports: tuple[tuple[bool, str, str], ...] = ((False, "drive", "Switch"), (True, "level", "Switch"))
-    """Whether it publishes, name, type of its messages."""
+    ports: tuple[tuple[int, str, str], ...] = ((0, "drive", "Switch"), (1, "level", "Switch"))
+    """What it does (0 subscribes, 1 publishes, 2 serves, 3 calls), name, type of its messages."""
 
     def octets(self, bitrate: int) -> bytes:
         """As the pipe takes it."""
         link = self.uid + struct.pack("<????III", self.codec, self.fd, self.fd, False, 0, bitrate, 5)
         words = (self.part_number, self.local_name, *self.robot)
-        ports = b"".join(bytes((publishes,)) + _text(name) + _text(kind) for publishes, name, kind in self.ports)
+        ports = b"".join(bytes((does,)) + _text(name) + _text(kind) for does, name, kind in self.ports)
         head = link + struct.pack("<I", self.random) + b"".join(map(_text, words))
         return head + bytes((len(self.key),)) + self.key + bytes((len(self.ports),)) + ports
 
@@ -70,6 +70,12 @@ class CPart:
     """States, settings and safe values in their order."""
     heard: list[tuple[int, bytes]] = field(default_factory=list)
     """(port, message) as they came in."""
+    asked: list[tuple[int, bytes]] = field(default_factory=list)
+    """(port, request) as they came to the functions that serve."""
+    ended: list[tuple[int, bytes | str]] = field(default_factory=list)
+    """(number of the call, its reply or a sentence)."""
+    serves: bool = True
+    """Whether the program has functions that serve."""
     _bus: SimCanBus | None = None
     _timer: asyncio.TimerHandle | None = None
 
@@ -78,7 +84,7 @@ class CPart:
         self._bus = bus
         bus.attach(frame=self._frame)
         bus.attach(room=self._room)
-        self._ask(b"A" + self.described.octets(bus.info.bits_per_second or 0), b"B")
+        self._ask(b"E" + bytes((self.serves,)), b"A" + self.described.octets(bus.info.bits_per_second or 0), b"B")
 
     def pull(self) -> None:
         """Without power from now on."""
@@ -89,6 +95,11 @@ class CPart:
     def publish(self, port: int, message: bytes) -> bool:
         """Send a message out of a port."""
         return self._ask(b"U" + bytes((port,)) + message)[0] == b"\1"
+
+    def call(self, port: int, number: int, request: bytes, timeout_s: float = 1.0) -> str:
+        """Send a request out of a port; returns why it is not sent."""
+        head = struct.pack("<BBI", port, number, round(timeout_s * 1e6))
+        return self._ask(b"L" + head + self._stamp() + request)[0].decode()
 
     def say_stop(self) -> None:
         """STOP for everybody."""
@@ -157,6 +168,10 @@ class CPart:
             match letter:
                 case b"r":
                     self.heard.append((rest[0], rest[1:]))
+                case b"q":
+                    self.asked.append((rest[0], rest[1:]))
+                case b"y":
+                    self.ended.append((rest[0], rest[2:].decode() if rest[1] else rest[2:]))
                 case b"s":
                     self.story.append(rest.decode())
                 case b"z":

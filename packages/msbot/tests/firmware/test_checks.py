@@ -69,11 +69,54 @@ def test_cppcheck_finds_nothing() -> None:
     judged("cppcheck", lambda: run(*command), command, tools=["cppcheck"])
 
 
-def test_link_and_joining_fit_into_6_kib_of_flash_and_1_kib_of_ram() -> None:
+def test_link_and_joining_fit_into_7_kib_of_flash_and_1_kib_of_ram() -> None:
     need("arm-none-eabi-gcc")
     command = (sys.executable, SOURCES / "sizes.py", "--check")
     table = judged("sizes", lambda: run(*command), command, tools=["arm-none-eabi-gcc"])
     assert "| a whole part | cortex-m4 |" in table
+
+
+CPLUSPLUS = """
+static bool level = false;
+static int served(void *, const uint8_t *request, size_t, uint8_t *reply) { reply[0] = request[0]; return 1; }
+static void ended(void *, const uint8_t *, size_t, const char *) {}
+
+int main()
+{
+    static const msbot_port_type ports[] = {{"give", "Switch -> Switch", MSBOT_SERVES},
+                                            {"ask", "Switch -> Switch", MSBOT_CALLS}};
+    msbot_part_config config{};
+    config.can.uid[0] = 1;
+    config.random = 1;
+    config.part_number = config.local_name = "CPP";
+    config.ports = ports;
+    config.port_count = 2;
+    config.context = &level;
+    static msbot_part part;
+    if (msbot_part_init(&part, &config) != MSBOT_CONFIG_FUNCTIONS) return 1;
+    config.safe = [](void *context, int) { *static_cast<bool *>(context) = true; };
+    if (msbot_part_init(&part, &config) != MSBOT_CONFIG_OK || !level) return 2;
+    if (!msbot_part_serve(&part, 0, served, nullptr) || msbot_part_serve(&part, 1, served, nullptr)) return 3;
+    const uint8_t on[1] = {1};
+    const char *why = msbot_part_call(&part, 1, on, 1, 1000000, ended, nullptr, 0);
+    return why != nullptr && std::strcmp(why, "the part is not active") == 0 ? 0 : 4;
+}
+"""
+
+
+def test_the_headers_are_clean_c_plus_plus_and_link_with_objects_in_c(tmp_path: Path) -> None:
+    """All of them; the modules are compiled as C, the program as C++."""
+    need("gcc", "g++")
+    headers = [*sorted(SOURCES.glob("msbot_*.h")), *sorted((SOURCES / "examples").glob("*.h"))]
+    included = [path for path in headers if path.name != "cortex_m.h"]
+    lines = ["#include <cstring>", *(f'#include "{path}"' for path in included)]
+    (tmp_path / "main.cpp").write_text("\n".join(lines) + CPLUSPLUS)
+    objects = [tmp_path / f"{path.stem}.o" for path in MODULES]
+    for source, made in zip(MODULES, objects, strict=True):
+        run("gcc", *WARNINGS, "-c", source, "-o", made)
+    command = ("g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", *INCLUDE, *SEAMS)
+    run(*command, tmp_path / "main.cpp", *objects, "-o", tmp_path / "program")
+    run(tmp_path / "program")
 
 
 def test_the_sketch_for_arduino_is_clean_c_plus_plus() -> None:

@@ -52,9 +52,11 @@ static uint32_t clock_us(void *) { return static_cast<uint32_t>(micros()); }
 
 static const msbot_controller CONTROLLER = {nullptr, on_bus, receive, pending, has_room, send, clock_us};
 
-extern "C" void board_drive_pin(bool high) { digitalWrite(LED_BUILTIN, high ? HIGH : LOW); }
+static void drive(void *, bool high) { digitalWrite(LED_BUILTIN, high ? HIGH : LOW); }
 
-extern "C" bool board_read_pin(void) { return digitalRead(2) == HIGH; }
+static bool read_pin(void *) { return digitalRead(2) == HIGH; }
+
+static const pin_board_pins PINS = {drive, read_pin, nullptr};
 
 void setup()
 {
@@ -65,7 +67,9 @@ void setup()
         delay(100);
     }
     const uint32_t noise = static_cast<uint32_t>(analogRead(0)) << 16;
-    pin_board_init(UID, (static_cast<uint32_t>(micros()) ^ noise) | 1U, 500000);
+    while (pin_board_init(&PINS, UID, (static_cast<uint32_t>(micros()) ^ noise) | 1U, 500000) != MSBOT_CONFIG_OK) {
+        delay(100);  // msbot_config_words says what is wrong
+    }
 }
 
 void loop() { pin_board_turn(&CONTROLLER); }
