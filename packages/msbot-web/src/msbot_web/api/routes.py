@@ -27,6 +27,7 @@ from msbot_web.api.dependencies import (
 )
 from msbot_web.api.gallery_routes import add_gallery
 from msbot_web.api.hand_in_routes import add_hand_ins
+from msbot_web.api.inspection_routes import add_inspection
 from msbot_web.api.operation_routes import PREFIX, add_operations
 from msbot_web.api.program_routes import add_programs
 from msbot_web.models.bus_models import BusFigures, FrameLine
@@ -62,6 +63,7 @@ def make_api(service: Service) -> APIRouter:
     add_programs(router, service)
     add_gallery(router, service)
     add_hand_ins(router, service)
+    add_inspection(router, service)
     return router
 
 

@@ -104,13 +104,14 @@ class RobotLog:
         self._add("part", event.part, event.slot or "", event.sentences()[0])
 
     def _add(self, kind: str, who: str, slot: str, words: str, level: str = "info") -> None:
+        """Sentences stay sentences: whoever may not read addresses gets them without."""
         line = {
             "at": round(time.time(), 3),
             "kind": kind,
             "who": who,
             "slot": slot,
             "level": level,
-            "words": words[:LONGEST],
+            "words": words if len(words) <= LONGEST else words[:LONGEST],
         }
         self._lines.append(line)
         self._total += 1

@@ -79,9 +79,13 @@ def decode_reply(reply: bytes) -> bytes:
         raise RemoteProtocolError(f"a reply with status {reply[0]}, which this version does not know") from None
     if status is ReplyStatus.DONE:
         return reply[1:]
-    said = "".join(letter for letter in reply[1:].decode(errors="ignore") if letter.isprintable())
-    words = status.describe
-    raise CallError(f"{words}: {said[:LONGEST_SENTENCE]}" if said else words)
+    said, words = sentence_of(reply[1:]), status.describe
+    raise CallError(f"{words}: {said}" if said else words)
+
+
+def sentence_of(octets: bytes) -> str:
+    """The sentence behind the status of a reply without a message."""
+    return "".join(letter for letter in octets.decode(errors="ignore") if letter.isprintable())[:LONGEST_SENTENCE]
 
 
 Done = Callable[[bytes | CallError], None]

@@ -18,8 +18,10 @@ from msbot.master import Master
 from msbot.operations.dispatch import InProcessOperations, Operations, PerformedOperation
 from msbot.operations.message_classes import MessageClasses
 from msbot.part import Message
+from msbot.part.calls import ReplyStatus, sentence_of
 from msbot.part.join.pnp_messages import INVENTORY_REPLY_TOPIC, INVENTORY_REQUEST_TOPIC
 from msbot.part.join.seal import SEAL_OCTETS
+from msbot.part.messages.wire_types import uint8
 from msbot.pnp import Configuration, PartEvent, PartInfo, PartState
 from msbot.pnp.emergency_stop import StopStatus
 from msbot.pnp.session_seals import ObservedSeals
@@ -54,6 +56,7 @@ from msbot.recording.recorder.schemas import (
     shown_words,
     topics_in_ros,
 )
+from msbot.service_types import reply_topic, service_type
 from msbot_agent.agent import client_key_of
 from msbot_agent.link import Link, bound_name
 from msbot_agent.link.can import CanBusInfo, CanEnd
@@ -201,8 +204,8 @@ class Recorder:
             port = next((one.port for one in held.bindings if one.topic == topic.name and one.publishes), None)
             if port is not None:
                 metadata["port"] = port
-        cls = None if is_service else self._class_of(topic.type_name)
-        if cls is not None and topic.name in self._in_ros:
+        cls = self._class_of(topic.type_name)
+        if cls is not None and not is_service and topic.name in self._in_ros:
             metadata |= ros_metadata(self._in_ros[topic.name], cls)
         name = "/" + topic.name.removeprefix("rt/").lstrip("/")
         schema = ("", "", "") if cls is None else (ros_name(topic.type_name), ENCODING, ros_definition(cls))
@@ -220,6 +223,27 @@ class Recorder:
             return self._number(RecordedChannel(f"/{topic.name}", "cdr", metadata=metadata))
         schema = (ros_name(message.type_name), ENCODING, ros_definition(message))
         return self._number(RecordedChannel(f"/{topic.name}/{message.type_name}", "cdr", *schema, metadata=metadata))
+
+    def reply_channels(self, topic: Topic, guid: Guid) -> tuple[int | None, int | None] | None:
+        """The channels of a part's replies, and of what it says in place of one; None: these are no replies of a part.
+
+        A reply begins with its status (`msbot.part.calls`); behind it is the message, or a sentence.
+        """
+        if self._master is None:
+            return None
+        blueprint = self._master.blueprint if self._operations is None else self._operations.blueprint
+        services = (one.topic for one in blueprint.bindings if service_type(one.type_name) is not None)
+        if topic.name not in map(reply_topic, services):
+            return None
+        held = self._master.inventory.configuration_of(client_key_of(guid))
+        metadata = (("topic", topic.name), ("type", topic.type_name), *((("slot", held.slot),) if held else ()))
+        cls = self._class_of(topic.type_name)
+        schema = ("", "", "") if cls is None else (ros_name(topic.type_name), ENCODING, ros_definition(cls))
+        instead = (ros_name(NoReply.type_name), ENCODING, ros_definition(NoReply))
+        return (
+            self._number(RecordedChannel(f"/{topic.name}", "cdr", *schema, metadata=metadata)),
+            self._number(RecordedChannel(f"/{topic.name}/NoReply", "cdr", *instead, metadata=metadata)),
+        )
 
     def new_seals(self) -> ObservedSeals:
         """Who tells a message to or from the inventory from the seal behind it."""
@@ -370,6 +394,9 @@ class _RecordedSpace:
         inner = self._inner.writer(topic, qos, guid, owner)
         if qos.service and topic.name in (INVENTORY_REQUEST_TOPIC, INVENTORY_REPLY_TOPIC):
             return _RecordedWriter(inner, _inventory_write(inner, self._recorder))
+        replies = self._recorder.reply_channels(topic, guid) if qos.service else None
+        if replies is not None:
+            return _RecordedWriter(inner, _reply_write(inner, self._recorder, *replies))
         number = self._recorder.channel_of(topic, guid, is_service=qos.service)
         if number is None:
             return inner
@@ -407,6 +434,29 @@ def _recorded_write(inner: _Write, number: int, record: Callable[[bytes], int], 
         record(head(SAMPLE, number, clock(), len(payload)))
         record(payload)
         return inner(payload, related)
+
+    return write
+
+
+class NoReply(Message):
+    """What a part says in place of a reply."""
+
+    status: uint8
+    """Why, as `msbot.part.calls.ReplyStatus`."""
+    words: str
+
+
+def _reply_write(inner: Writer, recorder: Recorder, reply: int | None, instead: int | None) -> _Write:
+    """`Writer.write` of a part that serves: the message of a reply, or the sentence in place of one."""
+
+    def write(payload: bytes, related: tuple[Guid, int] | None = None) -> int:
+        number, content = reply, payload[1:]
+        if payload[:1] != bytes((ReplyStatus.DONE,)):
+            words = sentence_of(content)
+            number, content = instead, NoReply(status=payload[0] if payload else 0, words=words).encode()
+        if number is not None:
+            recorder.write(head(SAMPLE, number, recorder.clock(), len(content)) + content)
+        return inner.write(payload, related)
 
     return write
 
