@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 
 from msbot_web.access.sessions import Session
 from msbot_web.api.dependencies import Name, SignedIn, words_for
-from msbot_web.models.topic_models import LogLines, TopicInfo, TopicMessages
+from msbot_web.models.topic_models import LogLine, LogLines, TopicInfo, TopicMessages
 from msbot_web.service import Service
 from msbot_xrce.errors import NotThere
 
