@@ -9,6 +9,7 @@ import pytest
 
 from msbot.operations.service_calls import MOST_OPEN
 from msbot.part import HelloWorld
+from msbot.pnp import Freeze
 from msbot_xrce.errors import CallError
 from tests.operations.stage import AA_IS_A_DIAL, Stage, play
 
@@ -47,6 +48,12 @@ def test_what_cannot_be_called_is_said_in_one_sentence(tmp_path: Path) -> None:
         assert await refusal("AA.echo", "one", "x") == "AA.echo: index must be a whole number, not 'one'"
         stage.parts["AA"]._program.servers.clear()
         assert "has no function for it: write @part.serves(...)" in await refusal("AA.echo")
+        inventory, now = stage.master.inventory, asyncio.get_running_loop().time()
+        inventory._index.sessions[inventory._index.holders["AA"].client_key].pupil = "ben"
+        inventory.pupil_parts.pupils.freeze = Freeze("ann", "look at me", now)
+        words = "nobody serves AA.echo now: slot AA is held: the class is frozen by ann: look at me"
+        assert await refusal("AA.echo") == words
+        inventory.pupil_parts.pupils.freeze = None
         stage.master.say_stop("ann")
         await asyncio.sleep(1.0)
         stage.parts["AA"].serves("echo", HelloWorld, HelloWorld)(lambda request: request)
