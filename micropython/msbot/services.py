@@ -90,7 +90,7 @@ class Services:
 
     def received(self, object_id, octets):
         """A request or a reply has come; what came before it tells which one it belongs to."""
-        if object_id & 15 == 7:
+        if object_id & 15 == 7 and len(octets) >= 4:
             self._replied(octets[0] << 8 | octets[1], octets[4:])
         else:
             self._requested(object_id, octets[:_IDENTITY], octets[_IDENTITY:])
@@ -135,8 +135,9 @@ class Services:
         self._close(number, reply, why)
 
     def _close(self, number, reply, why):
-        port, _, _, on_reply = self._open.pop(number)
-        self._part._call(on_reply, reply, why and "call of {}: {}".format(port, why))
+        call = self._open.pop(number, None)
+        if call:  # else a function that was just called has ended the part, and so all calls
+            self._part._call(call[3], reply, why and "call of {}: {}".format(call[0], why))
 
     def _requested(self, object_id, identity, octets):
         part = self._part

@@ -202,6 +202,20 @@ async def calls(world: World) -> None:
     await asyncio.sleep(20.0)
 
 
+async def calls_then_ends(world: World) -> None:
+    def mute(part: Part) -> None:
+        part.serves("name", Number, Text)(lambda request: Text(text=f"it is {request.value:g}"))
+
+    partner = world.plug_partner(mute)
+    await asyncio.sleep(JOINED_AT_S)
+    membership = partner._runner._membership
+    assert membership is not None
+    membership.client._on_request = lambda *_: None
+    world.plug()
+    await world.until_state("ended")
+    world.note(world.home.state().partition(":")[0])
+
+
 async def calls_sealed(world: World) -> None:
     def serve(part: Part) -> None:
         part.key = KEY
@@ -564,6 +578,7 @@ SCENES = {name: Scene(robot, example) for name, robot in EXAMPLES.items()} | {
         blocks,
     ),
     "calls": Scene(wired("name call Number -> Text"), calls),
+    "calls_then_ends": Scene(wired("name call Number -> Text"), calls_then_ends),
     "calls_sealed": Scene(replace(SEALED, bindings=(("name", "call", "Number -> Text"),)), calls_sealed),
     "delays": Scene(Robot(), delays),
     "serves": Scene(
