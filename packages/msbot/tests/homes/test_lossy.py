@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from msbot import Count
+from msbot import Count, Number, Text
 from tests.homes.runners import DoubleEngine, MicroPython, as_micropython
 from tests.homes.world import Part, Robot, World, run_virtual
 
@@ -122,6 +122,67 @@ def test_a_bad_can_bus(seed: int) -> None:
         assert world.log == [str(number) for number in NUMBERS]
         assert heard == NUMBERS[len(NUMBERS) - len(heard) :]
         assert len(heard) > 30
+        await world.close()
+
+    with as_micropython():
+        run_virtual(main())
+
+
+CALLER = """
+from msbot import CallError, Number, Part, Text
+
+part = Part("TEST-1")
+part.calls("name", Number, Text)
+count = 0
+
+
+@part.every(0.1)
+def ask():
+    global count
+    if count < 40:
+        try:
+            part.call("name", Number(value=count + 1), timeout=25.0, on_reply=told)
+            count += 1
+        except CallError:
+            pass
+
+
+def told(reply, error):
+    print(error or reply.text)
+
+
+part.run()
+"""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_calls_over_a_bad_serial_line_are_served_once_and_end_once(seed: int) -> None:
+    async def main() -> None:
+        robot = Robot(bindings=(("name", "call", "Number -> Text"),))
+        world = World(robot, MicroPython(DoubleEngine(), "serial"), CALLER, "program.py")
+        spoiler, served = Spoiler(seed, 0.1), list[float]()
+        feed = world.lines.feed
+        world.lines.feed = lambda octets: feed(spoiler.spoil(octets))  # type: ignore[method-assign]
+
+        def serve(part: Part) -> None:
+            def name(request: Number) -> Text:
+                served.append(request.value)
+                return Text(text=f"{request.value:g}")
+
+            part.serves("name", Number, Text)(name)
+
+        world.start_master()
+        await world.master.ready.wait()
+        world.plug_partner(serve)
+        await asyncio.sleep(1.0)
+        world.plug()
+        written = world.lines.written
+        world.lines.written = lambda octets: written(spoiler.spoil(octets))
+        await world.until_state("active")
+        spoiler.is_on = True
+        await asyncio.sleep(40.0)
+        assert served == list(range(1, 41))
+        assert world.log == [str(number) for number in range(1, 41)]
         await world.close()
 
     with as_micropython():
