@@ -31,7 +31,7 @@ def configure(part, slot, bindings, settings, now):
         port, mark, field = name.partition(".safe.")
         if mark:
             safe.setdefault(port, {})[field] = text
-        elif name != ".stop":
+        elif name != ".stop" and ".range." not in name:
             part.settings[name] = text
     part._safe = {}
     for port, fields in safe.items():

@@ -12,16 +12,18 @@ import logging
 import random as random_module
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from msbot.config import Blueprint, Library
+from msbot.config import Blueprint, Direction, Library
 from msbot.master.board_configuration import with_documents
 from msbot.master.stop_persistence import StopStore
 from msbot.part import Client
 from msbot.part.join.part_log import LogLevel
+from msbot.part.join.pnp_messages import range_setting
 from msbot.part.messages.type_hash import Fields
 from msbot.pnp import Configuration, Inventory, Keys, LifeTiming, PartInfo, PartStore, Profile, RobotGate
 from msbot.pnp.emergency_stop import EmergencyStop, StopRecord, StopStatus
@@ -285,7 +287,20 @@ class Master:
             for fault in faults:
                 _log.warning("%s: %s", slot, fault)
         self._board_faults[slot] = faults
-        return completed
+        ranges = self._ranges(completed)
+        return replace(completed, settings=(*completed.settings, *ranges)) if ranges else completed
+
+    def _ranges(self, configuration: Configuration) -> list[tuple[str, str]]:
+        """The ranges of what a part publishes, as settings `PORT.range.FIELD`."""
+        number = self.inventory.slots.number_of(configuration.slot)
+        part_type = None if self.library is None else self.library.find(number)
+        bound = {one.port for one in configuration.bindings if one.publishes}
+        return [
+            (range_setting(port.name, field), f"{least:g} {most:g}")
+            for port in (() if part_type is None else part_type.ports)
+            if port.direction is Direction.PUBLISH and port.name in bound
+            for field, (least, most) in port.ranges.items()
+        ]
 
     @property
     def stop(self) -> StopStatus:

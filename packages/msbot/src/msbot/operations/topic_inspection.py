@@ -262,6 +262,7 @@ class TopicInspection:
         if declared is None:
             raise ConfigError(said("the library does not know {type}: nobody can say what it takes", type=kind))
         message = read_message(name, declared, values)
+        self._check_ranges(name, message)
         octets = message.encode()
         writer = self._writers.get(meant)
         if writer is None:
@@ -278,6 +279,23 @@ class TopicInspection:
         self._keep(meant, writer)
         writer.writer.write(octets)
         return Outcome(said("{topic}: {shown}", topic=name, shown=message_words(message, declared.units)))
+
+    def _check_ranges(self, topic: str, message: Message) -> None:
+        """Refuse a value that makes no sense at a port that the topic leads to, or comes from.
+
+        Raises:
+            ConfigError: there is one; the text names the port and its range.
+        """
+        library, blueprint = self._running.library, self._running.blueprint
+        for end in (end for one in blueprint.bindings if one.topic == topic for end in one.ends):
+            slot = blueprint.slot(end.slot)
+            part_type = None if slot is None or library is None else library.find(slot.part_number)
+            port = None if part_type is None else part_type.port(end.port)
+            if port is None:
+                continue
+            for field in port.ranges:
+                if fault := port.fault(field, getattr(message, field)):
+                    raise ConfigError(f"{end}: {field} {fault}")
 
     def _keep(self, meant: tuple[str, str], writer: _HandWriter) -> None:
         if writer.timer is not None:

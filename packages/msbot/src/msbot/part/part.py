@@ -510,6 +510,11 @@ class Part:
         self._runner.say_trouble(sentence)
 
     @property
+    def out_of_range(self) -> int:
+        """Messages that it published with a value outside of the range that the robot's library declares."""
+        return self._runner.ranges.count
+
+    @property
     def trouble_heard(self) -> bool:
         """Whether the robot has acknowledged what `trouble` said in the run that ended last."""
         return self._runner.trouble_heard

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from msbot.part.handler_guard import Guard, check_handler
-from msbot.part.join.pnp_messages import SAFE_MARK, Setting
+from msbot.part.join.pnp_messages import RANGE_MARK, SAFE_MARK, Setting
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -118,6 +118,8 @@ class Settings:
     def __init__(self, guard: Guard, program: DeclaredSettings) -> None:
         self._guard = guard
         self._program = program
+        self.ranges: dict[str, str] = {}
+        """The ranges of what the part publishes, by their full names."""
         self._texts: dict[str, str] = {}
         self._told: dict[str, str] = {}
 
@@ -145,7 +147,8 @@ class Settings:
         """Make these the settings; returns the safe values among them, by their full names."""
         everything = {setting.name: setting.value for setting in settings}
         safe = {name: text for name, text in everything.items() if SAFE_MARK in name}
-        self._texts = {name: text for name, text in everything.items() if name not in safe}
+        self.ranges = {name: text for name, text in everything.items() if RANGE_MARK in name}
+        self._texts = {name: text for name, text in everything.items() if name not in safe and name not in self.ranges}
         return safe
 
     def forget(self) -> None:

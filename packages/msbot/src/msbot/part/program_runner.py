@@ -37,6 +37,7 @@ from msbot.part.part_services import PartCalls, PartServices
 from msbot.part.part_settings import Settings
 from msbot.part.ports import Ports
 from msbot.part.program import Action, After, ProgramDeclarations, When, check_room
+from msbot.part.range_watch import RangeWatch
 from msbot.part.safe_state import Safety
 from msbot.part.type_reports import TypeTelling
 from msbot_agent.link import Link, Peer, Signal
@@ -122,6 +123,8 @@ class ProgramRunner:
     def __init__(self, program: ProgramDeclarations) -> None:
         self.program = program
         self.guard = Guard(self._mistaken)
+        self.ranges = RangeWatch()
+        """What it publishes, and what the library says of that."""
         self.settings = Settings(self.guard, program.settings)
         self.safety = Safety(program.listeners, program.when["safe"], self.guard)
         self.joining = Joining(ExpectedRobot())
@@ -166,7 +169,10 @@ class ProgramRunner:
             return False  # declared, and not wired in this robot (yet): nobody listens
         if port not in self.types.told and self._membership is not None and isinstance(message, Message):
             self.types.tell_port(port, type(message), ports, self._membership)
-        return self._count(ports.publish(port, message))
+        is_sent = self._count(ports.publish(port, message))
+        if words := self.ranges.look(port, message):
+            self.log(words, LogLevel.WARNING)
+        return is_sent
 
     def publish_octets(self, port: str, type_name: str, octets: bytes) -> bool:
         """Send an encoded message out of a port (`Part.publish_octets`)."""
@@ -402,6 +408,7 @@ class ProgramRunner:
         self.slot = configuration.slot
         settings = [setting for setting in configuration.settings if setting.name != STOP_SETTING]
         self.safety.configure(self.settings.take(settings))
+        self.ranges.configure(self.settings.ranges)
         for setting in configuration.settings:
             if setting.name == STOP_SETTING and setting.value.isdecimal():
                 self._stop_said("it holds in the robot that the part has joined", int(setting.value))

@@ -24,7 +24,7 @@ from msbot.config.blueprint.blueprint_model import PRESETS
 from msbot.master import Master
 from msbot.part import Message, Part
 from msbot.part.join.joining import ANY
-from msbot.part.join.pnp_messages import safe_setting
+from msbot.part.join.pnp_messages import range_setting, safe_setting
 from msbot.part.messages.message import fields_of
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import VirtualTimeLoop
@@ -460,6 +460,10 @@ def _settings_of(
     for name, port in ports.items():
         if not port.publishes and port.safe is not None:
             found |= {safe_setting(name, field): value for field, value in port.safe.items()}
+    for declared_port in () if part_type is None else part_type.ports:
+        if declared_port.direction is Direction.PUBLISH:
+            for name, (least, most) in declared_port.ranges.items():
+                found[range_setting(declared_port.name, name)] = f"{least:g} {most:g}"
     return found | dict(given)
 
 

@@ -68,6 +68,10 @@ stopped before it is active, and no notice can be lost on the way. Names of para
 SAFE_MARK = ".safe."
 """In the name of a setting: `PORT.safe.FIELD` is a field of the port's safe value. Names of parameters have no dot."""
 
+RANGE_MARK = ".range."
+"""In the name of a setting: `PORT.range.FIELD` has the least and the greatest value of a field that makes sense at a
+port that publishes, with a space between them."""
+
 MOST_DESCRIPTION = 4096
 """Longest description of a part, in octets of UTF-8."""
 LEAST_DESCRIPTION = 540
@@ -422,6 +426,11 @@ def channel_of_request(octets: int) -> int:
 def channel_of_reply(octets: int) -> int:
     """The channel of the seal of a reply that has that length without it."""
     return CONFIGURATIONS if octets > _VERDICT_OCTETS else SHORT_SAYINGS
+
+
+def range_setting(port: str, field: str) -> str:
+    """The name of the setting that carries the range of a field."""
+    return f"{port}{RANGE_MARK}{field}"
 
 
 def safe_setting(port: str, field: str) -> str:
