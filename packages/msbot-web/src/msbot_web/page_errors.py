@@ -1,4 +1,4 @@
-"""Errors of pages in the log: the same one is written once a minute, with how often it came meanwhile.
+"""Errors of pages in the log: the same one is written once a minute, with how often it came; who leaves is none.
 
 A page's function that fails is a mistake of ours, and its traceback is wanted; but whoever opens that page could write
 it as often as they like.
@@ -9,6 +9,9 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+
+from starlette.requests import Request
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from msbot_xrce.counting import amount
 
@@ -45,6 +48,61 @@ class RepeatedErrorFilter(logging.Filter):
                 (record.getMessage(), amount(held, "time")),
             )
         return True
+
+
+_RECEIVE = "msbot.receive"
+_HANDLED = "msbot.handled"
+
+
+class HandledErrors:
+    """Around the pages: an error that has been handled is not raised again, and whoever handles one can ask who waits.
+
+    Starlette hands its last handler a request that cannot hear the visitor, and raises the error once more after it.
+
+    Args:
+        app: the pages.
+        log: where it is said that visitors have left, once a minute with their number.
+        clock: seconds.
+    """
+
+    def __init__(self, app: ASGIApp, log: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
+        self._app = app
+        self._log = log
+        self._clock = clock
+        self._said_at = -SAY_S
+        self.left = 0
+        """Visitors who left before their page was made."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """See ASGI."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        state = scope.setdefault("state", {})
+        state[_RECEIVE] = receive
+        try:
+            await self._app(scope, receive, send)
+        except Exception:
+            if _HANDLED not in state:
+                raise
+            if state[_HANDLED] == "left":
+                self._count()
+
+    def _count(self) -> None:
+        self.left += 1
+        now = self._clock()
+        if now - self._said_at >= SAY_S:
+            self._said_at = now
+            self._log.info("%s left before the page was made", amount(self.left, "visitor"))
+
+
+async def somebody_waits(request: Request) -> bool:
+    """Whether the visitor of a request whose page could not be made is still there; `HandledErrors` is told."""
+    state = request.scope.setdefault("state", {})
+    receive: Receive | None = state.get(_RECEIVE)
+    waits = receive is None or not await Request(request.scope, receive).is_disconnected()
+    state[_HANDLED] = "told" if waits else "left"
+    return waits
 
 
 def limit_repeated_errors() -> None:

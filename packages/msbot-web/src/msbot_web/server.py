@@ -46,7 +46,7 @@ from msbot_web.nicegui_internals.application import LOGGER, LazyWebSocket, serve
 from msbot_web.nicegui_internals.open_pages import OpenPages
 from msbot_web.nicegui_internals.page_admission import PageAdmission
 from msbot_web.nicegui_internals.page_sockets import PageSockets
-from msbot_web.page_errors import limit_repeated_errors
+from msbot_web.page_errors import HandledErrors, limit_repeated_errors, somebody_waits
 from msbot_web.pages import register_pages
 from msbot_web.pages.handbook_pages import picture_answer
 from msbot_web.part_websocket import PartWebSocket
@@ -246,7 +246,7 @@ class WebServer:
         pages = OpenPages(service.accounts)
         limit_repeated_errors()
         guard = AccessMiddleware(
-            ApiRateLimit(PageSockets(PageAdmission(app)), LATE_PATHS, STOP_PATH, time.monotonic),
+            ApiRateLimit(PageSockets(PageAdmission(HandledErrors(app, LOGGER))), LATE_PATHS, STOP_PATH, time.monotonic),
             service.accounts,
             _names_of(settings),
             cookies=cookies,
@@ -287,7 +287,7 @@ async def _not_there(request: Request, _error: Exception) -> Response:
 
 async def _failed(request: Request, error: Exception) -> Response:
     """A page that cannot be made; NiceGUI's own one would have neither STOP nor a way back."""
-    if not await request.is_disconnected():  # else nobody waits for it, and that is why
+    if await somebody_waits(request):  # else that is why
         LOGGER.error("a page could not be made", exc_info=error)
     return _refusal(request, 500, said("this page could not be made: the robot's log says why"))
 

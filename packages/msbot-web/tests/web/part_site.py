@@ -85,10 +85,15 @@ class PartSite:
                 await asyncio.sleep(0.01)
 
     @asynccontextmanager
-    async def part(self, number: int, token: str, *, period_s: float = 0.1) -> AsyncIterator[Part]:
-        """A part of the Python library that comes in by the page and says something again and again."""
+    async def part(
+        self, number: int, token: str, *, period_s: float = 0.1, program: Callable[[Part], object] | None = None
+    ) -> AsyncIterator[Part]:
+        """A part that comes in by the page: with a program, or it says something again and again."""
         part = Part(f"T{number}", uid=number.to_bytes(8, "big"), random=Random(number))
-        part.every(period_s)(lambda: part.publish("out", HelloWorld(index=number, message="x")))
+        if program is not None:
+            program(part)
+        else:
+            part.every(period_s)(lambda: part.publish("out", HelloWorld(index=number, message="x")))
         task = asyncio.create_task(part.run_async(self.client(token)))
         try:
             yield part

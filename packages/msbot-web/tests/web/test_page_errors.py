@@ -6,8 +6,16 @@ import ast
 import logging
 from pathlib import Path
 
+import httpx
+import pytest
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import Message, Scope
+
 import msbot_web
-from msbot_web.page_errors import MOST_PLACES, SAY_S, RepeatedErrorFilter
+from msbot_web.page_errors import MOST_PLACES, SAY_S, HandledErrors, RepeatedErrorFilter, somebody_waits
 
 
 def record(error: object, *, raised: bool = False) -> logging.LogRecord:
@@ -78,3 +86,55 @@ def test_a_browser_that_sleeps_is_no_error_of_a_page() -> None:
         "gallery.py": [True],
         "program_blocks.py": [True],
     }
+
+
+def failing_pages(log: logging.Logger, waiting: list[bool]) -> HandledErrors:
+    """Pages of which each fails, and are handled as the robot's are."""
+
+    async def fail(_: Request) -> Response:
+        raise ValueError("a mistake of ours")
+
+    async def failed(request: Request, _error: Exception) -> Response:
+        waiting.append(await somebody_waits(request))
+        return PlainTextResponse("could not be made", 500)
+
+    return HandledErrors(Starlette(routes=[Route("/", fail)], exception_handlers={Exception: failed}), log, lambda: 0.0)
+
+
+async def test_a_page_that_fails_is_answered_once_and_raises_nothing_more() -> None:
+    waiting: list[bool] = []
+    transport = httpx.ASGITransport(failing_pages(logging.getLogger("test"), waiting), raise_app_exceptions=True)
+    async with httpx.AsyncClient(transport=transport, base_url="http://robot") as visitor:
+        answer = await visitor.get("/")
+    assert (answer.status_code, answer.text, waiting) == (500, "could not be made", [True])
+
+
+async def test_visitors_who_have_left_are_counted_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    waiting: list[bool] = []
+    pages = failing_pages(logging.getLogger("test"), waiting)
+    sent: list[Message] = []
+
+    async def receive() -> Message:
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    with caplog.at_level(logging.INFO, "test"):
+        for _ in range(3):
+            scope: Scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "query_string": b""}
+            await pages(scope, receive, send)
+    assert waiting == [False] * 3
+    assert pages.left == 3
+    assert caplog.messages == ["1 visitor left before the page was made"]
+    assert all(record.exc_info is None for record in caplog.records)
+
+
+async def test_an_error_that_nobody_has_handled_is_raised() -> None:
+    async def broken(*_: object) -> None:
+        raise ValueError("not handled")
+
+    transport = httpx.ASGITransport(HandledErrors(broken, logging.getLogger("test")), raise_app_exceptions=True)
+    async with httpx.AsyncClient(transport=transport, base_url="http://robot") as visitor:
+        with pytest.raises(ValueError, match="not handled"):
+            await visitor.get("/")

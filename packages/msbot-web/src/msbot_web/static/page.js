@@ -233,12 +233,25 @@ function msbotTyped(id) {
   if (editor && editor.editor) Vue.toRaw(mounted_app.elements[id].props).value = editor.editor.state.doc.toString();
 }
 
+// What was put before the page had its robot is said as soon as it has; later, a page without its robot takes no press.
+function msbotSaidLater(slider) {
+  if (slider.dataset.waits) return;
+  slider.dataset.waits = "1";
+  const look = setInterval(() => {
+    if (!window.did_handshake || !window.socket.connected) return;
+    clearInterval(look);
+    delete slider.dataset.waits;
+    slider.dispatchEvent(new Event("input"));
+  }, 50);
+}
+
 // Where a slider was put (`Slider`), and how that is said: past Vue as well, which would put it back.
 function msbotSlid(id, slider) {
   const value = slider.valueAsNumber.toLocaleString(document.documentElement.lang, { maximumSignificantDigits: 4 });
   const text = `${value} ${slider.dataset.unit}`.trim(), props = Vue.toRaw(mounted_app.elements[id].props);
   slider.setAttribute("aria-valuetext", text);
   Object.assign(props, { value: slider.value, "aria-valuetext": text });
+  if (!window.did_handshake) msbotSaidLater(slider);
 }
 
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, name, is it plugged in, what the plug's button
