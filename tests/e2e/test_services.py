@@ -1,7 +1,11 @@
-"""The two programs of "Ask another part and get its answer", in processes of their own, over UDP and over a CAN bus."""
+"""The two programs of "Ask another part and get its answer", in processes of their own.
+
+They call over UDP, over a CAN bus, and with the part that serves behind a relay.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import subprocess
@@ -16,7 +20,7 @@ from tests.e2e.test_processes import free_port
 
 PAGE = (ROOT / "docs/howto/services.md").read_text()
 CAMERA, BRAIN = re.findall(r"```python\n(from msbot.*?)```", PAGE, re.DOTALL)
-SERVES, BINDING = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+SERVES, BINDING, *_ = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 CALLS = SERVES.replace('"photo"', '"look"').replace('"serve"', '"call"')
 ROBOT = f"""
 library = ["library"]
@@ -34,7 +38,7 @@ ONCE = BRAIN.replace("        print(error)\n", "        print(error)\n    part.e
 
 
 @pytest.mark.promise("A call ends with its reply, or with one sentence, never without an end")
-@pytest.mark.parametrize("way", ["udp", "sim"])
+@pytest.mark.parametrize("way", ["udp", "sim", "relay"])
 def test_the_programs_of_the_page_ask_and_answer(tmp_path: Path, way: str) -> None:
     assert ONCE != BRAIN
     (tmp_path / "robot.toml").write_text(ROBOT)
@@ -43,7 +47,8 @@ def test_the_programs_of_the_page_ask_and_answer(tmp_path: Path, way: str) -> No
     (tmp_path / "library/brain.toml").write_text(f'number = "BRAIN-1"\nname = "Brain"\n{CALLS}')
     for name, text in (("camera", CAMERA), ("brain", ONCE), ("wide", ONCE.replace("degrees=45", "degrees=120"))):
         (tmp_path / f"{name}.py").write_text(text)
-    link = ("--link", f"udp:127.0.0.1:{free_port()}" if way == "udp" else "sim:services")
+    link = ("--link", "sim:services" if way == "sim" else f"udp:127.0.0.1:{free_port()}")
+    served = ("--link", f"udp:127.0.0.1:{free_port()}") if way == "relay" else link
     env = {"XDG_RUNTIME_DIR": str(tmp_path), "XDG_STATE_HOME": str(tmp_path / "state")}
 
     def asks(program: str) -> str:
@@ -58,9 +63,18 @@ def test_the_programs_of_the_page_ask_and_answer(tmp_path: Path, way: str) -> No
         )
         return done.stdout
 
-    with running("master", "--no-page", *link, cwd=tmp_path, env=env) as master:
+    with (
+        contextlib.ExitStack() as between,
+        running("master", "--no-page", *link, cwd=tmp_path, env=env) as master,
+    ):
         master.wait_for("is up on")
-        with subprocess.Popen([sys.executable, "camera.py", *link], cwd=tmp_path, env={**os.environ, **env}) as camera:
+        if way == "relay":
+            between.enter_context(running("relay", served[1], link[1], cwd=tmp_path, env=env)).wait_for(
+                "takes the parts"
+            )
+        with subprocess.Popen(
+            [sys.executable, "camera.py", *served], cwd=tmp_path, env={**os.environ, **env}
+        ) as camera:
             try:
                 master.wait_for("CAM-1", "active in slot camera")
                 assert asks("brain") == "a tree at 45 degrees\n"
