@@ -274,13 +274,12 @@ class Inventory:
                 self._changes.note(record, now, words, (("seal", reason),))
                 self._publish(now)
 
-    def piece_told(self, lease: int, key: int, place: int, piece: bytes, now: float) -> None:
-        """A part tells a piece of what is wrong with its hardware, or of a line of its log."""
+    def piece_told(self, lease: int, key: int, place: int, piece: bytes, now: float) -> bool:
+        """A part tells a piece of what is wrong with its hardware, or of a line of its log; False: it has no lease."""
         record = self.with_lease(lease, key)
-        if record is None:
-            self.dropped.count("trouble with an unknown lease")
-        elif self.log.receive_piece(record, place, piece, now):
+        if record is not None and self.log.receive_piece(record, place, piece, now):
             self._publish(now)
+        return record is not None
 
     def lines_of(self, slot: str) -> list[LogLine]:
         """What the program of the part in a slot logged last, oldest first."""

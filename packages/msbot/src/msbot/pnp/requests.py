@@ -96,7 +96,8 @@ class RequestHandler:
                 self._inventory.descriptions.receive_description(client_key, text, now)
                 return None
             case TroublePiece(lease=lease, place=place, text=text):
-                self._inventory.piece_told(lease, client_key, place, text, now)
+                if not self._inventory.piece_told(lease, client_key, place, text, now):
+                    self.dropped.count("trouble with an unknown lease")
                 return None
             case pnp_messages.ConfigurationRequest(lease=lease):
                 configuration = self._inventory.configuration_request(lease, client_key)
