@@ -18,7 +18,6 @@ from msbot_web.access.joining import CHOICES, PICTURES, WaitState
 from msbot_web.access.sign_in_throttle import SignInRefused
 from msbot_web.access.ticket_codes import TicketCodes
 from msbot_web.language import language_of
-from msbot_web.root_path import root
 from msbot_xrce.errors import MsbotError
 
 AFTER = "/program"
@@ -139,7 +138,7 @@ class JoiningPages:
             raise
         except MsbotError as error:
             return self._names(request, ticket, status=400, error=language_of(request).translate(str(error)), name=name)
-        return RedirectResponse(f"{root()}/come?{urlencode({'wait': word})}", status_code=303)
+        return RedirectResponse(f"/come?{urlencode({'wait': word})}", status_code=303)
 
     def _waiting(self, request: Request, word: str) -> Response:
         found = self._passes.waiting.find(word)

@@ -193,6 +193,43 @@ def test_a_program_of_a_pupil_runs_behind_tls_in_the_folder(browser: Browser, ro
         trusting.close()
 
 
+def test_a_class_comes_in_by_its_code_and_by_the_link_of_its_qr_code(
+    visitor: Visitor, browser: Browser, base: str
+) -> None:
+    """Over the proxy's one port: no other of this computer is asked."""
+    visitor.go("/pupils")
+    teacher = visitor.page
+    teacher.get_by_role("button", name="Show a class ticket").click()
+    code = teacher.locator(".q-dialog .mono").first.inner_text()
+    link = re.search(r"https://\S+/come\?ticket=\S+", teacher.get_by_role("dialog").inner_text())
+    assert link is not None
+    assert link[0].startswith(f"{base}/come?ticket=")
+    teacher.get_by_role("button", name="Close").first.click()
+    name = "Dora" + base[-9:-4]
+    for way in (f"{base}/come", link[0]):
+        pupil = Visitor(browser, base)
+        page = pupil.page
+        page.goto(way)
+        if way != link[0]:
+            page.get_by_label("Code of the class").fill(code.lower())
+            page.get_by_role("button", name="Next").click()
+            page.get_by_label("Your name").fill(name)
+            page.get_by_role("button", name="Ask to come in").click()
+            teacher.get_by_role("button", name=f"Let {name} in").click()
+            expect(page.get_by_text(f"You are in, {name}")).to_be_visible()
+            pictures = [one.inner_text().split()[-1] for one in page.locator(".own li").all()]
+        else:
+            page.get_by_role("button", name=name, exact=True).click()
+            for number, picture in enumerate(pictures, 1):
+                page.get_by_role("group", name=f"Picture {number}").get_by_label(picture).check()
+        page.get_by_role("button", name="Come in").click()
+        page.wait_for_url(f"{base}/program*")
+        page.wait_for_function(LIVE)
+        assert pupil.wrong == []
+        page.context.close()
+    assert visitor.wrong == []
+
+
 def test_who_is_not_signed_in_gets_the_form_in_the_folder_and_another_name_is_refused(base: str, robot: Site) -> None:
     place = urlsplit(base)
 

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.effort import THOROUGH
-from tests.web.browser.accessible import COLOURS, hurdles
+from tests.web.browser.accessible import COLOURS, hurdles, hurdles_by_day_and_night
 from tests.web.browser.conftest import Site, call, go, new_page
 from tests.web.browser.test_demo_pages import FITS
 
@@ -95,6 +95,32 @@ def _hurdles_in(page: Page, address: str, setting: str) -> list[str]:
     page.set_viewport_size({"width": 320, "height": 700})
     page.wait_for_function(FITS)
     return found
+
+
+@pytest.mark.parametrize(
+    ("path", "opener"),
+    [
+        ("/admin", "Remove Gus"),
+        ("/wires", "New slot"),
+        ("/pupils", "Show a class ticket"),
+        ("/learn", "End the lesson"),
+        ("/learn", "Hand in"),
+    ],
+)
+def test_what_opens_above_a_page_is_for_everybody(
+    visitors: Mapping[str, Page], demo: Site, path: str, opener: str
+) -> None:
+    page = visitors["teacher"]
+    page.set_viewport_size({"width": 1280, "height": 844})
+    go(page, demo.base + path)
+    if path == "/learn" and page.get_by_role("button", name=opener).count() == 0:
+        page.get_by_role("button", name="Begin: The first part").click()
+    page.get_by_role("button", name=opener, exact=True).click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    assert hurdles_by_day_and_night(page) == []
+    page.set_viewport_size({"width": 320, "height": 700})
+    page.wait_for_function(FITS)
+    assert hurdles(page, dark=False) == []
 
 
 def test_a_cards_name_says_its_state_and_follows_it(visitors: Mapping[str, Page], demo: Site) -> None:
