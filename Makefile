@@ -15,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 ENGINE ?= uml
-# One distribution's own tests: make test PACKAGE=xrce (or agent, msbot, school, web)
+# One distribution's own tests: make test PACKAGE=xrce (or agent, msbot, school, bridges, web)
 PACKAGE ?=
 # Protocols and rules: what a change breaks first, in about a minute.
 QUICK := packages/msbot-xrce/tests $(addprefix packages/msbot-agent/tests/,conformance agent link/can/protocol idl) \

@@ -52,9 +52,9 @@ if windows:
     asyncio.set_event_loop_policy(Policy())
 """
 IMPORT_ALL = """
-import importlib, pkgutil, msbot, msbot_agent, msbot_school, msbot_web, msbot_xrce
+import importlib, pkgutil, msbot, msbot_agent, msbot_bridges, msbot_school, msbot_web, msbot_xrce
 failed = []
-packages = (msbot_xrce, msbot_agent, msbot, msbot_school, msbot_web)
+packages = (msbot_xrce, msbot_agent, msbot, msbot_school, msbot_bridges, msbot_web)
 for module in (one for package in packages for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")):
     if ".migrations" in module.name or module.name.endswith(".__main__"):
         continue

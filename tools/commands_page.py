@@ -26,7 +26,7 @@ SHARED = "## Options of many commands\n"
 TASKS = {
     "Try it": ("demo", "arena", "lesson", "quiz"),
     "Run a robot": ("init", "master", "service", "doctor", "extensions", "completion"),
-    "Run parts": ("part", "host", "board", "hardware", "library", "key"),
+    "Run parts": ("part", "host", "bridge", "board", "hardware", "library", "key"),
     "See what a robot does": ("parts", "why", "topic", "clients", "robots"),
     "Change a running robot": (
         *("adopt", "swap", "release", "block", "unblock", "simulate", "identify"),

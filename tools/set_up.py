@@ -26,7 +26,7 @@ PHASES = {
     "Installing collected packages": "installing them, which takes half of the time",
     "Successfully installed": "they are installed",
 }
-DISTRIBUTIONS = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-web")
+DISTRIBUTIONS = ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-bridges", "msbot-web")
 COMPILING = "compiling MsBOT, so that its first start is as quick as the next one"
 WRONG_HASH = "DO NOT MATCH THE HASHES"
 """How pip begins when a file is not the one that it should be."""

@@ -1,4 +1,4 @@
-"""Where the sources of the five distributions are."""
+"""Where the sources of the six distributions are."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = tuple(
     ROOT / "packages" / distribution / "src" / distribution.replace("-", "_")
-    for distribution in ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-web")
+    for distribution in ("msbot-xrce", "msbot-agent", "msbot", "msbot-school", "msbot-bridges", "msbot-web")
 )
 """The folders of the import packages, from the lowest up."""
 

@@ -21,6 +21,7 @@ COMMANDS = {
     "master": "Run a robot's master: profile, health inventory and agent.",
     "part": "Run one part of a robot, simulated or wired to this computer.",
     "host": "Run all parts that are wired to this computer, from one file.",
+    "bridge": "Make devices that speak another protocol parts of a robot.",
     "board": "Put MsBOT and programs on boards with MicroPython; run them, open a prompt.",
     "hardware": "Find what is plugged into this computer.",
     "arena": "List, check and show the worlds that simulated robots drive in.",
@@ -109,6 +110,7 @@ def main() -> None:
 
 
 IN_SCHOOL = ("class", "fault", "mission", "lesson", "quiz")
+IN_BRIDGES = ("bridge",)
 IN_WEB = ("demo", "user", "pupils")
 
 
@@ -116,6 +118,8 @@ def package_of(command: str) -> str:
     """The distribution of MsBOT that brings a command of `COMMANDS`."""
     if command in BUILT_IN:
         return "msbot-agent"
+    if command in IN_BRIDGES:
+        return "msbot-bridges"
     return "msbot-school" if command in IN_SCHOOL else "msbot-web" if command in IN_WEB else "msbot"
 
 

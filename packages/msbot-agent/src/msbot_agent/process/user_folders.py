@@ -137,10 +137,10 @@ def alone_in(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-# Which code is MsBOT's own: five distributions, each with a package of its own.
+# Which code is MsBOT's own: six distributions, each with a package of its own.
 
 
-PACKAGES = ("msbot_xrce", "msbot_agent", "msbot", "msbot_school", "msbot_web")
+PACKAGES = ("msbot_xrce", "msbot_agent", "msbot", "msbot_school", "msbot_bridges", "msbot_web")
 """The import packages, from the lowest up."""
 UNDIVIDED = {"msbot_xrce": "xrce", "msbot_web": "web"}
 """Packages that count as one room each; the others are divided into rooms."""

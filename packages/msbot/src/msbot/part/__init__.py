@@ -11,6 +11,7 @@ from msbot.part.client.client import Client, ClientMaker, ServiceNames
 from msbot.part.client.client_settings import ClientSettings, ConnectionState
 from msbot.part.client.discovery import FoundAgent, find_agents
 from msbot.part.client.entities import Entity
+from msbot.part.handler_guard import NotSafeYet
 from msbot.part.join.joining import ExpectedRobot, JoinState
 from msbot.part.messages.message import Message
 from msbot.part.messages.standard import HelloWorld
@@ -28,6 +29,7 @@ __all__ = [
     "HelloWorld",
     "JoinState",
     "Message",
+    "NotSafeYet",
     "NumatoGpio",
     "Part",
     "PinDirection",

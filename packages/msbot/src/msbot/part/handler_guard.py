@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from msbot.part.program_mistakes import line_of
 from msbot.part.waiting import Waiting, WaitingFunctions
-from msbot_xrce.errors import ConfigError
+from msbot_xrce.errors import ConfigError, MsbotError
 
 if TYPE_CHECKING:
     from greenlet import greenlet
@@ -56,6 +56,13 @@ def check_handler(function: Callable[..., object], arguments: str = "", *, at_on
     except ValueError:
         _log.debug("%s has no signature to check", name)
     return name
+
+
+class NotSafeYet(MsbotError):
+    """Raised by a function that makes the part safe: the hardware was told, and has not reported it yet.
+
+    STOP is not confirmed then. `Part.is_safe_now` has the function called again; so does each repetition of STOP.
+    """
 
 
 class _Turn:
@@ -175,6 +182,9 @@ class Guard:
         turn.outer, self.running = self.running, (self._shown(function), began_at)
         try:
             turn.step(*arguments)
+        except NotSafeYet as not_yet:
+            _log.debug("%s: %s", self._shown(function), not_yet)
+            failed = True
         except Exception as error:
             self._failed(function, error)
             failed = True

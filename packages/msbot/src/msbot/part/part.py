@@ -502,6 +502,13 @@ class Part:
         """
         self._runner.log(str(text), log_level(level))
 
+    def is_safe_now(self) -> None:
+        """The hardware reports something that bears on STOP: functions that have raised `NotSafeYet` are called again.
+
+        When all of them return, STOP is confirmed at once. Nothing happens while no STOP holds, or it is confirmed.
+        """
+        self._runner.is_safe_now()
+
     def trouble(self, sentence: str) -> None:
         """Say what is wrong with the part's hardware, before `end`: the robot shows it (up to 180 octets).
 

@@ -318,6 +318,11 @@ class ProgramRunner:
         elif is_news:
             self._say_stop_soon()
 
+    def is_safe_now(self) -> None:
+        """See `Part.is_safe_now`."""
+        if self.safety.try_again() and self._membership is not None:
+            self._membership.beat_soon()
+
     def say_trouble(self, sentence: str) -> None:
         """See `Part.trouble`."""
         if self._membership is not None:

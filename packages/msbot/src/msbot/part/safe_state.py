@@ -176,6 +176,13 @@ class Safety:
             self._is_safe = self.enter()
         return is_news
 
+    def try_again(self) -> bool:
+        """What was not safe yet may be now; True: it has become so, and the master is to know."""
+        if not self.stopped or self._is_safe:
+            return False
+        self._is_safe = self.enter()
+        return self._is_safe
+
     def go(self, number: int) -> bool:
         """The master's STOP of that number is over; False: there is none to end, or a later one holds."""
         self._heard, self._over = max(self._heard, number), max(self._over, number)

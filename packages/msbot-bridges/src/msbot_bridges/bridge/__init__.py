@@ -1,0 +1,40 @@
+"""What all bridges share: the contract of a world, and parts that are made of devices.
+
+A world implements `World` and `Device`; `Bridge` does the rest: part number, UID, description, settings, life, STOP.
+"""
+
+from msbot_bridges.bridge.bridge import Bridge
+from msbot_bridges.bridge.bridged_part import BridgedPart
+from msbot_bridges.bridge.contract import (
+    BridgeLink,
+    Device,
+    DeviceIdentity,
+    DeviceSetting,
+    Input,
+    Output,
+    Report,
+    SimulatedDevice,
+    World,
+    WorldHost,
+    WorldKind,
+    worlds,
+)
+from msbot_bridges.bridge.thread import WorldThread
+
+__all__ = [
+    "Bridge",
+    "BridgeLink",
+    "BridgedPart",
+    "Device",
+    "DeviceIdentity",
+    "DeviceSetting",
+    "Input",
+    "Output",
+    "Report",
+    "SimulatedDevice",
+    "World",
+    "WorldHost",
+    "WorldKind",
+    "WorldThread",
+    "worlds",
+]

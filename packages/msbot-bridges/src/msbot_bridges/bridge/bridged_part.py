@@ -1,0 +1,195 @@
+"""A part that is made of a device of another world.
+
+Theory of operation. The device says who it is and what it has; from that the part describes itself, so that a robot
+that does not know the part number asks, and a person adopts it. The device is told something only after the inventory
+has registered the part: its settings first, then what comes in at its ports. STOP is confirmed only when the device
+itself has reported that it has stopped; until then it is told again. A device with a fault leaves its robot with that
+sentence, and comes back when the fault is gone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable
+
+from msbot.part import JoinState, Message, NotSafeYet, Part
+from msbot.part.description import describe
+from msbot.part.join.pnp_messages import Nature
+from msbot_agent.link import Link
+from msbot_bridges.bridge.contract import Device, Value
+from msbot_xrce.errors import ConfigError, LinkError, MsbotError
+
+AGAIN_S = 0.2
+"""Time after which a device that has not reported that it has stopped is told so again."""
+RESTART_S = 2.0
+"""Time after which a part whose link has failed is started again."""
+
+_log = logging.getLogger("msbot.part")
+
+
+class BridgedPart:
+    """The part of one device.
+
+    Args:
+        device: the device.
+        part_made: gives the part its key, before it runs.
+        nature: what is behind it.
+    """
+
+    def __init__(
+        self, device: Device, part_made: Callable[[Part], None] = lambda _: None, nature: Nature = Nature.REAL
+    ) -> None:
+        self.device = device
+        self.left_out: list[str] = []
+        """Settings for which the description has no room."""
+        self.part = self._part(nature)
+        part_made(self.part)
+        self._was_in = False
+        """The inventory has registered the device, so that it may be told something."""
+        self._is_over = asyncio.Event()
+        self._changed = asyncio.Event()
+        self._again: asyncio.TimerHandle | None = None
+
+    def _part(self, nature: Nature) -> Part:
+        """The part with as many settings as its description has room for."""
+        settings = list(self.device.settings)
+        while True:
+            part = self._part_with([setting.name for setting in settings])
+            part.nature = nature
+            try:
+                describe(part.part_number, self.device.identity.description, part.program)
+            except ConfigError:
+                if not settings:
+                    raise
+                self.left_out.insert(0, settings.pop().name)
+            else:
+                return part
+
+    def _part_with(self, settings: list[str]) -> Part:
+        device, who = self.device, self.device.identity
+        part = Part(who.part_number, uid=who.uid, describes=who.description)
+        for output in device.outputs:
+            part.publishes(output.name, output.message)
+        for one in device.inputs:
+            part.on(one.name, one.message, safe=one.safe, optional=True)(self._acting(one.name))
+        for setting in device.settings:
+            if setting.name in settings:
+                part.on_setting(
+                    setting.name,
+                    setting.kind,
+                    default=setting.default,
+                    least=setting.least,
+                    most=setting.most,
+                    unit=setting.unit,
+                )(self._setting(setting.name))
+        part.on_join(self._joined)
+        part.safe_state(self._be_safe)
+        part.on_lost(self._left)
+        part.on_end(self._left)
+        part.on_go(device.go)
+        part.on_identify(device.identify)
+        return part
+
+    # Life
+
+    async def run(self, connect: Callable[[Part], Link]) -> None:
+        """Run the part until `end`.
+
+        Args:
+            connect: makes a link to the master each time the part starts.
+        """
+        while not self._is_over.is_set():
+            if fault := self.device.fault:
+                _log.warning("%s: %s", self.name, fault)
+                await self._until_changed()
+                continue
+            try:
+                await self.part.run_async(connect(self.part))
+            except LinkError as error:
+                _log.warning("%s: %s; tried again in %g s", self.name, error, RESTART_S)
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(RESTART_S):
+                        await self._is_over.wait()
+            except MsbotError as error:
+                _log.error("%s: %s", self.name, error)
+                await self._until_changed()
+
+    @property
+    def name(self) -> str:
+        """For people: what it is and where."""
+        who = self.device.identity
+        return f"{who.part_number} ({who.where})" if who.where else who.part_number
+
+    def end(self, why: str = "") -> None:
+        """End the part; `why` is what its robot shows."""
+        self._is_over.set()
+        self._changed.set()
+        if why:
+            self.part.trouble(why)
+        self.part.end()
+
+    def news(self) -> None:
+        """The device has reported something."""
+        self._changed.set()
+        if fault := self.device.fault:
+            self.part.trouble(fault)
+            self.part.end()
+        elif not self.device.not_stopped:
+            self.part.is_safe_now()
+
+    async def _until_changed(self) -> None:
+        self._changed.clear()
+        if not self._is_over.is_set():
+            await self._changed.wait()
+
+    # What the part's functions do
+
+    def _acting(self, port: str) -> Callable[[Message], None]:
+        def act(message: Message) -> None:
+            if self._may_be_told():
+                self.device.act(port, message)
+
+        return act
+
+    def _setting(self, name: str) -> Callable[[Value], None]:
+        def take(value: Value) -> None:
+            if self._may_be_told():
+                self.device.set(name, value)
+
+        return take
+
+    def _may_be_told(self) -> bool:
+        self._was_in |= self.part.state in (JoinState.CONFIGURING, JoinState.ACTIVE)
+        return self._was_in
+
+    def _joined(self) -> None:
+        self._was_in = True
+        self.device.begin(self._report)
+
+    def _report(self, port: str, message: Message) -> None:
+        """Something goes out of a port; before the part is active nobody hears it."""
+        if self.part.state is JoinState.ACTIVE:
+            self.part.publish(port, message)
+
+    def _be_safe(self) -> None:
+        if not self._may_be_told():
+            return
+        self.device.stop()
+        if self.part.stopped and (why := self.device.not_stopped):
+            if self._again is None:
+                self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._stop_again)
+            raise NotSafeYet(why)
+
+    def _stop_again(self) -> None:
+        self._again = None
+        self.part.is_safe_now()
+
+    def _left(self) -> None:
+        if self._again is not None:
+            self._again.cancel()
+            self._again = None
+        if self._was_in:
+            self._was_in = False
+            self.device.end()

@@ -1,0 +1,246 @@
+"""What a world gives to a bridge: devices with ports, settings and an identity of their own.
+
+Everything here is called in the event loop and returns at once. A library that waits for its bus runs in a
+`WorldThread`. A device is asked who it is and listened to for that; it is told something only by the methods of
+`Device`, which the bridge calls once the robot's inventory has registered it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
+from typing import Any, Protocol
+
+from msbot.part import Message
+from msbot.part.join.pnp_messages import TEXT_OCTETS, UID_OCTETS
+from msbot_agent.startup.extensions import extensions
+from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
+
+GROUP = "bridges"
+"""The group of entry points: `msbot.bridges`."""
+MOST_DEVICES = 120
+"""Devices that one bridge makes parts of; further ones are named in the log."""
+Value = bool | int | float | str
+Report = Callable[[str, Message], None]
+"""Called by a device with a port and a message that goes out of it."""
+
+_NO_NAME = re.compile(r"[^\w.+ -]+")
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceIdentity:
+    """Who a device says it is."""
+
+    maker: str
+    product: str
+    unique: bytes
+    """What no other device of this maker and product has: a serial number, a chip's number."""
+    words: str
+    """What it is, for people: `servo of ACME`."""
+    where: str = ""
+    """Where it is on its bus: `node 12`."""
+    hardware: str = ""
+    """Version of the hardware; empty: it does not say."""
+    software: str = ""
+    """Version of the software."""
+
+    @property
+    def part_number(self) -> str:
+        """`maker:product`, from characters that a part number may have everywhere."""
+        number = f"{_clean(self.maker)}:{_clean(self.product)}"
+        return number.encode()[:TEXT_OCTETS].decode(errors="ignore")
+
+    @property
+    def uid(self) -> bytes:
+        """The UID of the part: the same for this device at every bridge, and another one for every other device."""
+        text = f"{self.part_number}\0".encode() + self.unique
+        return hashlib.sha256(text).digest()[:UID_OCTETS]
+
+    @property
+    def description(self) -> str:
+        """For the library: what it is, with its versions."""
+        versions = [
+            f"{what} {version}"
+            for what, version in (("hardware", self.hardware), ("software", self.software))
+            if version
+        ]
+        return f"{self.words} ({', '.join(versions)})" if versions else self.words
+
+
+def _clean(name: str) -> str:
+    return _NO_NAME.sub("_", name).strip(" ._") or "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A port at which the device's reports go into the robot."""
+
+    name: str
+    message: type[Message]
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A port at which the robot drives the device."""
+
+    name: str
+    message: type[Message]
+    safe: Message | None = None
+    """The value when nobody is in command; None: it keeps what it has."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSetting:
+    """A value that the device keeps, and that its slot sets."""
+
+    name: str
+    kind: type[Value]
+    default: Value
+    least: float | None = None
+    most: float | None = None
+    unit: str = ""
+
+
+class Device(ABC):
+    """One device of a world; each method returns at once.
+
+    While it lives, its world calls `WorldHost.news` whenever `not_stopped` or `fault` may have changed.
+    """
+
+    identity: DeviceIdentity
+    outputs: Sequence[Output] = ()
+    inputs: Sequence[Input] = ()
+    settings: Sequence[DeviceSetting] = ()
+
+    @abstractmethod
+    def begin(self, report: Report) -> None:
+        """The robot has taken the device in: from now on it may be heard and told.
+
+        Args:
+            report: takes what goes out of its ports, in the event loop.
+        """
+
+    @abstractmethod
+    def end(self) -> None:
+        """It is no longer in the robot; it was made safe before."""
+
+    @abstractmethod
+    def act(self, port: str, message: Message) -> None:
+        """A message has come in at a port."""
+
+    @abstractmethod
+    def set(self, name: str, value: Value) -> None:
+        """Its slot has this value for a setting; also before `begin`, once for each."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Do what is safest for this device. Called again while `not_stopped` says that it is not done."""
+
+    @abstractmethod
+    def go(self) -> None:
+        """STOP is over: obey `act` again."""
+
+    @property
+    @abstractmethod
+    def not_stopped(self) -> str:
+        """Why it is not known to have stopped, as a sentence; empty: the device itself has reported that it has.
+
+        Only what the device has reported since `stop` counts. A device that cannot report it never is.
+        """
+
+    @property
+    def fault(self) -> str:
+        """What it says is wrong with it, as a sentence; empty: nothing. With a fault it is no part of its robot."""
+        return ""
+
+    def identify(self) -> None:  # noqa: B027 - few devices can
+        """Show a person which one it is, where it can."""
+
+
+class WorldHost(Protocol):
+    """What a world tells its bridge, in the event loop."""
+
+    def found(self, device: Device) -> None:
+        """A device is there, and everything about it is known. One with the UID of another takes its place."""
+
+    def lost(self, device: Device, why: str) -> None:
+        """It is gone; `why` is a sentence for people."""
+
+    def news(self, device: Device) -> None:
+        """It has reported something: whether it has stopped, or a fault."""
+
+    def say(self, words: str) -> None:
+        """One line for the person who runs the bridge."""
+
+
+class World(ABC):
+    """One network of devices."""
+
+    @abstractmethod
+    async def run(self, host: WorldHost) -> None:
+        """Find devices until cancelled.
+
+        Raises:
+            ConfigError: the network cannot be used; the text says what would be right.
+            LinkDown: it cannot be opened, or has ended.
+        """
+
+    def left(self, device: Device) -> None:  # noqa: B027 - few worlds keep anything
+        """The bridge has ended the part of a device: forget what was kept for it unless it was in the inventory."""
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeLink:
+    """Where the devices are."""
+
+    address: str
+    """As the person wrote it: `socketcan:can0`, `msbot:classroom`."""
+    options: Mapping[str, str] = field(default_factory=dict)
+    """`--option NAME=VALUE`, by name."""
+
+    def option(self, name: str, otherwise: str = "") -> str:
+        """One of the options."""
+        return self.options.get(name, otherwise)
+
+
+class SimulatedDevice(Protocol):
+    """A device for those who have none: it runs in a process of its own, with the world's own library."""
+
+    async def run(self) -> None:
+        """Run until cancelled."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldKind:
+    """One kind of world, named by an entry point of the group `msbot.bridges`."""
+
+    words: str
+    """One line for `msbot bridge --help`."""
+    example: str
+    """An address, for help and messages."""
+    open: Callable[[BridgeLink], World]
+    """Makes a world; raises ConfigError when address or options make no sense. Imports its library here, not before."""
+    options: Mapping[str, str] = field(default_factory=dict)
+    """The options that it takes, each with what it means."""
+    simulated: Mapping[str, Callable[[BridgeLink, Mapping[str, Any]], SimulatedDevice]] = field(default_factory=dict)
+    """What can be simulated, by name."""
+
+    def check(self, name: str, link: BridgeLink) -> None:
+        """Refuse options that this kind of world does not have.
+
+        Raises:
+            ConfigError: one of them is unknown.
+        """
+        for option in link.options:
+            if option not in self.options:
+                known = ", ".join(self.options) or "none"
+                raise ConfigError(f"--option {option}: a bridge for {name} has no such option; it has {known}")
+
+
+def worlds() -> dict[str, WorldKind]:
+    """All kinds that are installed, by name."""
+    return extensions().all(GROUP, WorldKind)

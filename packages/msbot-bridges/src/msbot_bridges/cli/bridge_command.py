@@ -1,0 +1,166 @@
+"""`msbot bridge`: devices of another world as parts of a robot."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Coroutine, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from msbot_agent.cli.options import json_option
+from msbot_xrce.errors import ConfigError
+
+if TYPE_CHECKING:
+    from msbot.cli.run.host import Endable
+    from msbot_bridges.bridge import BridgeLink, SimulatedDevice, WorldKind
+
+
+@click.command("bridge")
+@click.argument("world", required=False, default="")
+@click.option("--link", "address", metavar="ADDRESS", default="", help="Where the devices are.")
+@click.option(
+    "--robot-link",
+    metavar="ADDRESS",
+    default="udp:127.0.0.1:8888",
+    show_default=True,
+    envvar="MSBOT_LINK",
+    help="The way to the master; $MSBOT_LINK unless given.",
+)
+@click.option(
+    "--option", "options", metavar="NAME=VALUE", multiple=True, help="Something about that world; several times."
+)
+@click.option(
+    "--simulate",
+    metavar="DEVICE",
+    default="",
+    help="Be a simulated device there, instead of a bridge; --option as well.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Say only what is wrong.")
+@json_option
+def command(
+    world: str,
+    *,
+    address: str,
+    robot_link: str,
+    options: tuple[str, ...],
+    simulate: str,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Bring the devices of WORLD into a robot, until Ctrl-C; without WORLD, list what can be bridged.
+
+    Each device that is found becomes a part, described by what it declares. A robot that does not know it asks a
+    person: `msbot adopt`, or the page.
+    """
+    from msbot_bridges.bridge import worlds
+
+    known = worlds()
+    if not world:
+        _list(known, as_json=as_json)
+        return
+    kind = known.get(world)
+    if kind is None:
+        raise ConfigError(f'there is no bridge for "{world}"; there are {", ".join(sorted(known)) or "none"}')
+    if not address:
+        raise ConfigError(f"say where the devices are: msbot bridge {world} --link {kind.example}")
+    link = _link(address, options)
+    if simulate:
+        _simulate(world, kind, simulate, link, quiet=quiet)
+        return
+    kind.check(world, link)
+    _bridge(kind, link, robot_link, quiet=quiet)
+
+
+def _list(known: Mapping[str, WorldKind], *, as_json: bool) -> None:
+    if as_json:
+        import json
+
+        listed = [
+            {"name": name, "words": kind.words, "example": kind.example, "simulated": sorted(kind.simulated)}
+            for name, kind in sorted(known.items())
+        ]
+        click.echo(json.dumps(listed, ensure_ascii=False))
+        return
+    for name, kind in sorted(known.items()):
+        click.echo(f"{name}: {kind.words}")
+        click.echo(f"    msbot bridge {name} --link {kind.example}")
+        for option, words in kind.options.items():
+            click.echo(f"    --option {option}=...: {words}")
+        if kind.simulated:
+            click.echo(f"    --simulate {', '.join(sorted(kind.simulated))}")
+
+
+def _link(address: str, options: tuple[str, ...]) -> BridgeLink:
+    from msbot_bridges.bridge import BridgeLink
+
+    given = dict[str, str]()
+    for option in options:
+        name, sign, value = option.partition("=")
+        if not sign or not name:
+            raise ConfigError(f"--option {option}: write NAME=VALUE")
+        given[name] = value
+    return BridgeLink(address, given)
+
+
+def _bridge(kind: WorldKind, link: BridgeLink, robot_link: str, *, quiet: bool) -> None:
+    from msbot.cli.run.host import run_until_told
+    from msbot.part.join.part_keys import given_key
+    from msbot.part.run import CAN
+    from msbot_agent.link import Link, open_link
+    from msbot_bridges.bridge import Bridge
+
+    if TYPE_CHECKING:
+        from msbot.part import Part
+
+    def connect(part: Part) -> Link:
+        return open_link(robot_link, can=replace(CAN, uid=part.uid))
+
+    def prepare(part: Part) -> None:
+        assert part.uid is not None
+        part.key = given_key(None, part.part_number, part.uid.hex())  # one for each device
+
+    def make() -> tuple[Endable, Coroutine[object, object, None]]:
+        bridge = Bridge(kind.open(link), connect, prepare)
+        return bridge, bridge.run()
+
+    run_until_told(make, quiet=quiet)
+
+
+class _Simulation:
+    """A simulated device that runs until it is told to end."""
+
+    def __init__(self, device: SimulatedDevice) -> None:
+        self._device = device
+        self._ended = asyncio.Event()
+
+    def end(self) -> None:
+        self._ended.set()
+
+    async def run(self) -> None:
+        running = asyncio.create_task(self._device.run())
+        ending = asyncio.create_task(self._ended.wait())
+        await asyncio.wait([running, ending], return_when=asyncio.FIRST_COMPLETED)
+        ending.cancel()
+        running.cancel()
+        await asyncio.wait([running, ending])
+        if not running.cancelled() and (error := running.exception()) is not None:
+            raise error
+
+
+def _simulate(world: str, kind: WorldKind, name: str, link: BridgeLink, *, quiet: bool) -> None:
+    from msbot.cli.run.host import run_until_told
+
+    make_device = kind.simulated.get(name)
+    if make_device is None:
+        known = ", ".join(sorted(kind.simulated)) or "nothing"
+        raise ConfigError(f"--simulate {name}: of {world} there can be simulated: {known}")
+
+    def make() -> tuple[Endable, Coroutine[object, object, None]]:
+        simulation = _Simulation(make_device(link, link.options))
+        logging.getLogger("msbot.part").info("%s %s on %s; Ctrl-C ends it", world, name, link.address)
+        return simulation, simulation.run()
+
+    run_until_told(make, quiet=quiet)
