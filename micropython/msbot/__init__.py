@@ -13,7 +13,8 @@ __version__ = "0.1.0"
 
 _PLACES = (
     "part Part;membership ExpectedRobot JoinState;gpio PinDirection SimGpio;generic GenericBoard run_board;running run "
-    "start use_host;message Message field uint8 uint16 uint32 uint64 int8 int16 int32 int64 float32 float64"
+    "start use_host;lists IntEnum Annotated List AtMost Exactly Octets;message Message field uint8 uint16 uint32 "
+    "uint64 int8 int16 int32 int64 float32 float64"
 )
 
 _print = print

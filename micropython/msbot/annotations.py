@@ -13,7 +13,10 @@ def with_fields(source):
             continue
         if inside is not None and indent <= inside:
             inside = None
-        if text.startswith("class ") and "(" in text:
+        if text.startswith(("from typing import ", "from enum import ")):
+            names = [one for one in ("Annotated", "IntEnum") if one in text]
+            lines[place] = line[:indent] + ("from msbot import " + ", ".join(names) if names else "pass")
+        elif text.startswith("class ") and "(" in text:
             name, _, bases = text[6:].partition("(")
             if any(base.strip().split(".")[-1] in messages for base in bases.partition(")")[0].split(",")):
                 messages.append(name.strip())
@@ -23,7 +26,9 @@ def with_fields(source):
             name, colon, rest = text.partition("#")[0].partition(":")
             if colon and indent == body and _is_name(name) and "ClassVar" not in rest:
                 kind, equals, default = rest.partition("=")
-                inner = kind.strip() + (", " + default.strip() if equals else "")
+                inner = kind.strip().replace("list[", "__import__('msbot').List[") + (
+                    ", " + default.strip() if equals else ""
+                )
                 lines[place] = "{}{} = __import__('msbot').field({})".format(line[:indent], name.strip(), inner)
     return "\n".join(lines)
 

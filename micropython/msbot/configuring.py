@@ -2,7 +2,7 @@
 
 from .cdr import Reader
 from .errors import ConfigError, LocalProtocolError
-from .message import fields_of, type_name_of
+from .message import type_name_of
 from .objects import PARTICIPANT, PUBLISHER, SUBSCRIBER, endpoint_blob, service_blob, topic_blob
 from .part import Timed, read_setting, stream_of
 from .running import forget, once
@@ -128,22 +128,11 @@ def _pace(part, timed, name, seconds, now):
 
 
 def _make_safe(part, port, fields):
-    message_class = part._listeners[port][0]
-    kinds = dict(fields_of(message_class))
     try:
-        values = {}
+        message = part._listeners[port][0]()
         for name, text in fields.items():
-            if name not in kinds:
-                raise ConfigError("{} has no simple field {!r}".format(message_class.__name__, name))
-            values[name] = _value_of(kinds[name], text)
-        part._safe[port] = message_class(**values)
+            once("leaves").set_leaf(message, name, text)
+        message._check()
+        part._safe[port] = message
     except (ConfigError, LocalProtocolError, ValueError, KeyError) as error:
         part.report("safe value of port {!r}".format(port), "cannot be used: {}".format(error))
-
-
-def _value_of(kind, text):
-    if kind is bool:
-        return {"true": True, "false": False}[text]
-    if kind is str:
-        return text
-    return float(text) if kind in ("f", "d") else int(text)

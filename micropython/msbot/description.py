@@ -1,14 +1,16 @@
 """What a part says of itself: a library file, the same as on a PC; imported by parts that describe themselves."""
 
 from .errors import ConfigError
-from .message import fields_of, type_name_of
+from .kind_words import name_of, with_inside, word_of
+from .leaves import leaves_of
+from .message import Kind, fields_of, type_name_of
+from .running import forget
+
+forget("kind_words")
+forget("leaves")
 
 _MOST, _LEAST = 4096, 540  # octets; shorter ones are filled up, because claims are shorter
 _KINDS = {bool: "bool", int: "int", float: "float", str: "text"}
-_WORDS = {
-    "B": "uint8", "H": "uint16", "I": "uint32", "Q": "uint64", "b": "int8", "h": "int16", "i": "int32", "q": "int64",
-    "f": "float32", "d": "float64", bool: "bool", str: "text",
-}  # fmt: skip
 
 
 def describe(part):
@@ -24,7 +26,7 @@ def describe(part):
                 out += ["", "[[port]]", "name = " + _value(port), "direction = " + _value(way)]
                 out.append("type = " + _value(type_name_of(message_class)))
                 if safe is not None:
-                    out.append("safe = " + _table([(name, _field(safe, name, of)) for name, of in _fields(safe)]))
+                    out.append("safe = " + _table([(way, value) for way, _, value in leaves_of(safe)]))
                 if message_class not in classes:
                     classes.append(message_class)
     for way in ("call", "serve"):
@@ -41,8 +43,14 @@ def describe(part):
             out += [key + " = " + _value(end) for key, end in (("min", least), ("max", most)) if end is not None]
             if unit:
                 out.append("unit = " + _value(unit))
+    told = []
     for message_class in classes:
-        out += ["", "[[type]]", "name = " + _value(type_name_of(message_class))]
+        with_inside(message_class, told)
+    for message_class in told:
+        out += ["", "[[type]]", "name = " + _value(name_of(message_class))]
+        if isinstance(message_class, Kind):
+            out.append(_enum(message_class))
+            continue
         out.append(
             "fields = " + _table([(name, _word(message_class, name, of)) for name, of in fields_of(message_class)])
         )
@@ -58,20 +66,19 @@ def describe(part):
     return text + "\n" * (_LEAST - size)
 
 
-def _fields(message):
-    return fields_of(type(message))
-
-
-def _field(message, name, kind):
-    value = getattr(message, name)
-    return float(value) if kind in ("f", "d") else value
+def _enum(kind):
+    if kind.numbers != list(range(len(kind.numbers))):
+        words = "{} cannot be described: number its names from 0, one after the other"
+        raise ConfigError(words.format(kind.name))
+    return "enum = [{}]".format(", ".join([_value(name) for name in kind.names]))
 
 
 def _word(message_class, name, kind):
-    if kind not in _WORDS:
-        words = "{}.{} cannot be described: use numbers, bool and str"
-        raise ConfigError(words.format(message_class.__name__, name))
-    return _WORDS[kind]
+    word = word_of(kind)
+    if word.endswith("[]") or "][" in word:
+        words = "{}.{} is {}, which a part cannot describe: say how many there can be; there are no lists of lists"
+        raise ConfigError(words.format(message_class.__name__, name, word))
+    return word
 
 
 def _table(pairs):

@@ -9,10 +9,14 @@ from .cdr import Reader, put, put_text
 from .errors import LocalProtocolError, RemoteProtocolError
 from .running import once
 
-# A type on the wire is a code of `struct`, or str, bool, bytes, or a Message class.
+# A type on the wire is a code of `struct`, or str, bool, bytes, a Message class, or a Kind (`lists`).
 uint8, uint16, uint32, uint64 = "BHIQ"
 int8, int16, int32, int64 = "bhiq"
 float32, float64 = "fd"
+
+
+class Kind:
+    """Base of what a field holds besides: lists, bounded texts, enums."""
 
 
 class _Field:
@@ -27,7 +31,8 @@ class _Field:
 
 def field(kind, default=None):
     """One field of a message class; without a default it is zero."""
-    return _Field(kind, default)
+    make = getattr(kind, "kind_of", None)  # an enum
+    return _Field(make(kind) if make else kind, default)
 
 
 def zero(kind):
@@ -73,7 +78,8 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
     def __init__(self, **values):
         for name, kind in fields_of(type(self)):
             if name not in values:
-                values[name] = self._defaults[name] if name in self._defaults else zero(kind)
+                default = self._defaults.get(name)
+                values[name] = zero(kind) if default is None else default[:] if isinstance(default, list) else default
             setattr(self, name, values.pop(name))
         for name in values:
             raise TypeError("{} has no field {!r}".format(type(self).__name__, name))
@@ -103,18 +109,7 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
     def _write(self, out):
         self._check()  # again: a field can be set to anything
         for name, kind in fields_of(type(self)):
-            value = getattr(self, name)
-            if isinstance(kind, str):
-                put(out, kind, value)
-            elif kind is bool:
-                out.append(value)
-            elif kind is str:
-                put_text(out, value)
-            elif kind is bytes:
-                put(out, "I", len(value))
-                out += value
-            else:
-                value._write(out)
+            write(out, kind, getattr(self, name))
 
     @classmethod
     def decode(cls, octets):
@@ -125,6 +120,23 @@ class Message:  # noqa: PLW1641 - it can change, and has no hash
             words = "{} bytes left over after {}: is it another type?"
             raise RemoteProtocolError(words.format(len(octets) - reader.at, type_name_of(cls)))
         return message
+
+
+def write(out, kind, value):
+    """Append a value of that kind."""
+    if isinstance(kind, str):
+        put(out, kind, value)
+    elif kind is bool:
+        out.append(value)
+    elif kind is str:
+        put_text(out, value)
+    elif kind is bytes:
+        put(out, "I", len(value))
+        out += value
+    elif isinstance(kind, Kind):
+        kind.write(out, value)
+    else:
+        value._write(out)
 
 
 def read(kind, reader):
@@ -140,6 +152,8 @@ def read(kind, reader):
         return reader.text()
     if kind is bytes:
         return reader.take(reader.number("I"))
+    if isinstance(kind, Kind):
+        return kind.read(reader)
     return kind(**{name: read(inner, reader) for name, inner in fields_of(kind)})
 
 
@@ -151,6 +165,8 @@ def limits(code):
 
 def fits(kind, value):
     """Whether a field of that kind can hold the value."""
+    if isinstance(kind, Kind):
+        return kind.fits(value)
     if not isinstance(kind, str):
         return isinstance(value, kind) and (kind is not str or "\0" not in value)
     if not isinstance(value, int) or isinstance(value, bool):

@@ -7,34 +7,63 @@ import struct
 from hashlib import sha256
 
 from .cdr import put_text
-from .message import fields_of, type_name_of
+from .message import Kind, fields_of, type_name_of
+from .running import once
 from .xrce import RELIABLE
 
-_WORDS = {
-    "B": "uint8", "H": "uint16", "I": "uint32", "Q": "uint64", "b": "int8", "h": "int16", "i": "int32", "q": "int64",
-    "f": "float32", "d": "float64", bool: "bool", str: "text",
-}  # fmt: skip
-_IDS = {"B": 3, "H": 5, "I": 7, "Q": 9, "b": 2, "h": 4, "i": 6, "q": 8, "f": 10, "d": 11, bool: 15, str: 17}
-_FIELD = '{{"name": "{}", "type": {{"type_id": {}, "capacity": 0, "string_capacity": 0, "nested_type_name": ""}}}}'
-_TYPE = '{{"type_description": {{"type_name": "{}", "fields": [{}]}}, "referenced_type_descriptions": []}}'
+_IDS = {"B": 3, "H": 5, "I": 7, "Q": 9, "b": 2, "h": 4, "i": 6, "q": 8, "f": 10, "d": 11, bool: 15, str: 17, bytes: 147}
+_FIELD = '{{"name": "{}", "type": {{"type_id": {}, "capacity": {}, "string_capacity": {}, "nested_type_name": "{}"}}}}'
+_TYPE = '{{"type_name": "{}", "fields": [{}]}}'
+_WHOLE = '{{"type_description": {}, "referenced_type_descriptions": [{}]}}'
+_LISTS = {"": 144, "=": 48, "<=": 96}
 _LEAST, _MOST = 540, 4096
 _NOT_KNOWN = 255
 _OF_REPLY = 0x80
 
 
 def type_hash(message_class):
-    """The first octets of the hash of a class; None: it has fields that are not compared."""
-    name, fields = type_name_of(message_class), fields_of(message_class)
-    if not all([kind in _IDS for _, kind in fields]):
-        return None
+    """The first octets of the hash of a class; None: it has lists of lists, which are not compared."""
+    types = [message_class]
+    if not all([kind in _IDS for _, kind in fields_of(message_class)]):
+        types = once("kind_words").with_inside(message_class)  # there are others inside
+    for one in types:
+        for _, kind in () if isinstance(one, Kind) else fields_of(one):
+            element = getattr(kind, "element", None) if isinstance(kind, Kind) else None
+            if element is bytes or hasattr(element, "element"):
+                return None
+    inner = [(_ros_name(_name_of(one)), _described(one)) for one in types[:-1]]
+    inner.sort()
+    return sha256(_WHOLE.format(_described(types[-1]), ", ".join([told for _, told in inner])).encode()).digest()[:8]
+
+
+def _ros_name(name):
     words = [word for word in name.split("::") if word]
     if len(words) == 4 and words[2] == "dds_":
         last = words[3]
-        name = "{}/{}/{}".format(words[0], words[1], last[:-1] if last.endswith("_") else last)
+        return "{}/{}/{}".format(words[0], words[1], last[:-1] if last.endswith("_") else last)
+    return "msbot_msgs/msg/" + name
+
+
+def _name_of(one):
+    return one.name if isinstance(one, Kind) else type_name_of(one)
+
+
+def _described(one):
+    if isinstance(one, Kind):  # an enum: a number for each name
+        fields = [(name, (7, number, 0, "")) for name, number in zip(one.names, one.numbers)]
     else:
-        name = "msbot_msgs/msg/" + name
-    told = ", ".join([_FIELD.format(field, _IDS[kind]) for field, kind in fields])
-    return sha256(_TYPE.format(name, told).encode()).digest()[:8]
+        fields = [(name, _typed(kind)) for name, kind in fields_of(one)]
+    return _TYPE.format(_ros_name(_name_of(one)), ", ".join([_FIELD.format(name, *told) for name, told in fields]))
+
+
+def _typed(kind):
+    """Number of the type, elements of a list, octets of a text, and the type inside."""
+    if isinstance(kind, Kind) and hasattr(kind, "element"):
+        number, _, octets, nested = _typed(kind.element)
+        return number + _LISTS[kind.sign], kind.count, octets, nested
+    if isinstance(kind, Kind) and not hasattr(kind, "names"):
+        return 21, 0, kind.count, ""
+    return (_IDS[kind], 0, 0, "") if kind in _IDS else (1, 0, 0, _ros_name(_name_of(kind)))
 
 
 def tell(part):
@@ -80,8 +109,8 @@ def differs(part, place, detail):
         classes = []
         for _, _, others in part.told_types.values():
             for other in others:
-                if other not in classes and type_hash(other):
-                    classes.append(other)
+                if type_hash(other):
+                    once("kind_words").with_inside(other, classes)
         text = "".join([_line(other) for other in classes])[:_MOST]
         said = bytearray()
         put_text(said, text + "\n" * (_LEAST - len(text.encode())))
@@ -90,7 +119,9 @@ def differs(part, place, detail):
     fields, where = fields_of(message_class), ""
     if detail <= len(fields):
         name, kind = fields[detail - 1]
-        where = ": the first field that differs is number {}, here {} {}".format(detail, _WORDS[kind], name)
+        where = ": the first field that differs is number {}, here {} {}".format(
+            detail, once("kind_words").word_of(kind), name
+        )
     elif detail != _NOT_KNOWN:
         where = ": the first field that differs is number {}, which is missing here".format(detail)
     mine = "".join(["{:02x}".format(octet) for octet in type_hash(message_class) or b""])
@@ -99,9 +130,9 @@ def differs(part, place, detail):
 
 
 def _line(message_class):
-    words = [type_name_of(message_class)]
-    for name, kind in fields_of(message_class):
-        words += [name, _WORDS[kind]]
+    words = [_name_of(message_class)]
+    for pair in once("kind_words").described(message_class):
+        words += pair
     return " ".join(words) + "\n"
 
 

@@ -5,7 +5,7 @@ import struct
 import sys
 
 from .errors import ConfigError, say
-from .message import Message, limits, type_name_of
+from .message import Kind, Message, limits, type_name_of
 
 _SHOWN = 60
 _FLOATS = {"f": "float32", "d": "float64"}
@@ -104,6 +104,8 @@ def misfit(message, field, kind, value):
 def _needs(kind):
     if kind is str:
         return "str needs a text without NUL characters"
+    if isinstance(kind, Kind):
+        return kind.needs()
     if not isinstance(kind, str):
         return {bool: "bool needs True or False", bytes: "bytes needs bytes"}.get(kind) or "needs a " + kind.__name__
     if kind in _FLOATS:

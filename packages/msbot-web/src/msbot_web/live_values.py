@@ -6,9 +6,11 @@ a topic that nobody looks at costs only a counter.
 
 from __future__ import annotations
 
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from enum import IntEnum
 from itertools import islice, takewhile
 
 from msbot.part import Message
@@ -31,6 +33,10 @@ TAKEN_APART = 4000
 """Values that are taken apart for a curve in one look; the rest follows with the next."""
 RATE_WINDOW_S = 3.0
 LONGEST_TEXT = 200
+MOST_ELEMENTS = 4096
+"""Of a list; no type of a library has more."""
+MOST_CURVES = 64
+"""Elements of a list that can be drawn as curves."""
 
 Scalar = bool | int | float | str
 ClassOf = Callable[[str], type[Message] | None]
@@ -174,21 +180,28 @@ class LiveValues:
         return self._watches.get(name)
 
     def fields(self, watch: TopicWatch, payload: bytes | None = None) -> dict[str, Scalar]:
-        """A sample's fields by name; nested ones as `pose.x`, lists as `samples[0]`.
+        """A sample's fields by name; nested ones as `pose.x`, a list as a JSON text, a value of an enum as its name.
 
         Octets of an unknown type, or that do not fit it, are shown as hexadecimal digits under the name `octets`.
         """
         octets = watch.payload if payload is None else payload
-        message_class = self._class_of(watch.message_type)
         if not octets:
             return {}
-        if message_class is None:
-            return {"octets": octets[: LONGEST_TEXT // 2].hex(" ")}
+        message = self._message(watch, octets)
+        return {"octets": octets[: LONGEST_TEXT // 2].hex(" ")} if message is None else dict(_leaves("", message))
+
+    def numbers(self, watch: TopicWatch, payload: bytes | None = None) -> dict[str, bool | int | float]:
+        """A sample's numbers by name; those in lists as `samples[0]`, the first of them."""
+        octets = watch.payload if payload is None else payload
+        message = self._message(watch, octets) if octets else None
+        return {} if message is None else dict(_numbers("", message))
+
+    def _message(self, watch: TopicWatch, octets: bytes) -> Message | None:
+        message_class = self._class_of(watch.message_type)
         try:
-            message = message_class.decode(octets)
+            return None if message_class is None else message_class.decode(octets)
         except RemoteProtocolError:
-            return {"octets": octets[: LONGEST_TEXT // 2].hex(" ")}
-        return dict(_flat("", message))
+            return None
 
     def series(self, name: str, field: str) -> list[tuple[float, float]]:
         """(time, value) of a numeric field, oldest first, every value of the last minutes; empty if it is not a number.
@@ -234,8 +247,8 @@ class LiveValues:
         curve.taken = kept.total - len(newer)
         for at, payload in newer[:TAKEN_APART]:
             curve.taken += 1
-            value = self.fields(watch, payload).get(field)
-            if isinstance(value, int | float):
+            value = self.numbers(watch, payload).get(field)
+            if value is not None:
                 curve.points.append((at, float(value)))
 
     def _close(self, name: str) -> None:
@@ -246,19 +259,44 @@ class LiveValues:
             reader.close()
 
 
-def _flat(prefix: str, value: object) -> Iterator[tuple[str, Scalar]]:
-    """The scalars in a value with the way to each."""
+def _leaves(way: str, message: Message) -> Iterator[tuple[str, Scalar]]:
+    """The values of a message with the way to each."""
+    for field in fields_of(type(message)):
+        name, value = f"{way}{field.name}", getattr(message, field.name)
+        if isinstance(value, Message):
+            yield from _leaves(f"{name}.", value)
+        elif isinstance(value, list | bytes):
+            yield name, json.dumps(_short(value))
+        elif isinstance(value, IntEnum):
+            yield name, value.name.lower()
+        elif isinstance(value, str):
+            yield name, value[:LONGEST_TEXT]
+        elif isinstance(value, float) and not math.isfinite(value):
+            yield name, str(value)  # JSON has no such numbers
+        elif isinstance(value, bool | int | float):
+            yield name, value
+
+
+def _short(value: object) -> object:
+    """A value in a list as JSON has it: numbers with seven digits, as many as 32 bits hold."""
+    if isinstance(value, list | bytes):
+        return [_short(one) for one in value[:MOST_ELEMENTS]]
+    if isinstance(value, Message):
+        return [_short(getattr(value, field.name)) for field in fields_of(type(value))]
+    if isinstance(value, IntEnum):
+        return value.name.lower()
+    if isinstance(value, float):
+        return float(f"{value:.7g}") if math.isfinite(value) else None
+    return value[:LONGEST_TEXT] if isinstance(value, str) else value
+
+
+def _numbers(way: str, value: object) -> Iterator[tuple[str, bool | int | float]]:
+    """The numbers in a value with the way to each."""
     if isinstance(value, Message):
         for field in fields_of(type(value)):
-            yield from _flat(f"{prefix}.{field.name}" if prefix else field.name, getattr(value, field.name))
-    elif isinstance(value, list):
-        for number, element in enumerate(value[:32]):
-            yield from _flat(f"{prefix}[{number}]", element)
-    elif isinstance(value, bytes):
-        yield prefix, value[: LONGEST_TEXT // 2].hex(" ")
-    elif isinstance(value, str):
-        yield prefix, value[:LONGEST_TEXT]
-    elif isinstance(value, float) and not math.isfinite(value):
-        yield prefix, str(value)  # JSON has no such numbers
-    elif isinstance(value, bool | int | float):
-        yield prefix, value
+            yield from _numbers(f"{way}.{field.name}" if way else field.name, getattr(value, field.name))
+    elif isinstance(value, list | bytes):
+        for place, element in enumerate(value[:MOST_CURVES]):
+            yield from _numbers(f"{way}[{place}]", element)
+    elif isinstance(value, bool | int | float) and math.isfinite(value):
+        yield way, value

@@ -211,9 +211,7 @@ class LiveCurves:
         self._fields = {}
         for binding in self._blueprint().bindings:
             watch = self._live.topic(binding.topic)
-            for field, value in ({} if watch is None else self._live.fields(watch)).items():
-                if isinstance(value, str):
-                    continue
+            for field in {} if watch is None else self._live.numbers(watch):
                 for end in (binding.source, *binding.targets):
                     if end.slot:
                         name = port_curve(end.slot, end.port, field)

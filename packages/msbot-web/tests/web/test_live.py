@@ -13,6 +13,7 @@ from msbot.part.messages.wire_types import float64
 from msbot_agent.space import MemorySpace, Qos, Topic, Writer
 from msbot_web.live_values import LONGEST_TEXT, MOST_KEPT_IN_ALL, SPARK_POINTS, LiveValues
 from msbot_web.recorded_snapshot import spark_of
+from msbot_web.svg.drawings import draw
 from tests.web.access.test_accounts import Clock
 
 
@@ -202,10 +203,32 @@ def test_nested_values_lists_octets_and_what_is_no_number_are_shown() -> None:
     )
     rig.writer("a", "Everything").write(everything.encode())
     fields = rig.fields("a")
-    assert (fields["place.x"], fields["place.name"], fields["numbers[0]"]) == (1.5, "<b>here</b>", 0.5)
-    assert (fields["raw"], fields["far"], fields["on"]) == ("01 ff", "inf", True)
-    assert "places[31].x" in fields
-    assert "places[32].x" not in fields
+    assert (fields["place.x"], fields["place.name"], fields["numbers"]) == (1.5, "<b>here</b>", "[0.5]")
+    assert (fields["raw"], fields["far"], fields["on"]) == ("[1, 255]", "inf", True)
+    assert str(fields["places"]).startswith('[[0.0, ""], [1.0, ""]')
+    watch = rig.live.topic("a")
+    assert watch is not None
+    numbers = rig.live.numbers(watch)
+    assert numbers["places[39].x"] == 39.0
+    assert (numbers["numbers[0]"], numbers["raw[1]"], numbers["on"]) == (0.5, 255, True)
+    assert "far" not in numbers
+
+
+def test_lists_are_drawn_as_what_they_are() -> None:
+    scan = draw("Scan", {"angle_min": -90.0, "angle_step": 45.0, "reach": 4.0, "metres": "[3.0, 0.5, 9.0]"})
+    assert 'aria-label="nearest 0.50 m at -45°"' in scan
+    assert "<polygon" in scan
+    strip = draw("Strip", {"colours": "[[255, 0, 0], [0, 0, 0]]"})
+    assert strip.count("<circle") == 2
+    assert "fill:#ff0000" in strip
+    assert 'aria-label="1 of 2 lamps shine"' in strip
+    picture = draw("Picture", {"width": 2, "height": 1, "format": "mono8", "pixels": "[0, 255]"})
+    assert "data:image/png;base64," in picture
+    broken = draw("Picture", {"width": 2, "height": 2, "format": "mono8", "pixels": "[0, 255]"})
+    assert "data:image" not in broken
+    bars = draw("Own", {"some": f"[{', '.join(map(str, range(300)))}]"})
+    assert bars.count("<rect") == 60
+    assert 'aria-label="300 values"' in bars
 
 
 def test_long_texts_are_cut() -> None:

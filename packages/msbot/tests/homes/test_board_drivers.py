@@ -15,7 +15,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msbot.config import BOARD_DRIVERS, Direction, FieldKind, ParameterKind, PartType, board_documents, wired_part
+from msbot.config import (
+    BOARD_DRIVERS,
+    Direction,
+    FieldKind,
+    LeafType,
+    ParameterKind,
+    PartType,
+    board_documents,
+    wired_part,
+)
 from msbot.config.library.board_document import MOST_OCTETS, board_document
 from msbot.sim.part_model import PartModel
 from msbot_xrce.errors import ConfigError
@@ -89,7 +98,7 @@ def test_its_model_says_what_that_of_a_computer_says(number: str, seed: int) -> 
     part_type = LIBRARY.require(number)
     document = document_of(part_type)
     random = Random(seed)
-    fields = {port.name: port.message.fields for port in part_type.ports if port.message is not None}
+    fields = {port.name: port.message.leaves for port in part_type.ports if port.message is not None}
     generic = micro.load("generic") if "machine" in sys.modules else _generic()
 
     def fit(port: str, field: str, value: object) -> object:
@@ -165,9 +174,10 @@ def _generic() -> Any:
         del sys.modules["machine"]
 
 
-def _kind(kind: FieldKind) -> object:
+def _kind(kind: LeafType) -> object:
     from msbot.config.library.board_document import CODES
 
+    assert isinstance(kind, FieldKind)
     return {"s": str, "?": bool}.get(CODES[kind], CODES[kind])
 
 
@@ -181,7 +191,8 @@ def _measured(part_type: PartType, name: str, random: Random) -> Any:
     return random.choice([0.0, 1.0, random.uniform(-200, 200)])
 
 
-def _value(kind: FieldKind, random: Random) -> Any:
+def _value(kind: LeafType, random: Random) -> Any:
+    assert isinstance(kind, FieldKind)
     if kind is FieldKind.BOOL:
         return random.random() < 0.5
     if kind is FieldKind.TEXT:

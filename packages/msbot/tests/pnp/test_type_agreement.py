@@ -126,7 +126,7 @@ def test_a_part_is_asked_once_for_a_hash_and_its_lines_in_the_journal_are_bounde
         asked = say(counter, hash_message(lease, octets))
         assert isinstance(asked, pnp_messages.Notice)
         assert (asked.kind, asked.binding, asked.detail) == (NoticeKind.TYPE_DIFFERS, 0, 0)
-        answer = pnp_messages.DescriptionMessage(text=fields_text([("HelloWorld", THEIRS)]))
+        answer = pnp_messages.DescriptionMessage(text=fields_text({"HelloWorld": THEIRS}))
         assert say(counter, answer) is None
         (told,) = counter.requests.fields_told(answer, KEY, counter.rig.now)
         assert (told.kind, told.detail) == (NoticeKind.TYPE_DIFFERS, 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -140,3 +141,45 @@ def test_what_fast_dds_leaves_behind_a_message_is_not_looked_at() -> None:
     assert standard.Text.decode(form.inward(message + b"\xfe" * 12)) == standard.Text(text="hello")
     with pytest.raises(RemoteProtocolError, match="bytes left over"):
         form.inward(message + bytes(2000))
+
+
+def image_of(**values: Any) -> ros2.Image:
+    """One without a header."""
+    return ros2.Image(**values)
+
+
+def test_a_scan_is_a_laser_scan_and_back() -> None:
+    scan = standard.Scan(angle_min=-90.0, angle_step=45.0, reach=4.0, metres=[0.5, 1.0, 9.0])
+    form = form_of(standard.Scan)
+    theirs = ros2.LaserScan.decode(form.outward(scan.encode()))
+    assert theirs.angle_max == pytest.approx(0.0, abs=1e-6)
+    assert (theirs.range_max, list(theirs.ranges)) == (4.0, [0.5, 1.0, 9.0])
+    back = standard.Scan.decode(form.inward(theirs.encode()))
+    assert back.metres == scan.metres
+    assert back.angle_step == pytest.approx(45.0)
+
+
+def test_a_strip_is_an_image_of_one_row_and_a_picture_an_image() -> None:
+    strip = standard.Strip(colours=[standard.Colour(red=255, green=1, blue=2), standard.Colour(red=0, green=0, blue=0)])
+    form = form_of(standard.Strip)
+    image = ros2.Image.decode(form.outward(strip.encode()))
+    assert (image.width, image.height, image.step, image.encoding, image.data) == (2, 1, 6, "rgb8", b"\xff\1\2\0\0\0")
+    assert standard.Strip.decode(form.inward(image.encode())) == strip
+    picture = standard.Picture(width=2, height=2, format=standard.PixelFormat.MONO8, pixels=b"abcd")
+    form = form_of(standard.Picture)
+    image = ros2.Image.decode(form.outward(picture.encode()))
+    assert (image.width, image.height, image.step, image.encoding, image.data) == (2, 2, 2, "mono8", b"abcd")
+    assert standard.Picture.decode(form.inward(image.encode())) == picture
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (image_of(width=2, height=1, step=4, encoding="16UC1", data=b"abcd"), "an image of '16UC1', where mono8 or"),
+        (image_of(width=2, height=1, step=4, encoding="mono8", data=b"abcd"), "whose rows are not 2 pixels of 1"),
+        (image_of(width=80, height=80, step=80, encoding="mono8", data=bytes(6400)), "at most 3072"),
+    ],
+)
+def test_an_image_of_another_kind_is_refused(image: ros2.Image, words: str) -> None:
+    with pytest.raises(RemoteProtocolError, match=re.escape(words)):
+        form_of(standard.Picture).inward(image.encode())

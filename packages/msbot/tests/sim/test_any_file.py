@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from msbot.config import Control, ControlKind, Direction, PartType, Scalar, standard_message_types
 from msbot.config.library.part_file_reader import open_library_file, read_part_type
-from msbot.sim import message_class
+from msbot.sim.model_part import message_of
 from msbot.sim.part_model import PartModel
 from msbot_agent.toml.document import parse_document
 from msbot_agent.toml.problems import Problems
@@ -77,7 +77,7 @@ def play_with(part_type: PartType) -> None:
                 world.note_changes()
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.message is not None:
-                zero = {name: kind.zero for name, kind in port.message.fields.items()}
+                zero = {name: kind.zero for name, kind in port.message.leaves.items()}
                 for fields in (zero, dict(port.safe or {})):
                     world.receive(port.name, fields, now)
         world.advance(now)
@@ -86,7 +86,7 @@ def play_with(part_type: PartType) -> None:
         found = part_type.port(port_name)
         assert found is not None
         assert found.message is not None
-        message_class(found.message)(**fields).encode()
+        message_of(found.message, fields).encode()
 
 
 @settings(deadline=None, max_examples=tries(150, 3000), suppress_health_check=[HealthCheck.too_slow])

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from msbot.config import ControlKind, Direction, FieldKind, Parameter, PartType, Scalar
+from msbot.config import ControlKind, Direction, FieldKind, LeafType, Parameter, PartType, Scalar
 from msbot.sim.part_model import PartModel
 from tests.sim.robot import LIBRARY
 
@@ -65,11 +65,13 @@ def play_once(part_type: PartType, world: PartModel, random: Random, now: float)
                 world.set(control.name, random.uniform(least, most), now)
     for port in part_type.ports:
         if port.direction is Direction.SUBSCRIBE and port.message is not None:
-            fields = {name: any_value(kind, random) for name, kind in port.message.fields.items()}
+            fields = {name: any_value(kind, random) for name, kind in port.message.leaves.items()}
             world.receive(port.name, fields, now)
 
 
-def any_value(kind: FieldKind, random: Random) -> Scalar:
+def any_value(kind: LeafType, random: Random) -> Scalar:
+    if not isinstance(kind, FieldKind):
+        return kind.zero
     if kind is FieldKind.BOOL:
         return random.random() < 0.5
     if kind is FieldKind.TEXT:

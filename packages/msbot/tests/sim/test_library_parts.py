@@ -54,10 +54,12 @@ def messages_for(port: Port) -> Iterator[dict[str, Scalar]]:
             if kind is FieldKind.BOOL
             else text
             if kind is FieldKind.TEXT
+            else kind.zero
+            if not isinstance(kind, FieldKind)
             else whole
             if kind.is_whole
             else number
-            for name, kind in port.message.fields.items()
+            for name, kind in port.message.leaves.items()
         }
 
 

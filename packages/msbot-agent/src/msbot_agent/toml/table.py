@@ -433,16 +433,20 @@ def toml_key(name: str) -> str:
     return name if _BARE.fullmatch(name) else toml_value(name)
 
 
-def toml_value(value: Scalar) -> str:
-    """A number, truth value or text."""
+def toml_value(value: object) -> str:
+    """A number, truth value or text, or a list or table of them on one line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         # TOML understands what JSON escapes, but also needs DEL escaped.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    if isinstance(value, dict):
+        return toml_table(value)
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml_value, value))}]"
     return repr(value)
 
 
-def toml_table(values: Mapping[str, Scalar]) -> str:
+def toml_table(values: Mapping[str, object]) -> str:
     """A table on one line."""
     return f"{{ {', '.join(f'{toml_key(key)} = {toml_value(value)}' for key, value in values.items())} }}"

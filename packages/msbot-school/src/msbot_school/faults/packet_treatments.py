@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from random import Random
 from typing import Protocol, runtime_checkable
 
-from msbot.config import FieldKind, PartType, Scalar
+from msbot.config import LeafType, PartType, Scalar
 from msbot.operations.running_robot import RunningRobot
 from msbot.sim import fit
 from msbot_agent.agent import client_key_in
@@ -286,8 +286,8 @@ class DriftingValue:
     def __init__(self, port: str, per_minute: float, part_type: PartType) -> None:
         self._port = port
         self._per_s = per_minute / 60
-        self._kinds: dict[str, Mapping[str, FieldKind]] = {
-            one.name: one.message.fields for one in part_type.ports if one.message is not None
+        self._kinds: dict[str, Mapping[str, LeafType]] = {
+            one.name: one.message.leaves for one in part_type.ports if one.message is not None
         }
         self._began_at: float | None = None
 

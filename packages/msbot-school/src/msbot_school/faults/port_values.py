@@ -94,7 +94,8 @@ class LatestPortValues:
         message = None if library is None else library.messages.get(binding.type_name)
         cls = None if message is None else message_class(message)
         # On and off are 1 and 0.
-        numeric = [name for name, kind in (message.fields.items() if message else ()) if kind is not FieldKind.TEXT]
+        fields = {} if message is None else message.fields
+        numeric = [name for name, kind in fields.items() if isinstance(kind, FieldKind) and kind is not FieldKind.TEXT]
         if cls is None or (field and field not in numeric) or not numeric:
             known = ", ".join(numeric) or said("none")
             raise ConfigError(

@@ -12,7 +12,7 @@ from urllib.parse import quote
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
-from msbot.config import Direction, FieldKind, MessageType, Port, Scalar
+from msbot.config import Direction, EnumType, FieldKind, LeafType, MessageType, Port, Scalar
 from msbot.hardware.wiring_picture import wiring_picture
 from msbot.operations.rights import Right
 from msbot.pnp import PartState
@@ -77,7 +77,7 @@ class _PortControl:
     def __init__(self, page: Page, slot: str, port: Port, message: MessageType) -> None:
         self._page = page
         self._where = f"{slot}.{port.name}"
-        self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.fields.items()}
+        self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.leaves.items()}
         self._values |= dict(port.safe or {})
         self._saying = asyncio.Lock()
         """Values are sent one after the other, so that the last one set is the last one sent."""
@@ -133,7 +133,7 @@ class _ServiceControl:
     def __init__(self, page: Page, slot: str, port: Port, message: MessageType) -> None:
         self._page = page
         self._where = f"{slot}.{port.name}"
-        self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.fields.items()}
+        self._values: dict[str, Scalar] = {name: kind.zero for name, kind in message.leaves.items()}
         with ui.element("div").style("margin-top:.6rem;width:100%"):
             ui.label(port.name).style("font-weight:600")
             with ui.element("div").style("padding-left:1rem;width:100%"):
@@ -170,13 +170,15 @@ def _fields(
     if list(message.fields) == COLOUR and all(kind is FieldKind.UINT8 for kind in message.fields.values()):
         _colour(page, values, changed)
         return
-    for name, kind in message.fields.items():
+    for name, kind in message.leaves.items():
         unit = message.units.get(name, "")
         title = f"{name} [{unit}]" if unit else name
         take = partial(_take, changed, name, kind)
         if kind is FieldKind.BOOL:
             ui.switch(title, value=bool(values[name]), on_change=take)
-        elif kind is FieldKind.TEXT:
+        elif isinstance(kind, EnumType):
+            ui.select(list(kind.names), label=title, value=str(values[name]), on_change=take).classes("w-full")
+        elif kind is FieldKind.TEXT or not isinstance(kind, FieldKind):
             ui.input(title, value=str(values[name]), on_change=take).props("debounce=300")
         elif (name in ranges or unit in RANGES) and not kind.is_whole:
             least, most = ranges.get(name) or RANGES[unit]
@@ -200,7 +202,7 @@ def _colour(page: Page, values: Mapping[str, Scalar], changed: Changed) -> None:
     ui.color_input(page.translate("Colour"), value=start, on_change=take)
 
 
-async def _take(changed: Changed, name: str, kind: FieldKind, event: ValueChangeEventArguments[Scalar | None]) -> None:
+async def _take(changed: Changed, name: str, kind: LeafType, event: ValueChangeEventArguments[Scalar | None]) -> None:
     if event.value is None:
         return  # the field was emptied: the last value holds
     await changed(name, int(event.value) if kind.is_whole else event.value)

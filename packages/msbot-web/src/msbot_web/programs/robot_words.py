@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, TypeAlias, TypedDict
 
-from msbot.config import Direction, Library, ParameterKind, Port
+from msbot.config import Direction, FieldKind, Library, ParameterKind, Port
 from msbot.part.messages.standard import STANDARD_MESSAGES
 from msbot_agent.text.untrusted_input import read_json
 from msbot_web.models.robot_models import SlotCard, WirePort
@@ -112,17 +112,18 @@ def robot_words(
 
 
 def _types(library: Library) -> dict[str, TypeWords]:
-    """The messages whose names Python can write."""
+    """The messages whose names Python can write, and that have neither lists nor others inside."""
     return {
         name: TypeWords(
             standard=name in STANDARD_MESSAGES,
             fields=[
-                FieldWords(name=field, kind=kind.value, unit=message.units.get(field, ""))
+                FieldWords(name=field, kind=kind.word, unit=message.units.get(field, ""))
                 for field, kind in message.fields.items()
             ],
         )
         for name, message in sorted(library.messages.items())
         if all(word.isidentifier() and word.isascii() for word in (name, *message.fields))
+        and all(isinstance(kind, FieldKind) for kind in message.fields.values())
     }
 
 

@@ -14,9 +14,11 @@ from textwrap import wrap
 
 from msbot.config import PartType
 from msbot.config.library.picture import picture_svg
+from msbot_agent.text.sentence import Sentence
 from msbot_web.html import Markup, render
 from msbot_web.language import PLAIN, Language
 from msbot_web.models.robot_models import PortLine, Scalar, SlotCard
+from msbot_web.svg.list_drawings import bars, fan, lamps, listed, picture, short_list
 
 Fields = Mapping[str, Scalar]
 Drawing = Mapping[str, object]
@@ -83,8 +85,11 @@ def main_port(card: SlotCard) -> PortLine | None:
 def draw(type_name: str, fields: Fields, language: Language = PLAIN) -> Markup:
     """A value as a picture, 84 by 84 pixels; an empty frame when there is no value yet."""
     drawing = _DRAWERS.get(type_name, _any)(fields) if fields else {"kind": "nothing"}
+    told = drawing.get("said")
     values = [f"{name} {value_words(value, language)}" for name, value in fields.items()]
     words = ", ".join(values) or language.translate("no value yet")
+    if isinstance(told, Sentence):
+        words = language.translate(told)
     under = str(drawing.get("under", ""))
     under = language.translate(under) if under in UNDER_WORDS else language.digits(under)
     text = language.digits(str(drawing.get("text", "")))
@@ -97,7 +102,7 @@ def value_words(value: Scalar, language: Language = PLAIN) -> str:
         return language.translate("on") if value else language.translate("off")
     if isinstance(value, float):
         return language.number(value, ".4g")
-    return str(value)
+    return short_list(value) if isinstance(value, str) else str(value)
 
 
 def fields_html(fields: Fields, language: Language = PLAIN, *, limit: int = 4) -> Markup:
@@ -215,6 +220,9 @@ def _text(fields: Fields) -> Drawing:
 
 
 def _any(fields: Fields) -> Drawing:
+    for value in fields.values():
+        if (found := listed(value)) and all(isinstance(one, int | float) for one in found):
+            return bars(found)
     return {"kind": "any", "text": value_words(next(iter(fields.values()), ""))[:9]}
 
 
@@ -230,6 +238,9 @@ _DRAWERS: dict[str, Callable[[Fields], Drawing]] = {
     "Gas": _logarithmic(10_000.0, "ppm", "ppm"),
     "Text": _text,
     "HelloWorld": _text,
+    "Scan": fan,
+    "Strip": lamps,
+    "Picture": picture,
 }
 """How values of a message type are drawn."""
 

@@ -532,7 +532,7 @@ def _port_json(port: Port) -> dict[str, object]:
         "name": port.name,
         "direction": port.direction.value,
         "type": port.type_name,
-        "fields": {name: kind.value for name, kind in (port.message.fields if port.message else {}).items()},
+        "fields": {name: kind.word for name, kind in (port.message.fields if port.message else {}).items()},
         "rate_hz": port.rate_hz,
         "safe": None if port.safe is None else dict(port.safe),
         "ranges": {name: list(ends) for name, ends in port.ranges.items()},

@@ -29,7 +29,8 @@ from msbot.config.library.board_document import board_documents
 from msbot.config.library.board_drivers import BOARD_DRIVERS
 from msbot.config.library.board_wiring import WiredPart, part_number_and_name, wired_part, wired_parts
 from msbot.config.library.description_reader import Described, read_description
-from msbot.config.library.message_types import standard_message_types
+from msbot.config.library.field_types import BoundedText, EnumType, FieldType, LeafType, ListType
+from msbot.config.library.message_types import standard_message_types, type_from_words
 from msbot.config.library.part_library import (
     SHIPPED,
     BusKind,
@@ -70,6 +71,7 @@ __all__ = [
     "SHIPPED",
     "Binding",
     "Blueprint",
+    "BoundedText",
     "BusKind",
     "Category",
     "Control",
@@ -79,10 +81,14 @@ __all__ = [
     "Direction",
     "DriverPin",
     "DriverSpec",
+    "EnumType",
     "FieldKind",
+    "FieldType",
     "InDds",
     "InvalidFileError",
+    "LeafType",
     "Library",
+    "ListType",
     "MessageType",
     "Operand",
     "Options",
@@ -127,6 +133,7 @@ __all__ = [
     "slot_toml",
     "split_number",
     "standard_message_types",
+    "type_from_words",
     "wired_part",
     "wired_parts",
     "write_new",

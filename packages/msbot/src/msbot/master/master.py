@@ -241,8 +241,12 @@ class Master:
 
     def _fields_of_type(self, type_name: str) -> Fields | None:
         """The fields of a message type of the library; it may learn types while the robot runs."""
-        known = None if self.library is None else self.library.messages.get(type_name)
-        return None if known is None else [(name, kind.value) for name, kind in known.fields.items()]
+        messages = {} if self.library is None else self.library.messages
+        known = messages.get(type_name)
+        if known is not None:
+            return known.described()[type_name]
+        inside = (one.described() for one in messages.values())  # an enum is known by those that have it
+        return next((types[type_name] for types in inside if type_name in types), None)
 
     def type_differences(self, client_key: int) -> list[Sentence]:
         """Where a part's program and the library mean different messages, one sentence for each port."""

@@ -14,12 +14,12 @@ from contextlib import AbstractContextManager
 from functools import partial
 from typing import Final
 
-from msbot.config import Binding, Blueprint, Library, Scalar
+from msbot.config import Binding, Blueprint, Library, MessageType, Scalar
 from msbot.master.master import Master
 from msbot.part import JoinState, Message, Part
 from msbot.part.join.pnp_messages import UID_OCTETS
 from msbot.service_types import service_type
-from msbot.sim.model_part import message_class
+from msbot.sim.model_part import message_class, message_of
 from msbot_agent.link import Link
 from msbot_agent.space import (
     DdsTopic,
@@ -91,7 +91,7 @@ def _message_of(topic: str, type_name: str, library: Library) -> type[Message]:
 
 def _safe_of(blueprint: Blueprint, library: Library, topic: str) -> Message | None:
     """The safe value of the ports that a topic leads to, if they have the same one."""
-    found: list[tuple[type[Message], dict[str, Scalar]]] = []
+    found: list[tuple[MessageType, dict[str, Scalar]]] = []
     for binding in blueprint.bindings:
         for end in binding.targets if binding.topic == topic else ():
             slot = blueprint.slot(end.slot)
@@ -99,11 +99,10 @@ def _safe_of(blueprint: Blueprint, library: Library, topic: str) -> Message | No
             port = None if part_type is None else part_type.port(end.port)
             if port is None or port.safe is None or port.message is None:
                 return None
-            found.append((message_class(port.message), dict(port.safe)))
+            found.append((port.message, dict(port.safe)))
     if not found or any(other != found[0] for other in found):
         return None
-    made, fields = found[0]
-    return made(**fields)
+    return message_of(*found[0])
 
 
 class RobotAsPart:

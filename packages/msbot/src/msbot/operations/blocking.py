@@ -103,7 +103,7 @@ class BusObjects:
 
     def objects(self) -> Outcome:
         """For each bus by its name the endpoints of its nodes, as lists of node, object id, topic, type, slot and port;
-        and the message types of the robot with the kinds and the units of their fields."""
+        and the message types of the robot with the kinds and the units of their fields, also of the types inside."""
         master, library = self._running.master, self._running.library
         buses: dict[str, list[list[object]]] = {link.info.name: [] for link in master.links if link.info.shared_bus}
         for bus, node, object_id, key, topic in master.agent.bus_endpoints():
@@ -113,7 +113,7 @@ class BusObjects:
         types = [
             {
                 "name": one.name,
-                "fields": {name: kind.value for name, kind in one.fields.items()},
+                "fields": {name: dict(fields) for name, fields in one.described().items()},
                 "units": {**one.units},
             }
             for one in ({} if library is None else library.messages).values()

@@ -11,14 +11,14 @@ import logging
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from msbot.config import Direction, FieldKind, MessageType, Port, Scalar
+from msbot.config import Direction, FieldKind, LeafType, MessageType, Port, Scalar
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
-from msbot.part.messages.message import fields_of
+from msbot.part.messages.leaves import leaves_of
 from msbot.pnp import HeldPort, StopStatus, message_words
 from msbot.registry import EditKind
-from msbot.sim.model_part import message_class
+from msbot.sim.model_part import message_of
 from msbot_agent.space import Qos, Topic, Writer
 from msbot_agent.text.sentence import said
 from msbot_xrce.errors import ConfigError, RegistryError
@@ -67,9 +67,7 @@ class ManualControl:
         declared = self._port(end.slot, end.port, holder.part_number)
         assert declared.message is not None
         message = read_message(f"{end.slot}.{end.port}", declared.message, values)
-        for name in declared.ranges:
-            if fault := declared.fault(name, getattr(message, name)):
-                raise ConfigError(f"{end.slot}.{end.port}: {name} {fault}")
+        check_ranges(str(end), declared, message)
         hold = self._holds.get((end.slot, end.port))
         if hold is None or hold.ending:
             hold = self._take(declared, end.slot, message, who)
@@ -112,11 +110,7 @@ class ManualControl:
 
     def sent_values(self) -> Mapping[tuple[str, str], Mapping[str, Scalar]]:
         """What people send to the ports that they hold: `(slot, port)` -> fields."""
-        return {
-            where: {field.name: getattr(hold.message, field.name) for field in fields_of(type(hold.message))}
-            for where, hold in self._holds.items()
-            if not hold.ending
-        }
+        return {where: leaves_of(hold.message) for where, hold in self._holds.items() if not hold.ending}
 
     def _stopped(self, status: StopStatus) -> None:
         if status.stopped:
@@ -162,7 +156,7 @@ class ManualControl:
         except RegistryError:
             inventory.hand.let_go(slot, declared.name)
             raise
-        safe = None if declared.safe is None else message_class(declared.message)(**declared.safe)
+        safe = None if declared.safe is None else message_of(declared.message, declared.safe)
         writer = self._running.master.space.writer(Topic(held.topic, held.type_name), Qos(), _GUID)
         hold = _Hold(held, message, safe, writer, who, self._running.now())
         self._holds[slot, declared.name] = hold
@@ -205,6 +199,18 @@ class ManualControl:
         hold.writer.close()
 
 
+def check_ranges(where: str, declared: Port, message: Message) -> None:
+    """Check the ranges that a port declares.
+
+    Raises:
+        ConfigError: a value is out of its range.
+    """
+    leaves = leaves_of(message)
+    for name in declared.ranges:
+        if fault := declared.fault(name, leaves[name]):
+            raise ConfigError(f"{where}: {name} {fault}")
+
+
 def read_message(where: str, message: MessageType, values: Sequence[str]) -> Message:
     """The message that people mean: values in the order of the fields, or `field=value`.
 
@@ -216,8 +222,8 @@ def read_message(where: str, message: MessageType, values: Sequence[str]) -> Mes
     Raises:
         ConfigError: a field is missing, unknown, or cannot have that value.
     """
-    fields = message.fields
-    shown = ", ".join(f"{name} ({kind.value})" for name, kind in fields.items())
+    fields = message.leaves
+    shown = ", ".join(f"{name} ({kind.word})" for name, kind in fields.items())
     given: dict[str, str] = {}
     if len(fields) == 1 and next(iter(fields.values())) is FieldKind.TEXT and not _is_named(values, fields):
         values = [" ".join(values)]
@@ -245,17 +251,17 @@ def read_message(where: str, message: MessageType, values: Sequence[str]) -> Mes
                 shown=shown,
             )
         )
-    return message_class(message)(**{name: _value(where, name, fields[name], given[name]) for name in fields})
+    return message_of(message, {name: _value(where, name, fields[name], given[name]) for name in fields})
 
 
-def _is_named(values: Sequence[str], fields: Mapping[str, FieldKind]) -> bool:
+def _is_named(values: Sequence[str], fields: Mapping[str, LeafType]) -> bool:
     return len(values) == 1 and values[0].partition("=")[0] in fields and "=" in values[0]
 
 
-def _value(where: str, name: str, kind: FieldKind, text: str) -> Scalar:
+def _value(where: str, name: str, kind: LeafType, text: str) -> Scalar:
     value: Scalar
     try:
-        if kind is FieldKind.TEXT:
+        if kind is FieldKind.TEXT or not isinstance(kind, FieldKind):
             value = text
         elif kind is FieldKind.BOOL:
             value = {"true": True, "on": True, "1": True, "false": False, "off": False, "0": False}[text.casefold()]

@@ -7,12 +7,12 @@ import secrets
 from collections.abc import Sequence
 
 from msbot.config import Binding, Direction, MessageType, Port, SlotPort
-from msbot.operations.manual_control import read_message
+from msbot.operations.manual_control import check_ranges, read_message
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
 from msbot.part.calls import OpenCalls
-from msbot.part.messages.message import fields_of
+from msbot.part.messages.leaves import leaves_of
 from msbot.pnp import message_words
 from msbot.service_types import reply_topic, request_topic, service_type
 from msbot.sim.model_part import message_class
@@ -45,8 +45,7 @@ class ServiceCalls:
         declared = self._port(end)
         assert declared.message is not None
         reply, words = await self.exchange(port, read_message(str(end), declared.message, values), seconds)
-        fields = {field.name: getattr(reply, field.name) for field in fields_of(type(reply))}
-        return Outcome(words, answer={"reply": fields})
+        return Outcome(words, answer={"reply": leaves_of(reply)})
 
     async def exchange(self, port: str, request: Message, seconds: float) -> tuple[Message, str]:
         """Send a request to a port that serves; its reply, and that in words.
@@ -59,9 +58,7 @@ class ServiceCalls:
         declared = self._port(end)
         binding = self._binding(end, declared)
         assert declared.reply is not None
-        for name in declared.ranges:
-            if fault := declared.fault(name, getattr(request, name)):
-                raise ConfigError(f"{end}: {name} {fault}")
+        check_ranges(str(end), declared, request)
         reply = await self.ask(binding, end, request.encode(), declared.reply, seconds)
         return reply, said("{port}: {shown}", port=str(end), shown=message_words(reply, declared.reply.units))
 

@@ -13,10 +13,11 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from enum import IntEnum
 from typing import Final
 
 from msbot.config import Binding
-from msbot.operations.manual_control import read_message
+from msbot.operations.manual_control import check_ranges, read_message
 from msbot.operations.message_classes import MessageClasses
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
@@ -291,11 +292,8 @@ class TopicInspection:
             slot = blueprint.slot(end.slot)
             part_type = None if slot is None or library is None else library.find(slot.part_number)
             port = None if part_type is None else part_type.port(end.port)
-            if port is None:
-                continue
-            for field in port.ranges:
-                if fault := port.fault(field, getattr(message, field)):
-                    raise ConfigError(f"{end}: {field} {fault}")
+            if port is not None:
+                check_ranges(str(end), port, message)
 
     def _keep(self, meant: tuple[str, str], writer: _HandWriter) -> None:
         if writer.timer is not None:
@@ -337,6 +335,8 @@ def plain_fields(value: object) -> object:
         return [plain_fields(one) for one in value]
     if isinstance(value, bytes):
         return value.hex(" ")
+    if isinstance(value, IntEnum):
+        return value.name.lower()
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value if isinstance(value, bool | int | float | str) else str(value)

@@ -6,8 +6,10 @@ The same text comes out in every home, so that a robot that has adopted a part k
 from __future__ import annotations
 
 from collections.abc import Iterator
+from enum import IntEnum
 
 from msbot.part.join.pnp_messages import LEAST_DESCRIPTION, MOST_DESCRIPTION
+from msbot.part.messages.leaves import leaf_codecs, leaves_of
 from msbot.part.messages.message import Message, fields_of
 from msbot.part.part_settings import Value
 from msbot.part.program import Exchange, ProgramDeclarations
@@ -50,7 +52,7 @@ def _lines(number: str, name: str, program: ProgramDeclarations) -> Iterator[str
     for port, listener in program.listeners.items():
         yield from _port(port, "subscribe", listener.message_class)
         if listener.safe is not None:
-            yield f"safe = {_table(_values(port, listener.safe))}"
+            yield f"safe = {_table(_values(listener.safe))}"
         classes.append(listener.message_class)
     for port, exchange in program.calls.items():
         yield from _service(port, "call", exchange)
@@ -60,8 +62,14 @@ def _lines(number: str, name: str, program: ProgramDeclarations) -> Iterator[str
         classes += [server.exchange.request, server.exchange.reply]
     for setting in program.settings.followers:
         yield from _parameter(setting, program)
-    for message_class in dict.fromkeys(classes):
-        yield from _type(message_class)
+    told: dict[type, None] = {}
+    for message_class in classes:
+        _add_with_inside(message_class, told)
+    for one in told:
+        if issubclass(one, IntEnum):
+            yield from _enum(one)
+        elif issubclass(one, Message):
+            yield from _type(one)
 
 
 def _port(name: str, direction: str, message_class: type[Message]) -> Iterator[str]:
@@ -91,32 +99,43 @@ def _parameter(name: str, program: ProgramDeclarations) -> Iterator[str]:
         yield f"unit = {_value(declared.unit)}"
 
 
+def _add_with_inside(cls: type, told: dict[type, None]) -> None:
+    """Add a class after those inside it: a type stands above those that have it inside."""
+    if issubclass(cls, Message):
+        for field in fields_of(cls):
+            if field.codec.inside is not None:
+                _add_with_inside(field.codec.inside, told)
+    told.setdefault(cls)
+
+
+def _enum(kind: type[IntEnum]) -> Iterator[str]:
+    if [int(member) for member in kind] != list(range(len(kind))):
+        raise ConfigError(f"{kind.__name__} cannot be described: number its names from 0, one after the other")
+    yield from ("", "[[type]]", f"name = {_value(kind.__name__)}")
+    yield f"enum = [{', '.join(_value(member.name.lower()) for member in kind)}]"
+
+
 def _type(message_class: type[Message]) -> Iterator[str]:
     yield from ("", "[[type]]", f"name = {_value(message_class.type_name)}")
-    kinds = {field.name: field.codec.word for field in fields_of(message_class)}
-    for field, word in kinds.items():
-        if word != "str" and word not in _NUMBERS:
+    kinds = {field.name: field.codec.kind for field in fields_of(message_class)}
+    for field in fields_of(message_class):
+        if not field.codec.kind or field.codec.kind.endswith("[]"):
             raise ConfigError(
-                f"{message_class.__name__}.{field} is {word}, which a part cannot describe: use numbers, bool and str, "
-                "or write a library file"
+                f"{message_class.__name__}.{field.name} is {field.codec.word}, which a part cannot describe: say how "
+                f"many there can be, Annotated[..., AtMost(64)]; there are no lists of lists"
             )
-    yield f"fields = {_table({field: 'text' if word == 'str' else word for field, word in kinds.items()})}"
+    yield f"fields = {_table(kinds)}"
     units = message_class.__dict__.get("units")
     if isinstance(units, dict) and units:
         yield f"units = {_table({field: str(units[field]) for field in kinds if field in units})}"
 
 
-_NUMBERS = {"bool", "float32", "float64"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
-
-
-def _values(port: str, message: Message) -> dict[str, Value]:
-    values: dict[str, Value] = {}
-    for field in fields_of(type(message)):
-        value = getattr(message, field.name)
-        if not isinstance(value, bool | int | float | str):
-            raise ConfigError(f"the safe value of port {port!r} has a field {field.name} that cannot be described")
-        values[field.name] = float(value) if field.codec.word.startswith("float") else value
-    return values
+def _values(message: Message) -> dict[str, Value]:
+    codecs = leaf_codecs(type(message))
+    return {
+        way: float(value) if codecs[way].kind.startswith("float") and not isinstance(value, str) else value
+        for way, value in leaves_of(message).items()
+    }
 
 
 def _table(values: dict[str, Value] | dict[str, str]) -> str:

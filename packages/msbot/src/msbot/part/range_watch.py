@@ -40,8 +40,8 @@ class RangeWatch:
         words = ""
         is_outside = False
         for field, (least, most) in ranges.items():
-            value = getattr(message, field, None)
-            if not isinstance(value, int | float) or isinstance(value, bool) or least <= value <= most:
+            value = _outside(message, field, least, most)
+            if value is None:
                 continue
             is_outside = True
             if (port, field) not in self._said:
@@ -49,3 +49,13 @@ class RangeWatch:
                 words = f"{port}: {field} is published as {value:g}; the robot's library says {least:g} to {most:g}"
         self.count += is_outside
         return words
+
+
+def _outside(message: Message, way: str, least: float, most: float) -> float | None:
+    """The value of a field (`pose.x`), or the first of a list, that is out of range; None: there is none."""
+    found: object = message
+    for name in way.split("."):
+        found = getattr(found, name, None)
+    values = found if isinstance(found, list) else [found]
+    numbers = (one for one in values if isinstance(one, int | float) and not isinstance(one, bool))
+    return next((one for one in numbers if not least <= one <= most), None)

@@ -43,7 +43,8 @@ from collections.abc import Callable, Mapping
 
 from msbot.part.handler_guard import Guard
 from msbot.part.join.pnp_messages import SAFE_MARK
-from msbot.part.messages.message import Message, fields_of
+from msbot.part.messages.leaves import leaf_codecs, with_leaves
+from msbot.part.messages.message import Message
 from msbot.part.part_settings import Value, read_value
 from msbot.part.program import Listener
 from msbot_xrce.errors import ConfigError, LocalProtocolError
@@ -55,7 +56,7 @@ NEVER = 1 << 32
 
 _KINDS: dict[str, type[Value]] = {
     "bool": bool,
-    "str": str,
+    "text": str,
     "float32": float,
     "float64": float,
     **{f"{sign}int{width}": int for sign in ("", "u") for width in (8, 16, 32, 64)},
@@ -249,14 +250,12 @@ def safe_message(message_class: type[Message], fields: Mapping[str, str]) -> Mes
         ConfigError: there is no such field, or the text does not fit it.
         LocalProtocolError: the value is out of the field's range.
     """
-    known = {field.name: field.codec.word.partition(" ")[0] for field in fields_of(message_class)}
+    known = leaf_codecs(message_class)
     values: dict[str, object] = {}
     for name, text in fields.items():
-        kind = _KINDS.get(known.get(name, ""))
-        if kind is None:
-            raise ConfigError(f"{message_class.__name__} has no simple field {name!r}; it has {', '.join(known)}")
-        values[name] = read_value(name, text, kind)
-    message = message_class()
-    for name, value in values.items():
-        setattr(message, name, value)
-    return message
+        codec = known.get(name)
+        if codec is None:
+            raise ConfigError(f"{message_class.__name__} has no field {name!r}; it has {', '.join(known)}")
+        kind = _KINDS.get(codec.kind.partition("<=")[0])
+        values[name] = text if kind is None else read_value(name, text, kind)
+    return with_leaves(message_class, values)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from msbot.part.join.membership import Membership
 from msbot.part.join.pnp_messages import MOST_BINDINGS, MOST_DESCRIPTION, OF_REPLY, Notice, PortBinding
 from msbot.part.messages.message import Message
-from msbot.part.messages.type_hash import Fields, described_fields, fields_text, hash_words, type_hash
+from msbot.part.messages.type_hash import Fields, described_types, fields_text, hash_words, type_hash
 from msbot.part.ports import Ports
 from msbot.part.program import ProgramDeclarations
 from msbot.service_types import service_type
@@ -27,7 +27,7 @@ class TypeTelling:
         """Ports of whose messages the robot has been told, with where they stood in the configuration."""
         self._program = program
         self._fields: dict[str, Fields] = {}
-        """The fields of these messages, by type."""
+        """The fields of these messages and of those inside, by type."""
 
     def tell(self, ports: Ports, membership: Membership) -> None:
         """Tell of the declared messages at ports that the robot has bound, or bound elsewhere than before."""
@@ -59,10 +59,13 @@ class TypeTelling:
         self._say(place, message_class, membership)
 
     def _say(self, place: int, message_class: type[Message], membership: Membership) -> None:
-        fields = described_fields(message_class)
-        if fields is not None and place & ~OF_REPLY < MOST_BINDINGS:
-            self._fields[message_class.type_name] = fields
-            membership.say_type(place, type_hash(message_class.type_name, fields))
+        types = described_types(message_class)
+        if types is not None and place & ~OF_REPLY < MOST_BINDINGS:
+            self._fields |= types
+            membership.say_type(place, self._hash(message_class.type_name))
+
+    def _hash(self, type_name: str) -> bytes:
+        return type_hash(type_name, self._fields.get(type_name, ()), self._fields.get)
 
     def differs(self, notice: Notice, ports: Ports, membership: Membership) -> tuple[str, str] | None:
         """The library's type of a port differs: the port and what to tell people; None: the robot asks for the fields,
@@ -72,7 +75,7 @@ class TypeTelling:
         if port is None or binding is None:
             return None
         if not notice.detail:
-            membership.say_fields(fields_text(self._fields.items())[:MOST_DESCRIPTION])
+            membership.say_fields(fields_text(self._fields)[:MOST_DESCRIPTION])
             return None
         service, place = service_type(binding.topic_type), notice.detail
         name = binding.topic_type if service is None else service[bool(notice.binding & OF_REPLY)]
@@ -83,5 +86,5 @@ class TypeTelling:
             where = f": the first field that differs is number {place}, here {kind} {field}"
         elif place != NOT_KNOWN:
             where = f": the first field that differs is number {place}, which is missing here"
-        mine = hash_words(type_hash(name, fields))
+        mine = hash_words(self._hash(name))
         return port, f"{name} of this program ({mine}) is not that of the robot's library{where}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping
+from enum import IntEnum
 from functools import partial
 from struct import pack, unpack
 from typing import Final
@@ -329,6 +330,10 @@ def _defined(sample: WriteData | Data, known: KnownObject) -> Definition:
     return ReaderDef(None, known.topic, known.type_name, reliable=True, transient_local=False)
 
 
+MOST_SHOWN = 16
+"""Elements of a list that stand in words."""
+
+
 def message_words(message: Message, units: Mapping[str, str]) -> Sentence:
     """The fields of a message with their units, `x 1 m, y -2.5 m`; for a single field only its value, `49.9 %`."""
     fields = fields_of(type(message))
@@ -350,8 +355,14 @@ def _shown(value: object) -> tuple[str, object]:
         return ":.7g" if came_in_32_bits else ":.15g", value
     if isinstance(value, bool):
         return "", said("on") if value else said("off")
-    if isinstance(value, list):
-        return "", f"[{', '.join(map(value_words, value))}]"
+    if isinstance(value, list | bytes):
+        more = f", ... ({len(value)} in all)" if len(value) > MOST_SHOWN else ""
+        return "", f"[{', '.join(map(value_words, value[:MOST_SHOWN]))}{more}]"
+    if isinstance(value, Message):
+        inside = (f"{one.name} {value_words(getattr(value, one.name))}" for one in fields_of(type(value)))
+        return "", f"({', '.join(inside)})"
+    if isinstance(value, IntEnum):
+        return "", value.name.lower()
     return "", str(value)
 
 

@@ -7,10 +7,10 @@ which field is the first that differs. A part that tells no hash (of the thesis,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from msbot.part.join.pnp_messages import MOST_BINDINGS, OF_REPLY, Notice, NoticeKind
-from msbot.part.messages.type_hash import Fields, first_difference, hash_words, read_fields, type_hash
+from msbot.part.messages.type_hash import Fields, FieldsOf, first_difference, hash_words, read_fields, type_hash
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import TypeDifference
 from msbot.pnp.state_changes import StateChanges
@@ -21,11 +21,8 @@ NOT_KNOWN = 255
 """`Notice.detail`: which field differs is not known."""
 MOST_NOTES = 20
 """Lines of the journal about this in one session of a part."""
-LONGEST_NAME = 64
-"""Characters of a field's name that are shown."""
-
-LibraryFields = Callable[[str], Fields | None]
-"""The fields of a type of the library; None: it does not know the type."""
+LONGEST_NAME = 128
+"""Characters of a field's kind and name that are shown."""
 
 
 class TypeAgreement:
@@ -37,8 +34,8 @@ class TypeAgreement:
     """
 
     def __init__(self, changes: StateChanges, dropped: Tally) -> None:
-        self.library_fields: LibraryFields = lambda _: None
-        """Set by who has a library."""
+        self.library_fields: FieldsOf = lambda _: None
+        """Finds the fields of a type of the library, also of those inside others; set by who has a library."""
         self._changes = changes
         self._dropped = dropped
 
@@ -55,7 +52,7 @@ class TypeAgreement:
 
     def _library_hash(self, type_name: str) -> bytes | None:
         fields = self.library_fields(type_name)
-        return None if fields is None else type_hash(type_name, fields)
+        return None if fields is None else type_hash(type_name, fields, self.library_fields)
 
     def receive_hash(self, record: InventoryRecord, place: int, octets: bytes) -> Notice | None:
         """A part tells the hash of a port's type; the answer, if the library's is another one."""
@@ -105,16 +102,15 @@ class TypeAgreement:
     def _compared(self, difference: TypeDifference, theirs: Mapping[str, Fields]) -> TypeDifference:
         ours = self.library_fields(difference.type_name) or ()
         told = theirs.get(difference.type_name, ())
-        place = first_difference(told, ours) if told else None
-        detail = NOT_KNOWN if place is None else min(place + 1, NOT_KNOWN - 1)
+        found = first_difference(told, ours, theirs.get, self.library_fields) if told else None
         return TypeDifference(
             difference.port,
             difference.type_name,
             difference.theirs,
             difference.ours,
-            detail,
-            "" if place is None else _field_words(told, place),
-            "" if place is None else _field_words(ours, place),
+            NOT_KNOWN if found is None else min(found.place + 1, NOT_KNOWN - 1),
+            "" if found is None else found.theirs[:LONGEST_NAME],
+            "" if found is None else found.ours[:LONGEST_NAME],
         )
 
 
@@ -139,13 +135,6 @@ def difference_sentence(difference: TypeDifference) -> Sentence:
         their_field=difference.their_field or said("missing"),
         our_field=difference.our_field or said("missing"),
     )
-
-
-def _field_words(fields: Fields, place: int) -> str:
-    if place >= len(fields):
-        return ""
-    name, kind = fields[place]
-    return f"{kind[:LONGEST_NAME]} {name[:LONGEST_NAME]}"
 
 
 def _notice(version: int, place: int, detail: int) -> Notice:

@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from enum import IntEnum
+from typing import Any
 
 from msbot import ros2
 from msbot.part import Message
+from msbot.part.messages.leaves import from_plain
 from msbot.part.messages.message import Field, fields_of
 from msbot_agent.ros.node_names import is_topic, topic_of
 from msbot_xrce.errors import ConfigError, LocalProtocolError, RemoteProtocolError
@@ -42,6 +45,11 @@ USUAL: dict[str, tuple[type[Message], dict[str, str]]] = {
     "Weight": (ros2.Float32, {"grams": "data"}),
     "Place": (ros2.NavSatFix, {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude"}),
     "Trigger": (ros2.UInt32, {"index": "data"}),
+    "Pose": (ros2.Pose2D, {"x": "x", "y": "y", "degrees": "theta * 0.017453292519943295"}),
+    "Scan": (ros2.LaserScan, {"angle_min": "angle_min * 0.017453292519943295", "reach": "range_max", "metres": "ranges",
+                              "angle_step": "angle_increment * 0.017453292519943295"}),
+    "Strip": (ros2.Image, {"colours": "data"}),
+    "Picture": (ros2.Image, {"width": "width", "height": "height", "format": "encoding", "pixels": "data"}),
 }  # fmt: skip
 """What a standard message is in ROS 2 unless a binding says otherwise."""
 
@@ -95,10 +103,12 @@ class _Step:
     ours: str
     theirs: tuple[str, ...]
     factor: float
+    names: tuple[str, ...] = ()
+    """Of an enum: the words that theirs has."""
 
 
-RosFields = tuple[tuple[int, str, float], ...]
-"""Which field of ours (by its position) is which of theirs (`linear.x`), and times how much."""
+RosFields = tuple[tuple[int, str, float] | tuple[int, str, float, tuple[str, ...]], ...]
+"""Which field of ours (by its position) is which of theirs (`linear.x`), and times how much; of an enum its names."""
 
 
 class RosForm:
@@ -132,7 +142,8 @@ class RosForm:
         for step in self._steps:
             value = getattr(source, step.ours)
             place = _inside(target, step.theirs[:-1])
-            _set(place, step.theirs[-1], value, step.factor)
+            _set(place, step.theirs[-1], _named(value, step.names), step.factor)
+        _complete(target)
         if self._stamped:
             _stamp(target, self._epoch_ns())
         return target.encode()
@@ -141,7 +152,8 @@ class RosForm:
     def fields(self) -> RosFields:
         """The form without our class, for a recording."""
         positions = {field.name: position for position, field in enumerate(fields_of(self.ours))}
-        return tuple((positions[step.ours], ".".join(step.theirs), step.factor) for step in self._steps)
+        plain = ((step, (positions[step.ours], ".".join(step.theirs), step.factor)) for step in self._steps)
+        return tuple((*told, step.names) if step.names else told for step, told in plain)
 
     def inward(self, payload: bytes) -> bytes:
         """A payload of theirs as one of ours.
@@ -150,6 +162,8 @@ class RosForm:
             RemoteProtocolError: it is not a message of their class, or a value does not fit into ours.
         """
         source, target = self.theirs.decode(payload, most_behind=MOST_BEHIND), self.ours()
+        if isinstance(source, ros2.Image):
+            _check_image(source)
         for step in self._steps:
             value = getattr(_inside(source, step.theirs[:-1]), step.theirs[-1])
             _set(target, step.ours, value, 1.0 / step.factor)
@@ -164,11 +178,13 @@ def recorded_as_ros(theirs: type[Message], fields: RosFields, values: Sequence[o
     """
     target = theirs()
     try:
-        for position, path, factor in fields:
+        for position, path, factor, *names in fields:
             *outer, last = path.split(".")
-            _set(_inside(target, tuple(outer)), last, values[position], factor)
+            value = _named(values[position], names[0] if names else ())
+            _set(_inside(target, tuple(outer)), last, value, factor)
     except (AttributeError, IndexError) as error:
         raise RemoteProtocolError(f"the recorded form for {theirs.type_name} does not fit: {error}") from error
+    _complete(target)
     if any(field.name == "header" for field in fields_of(theirs)):
         _stamp(target, epoch_ns)
     return target.encode()
@@ -227,7 +243,9 @@ def _step(ours: type[Message], theirs: type[Message], name: str, text: str) -> _
             f"{ours.type_name}.{name} is {mine.codec.word}, {theirs.type_name} has {other.codec.word} at "
             f"{match['path']}: a number goes with a number and a text with a text"
         )
-    return _Step(name, path, factor)
+    enum = mine.codec.inside if isinstance(mine.default, IntEnum) else None
+    names = [member.name.lower() for member in enum] if enum is not None and issubclass(enum, IntEnum) else []
+    return _Step(name, path, factor, tuple(names))
 
 
 def _field(cls: type[Message], path: tuple[str, ...]) -> Field:
@@ -246,9 +264,22 @@ def _field(cls: type[Message], path: tuple[str, ...]) -> Field:
 
 
 def _kind(field: Field) -> str:
+    if isinstance(field.default, str | IntEnum):
+        return "text"
     if isinstance(field.default, bool | int | float):
         return "number"
-    return "text" if isinstance(field.default, str) else "other"
+    element = field.codec.element
+    if element is None:
+        return "other"
+    if element.inside is not None and issubclass(element.inside, Message):
+        is_octets = all(one.codec.word == "uint8" for one in fields_of(element.inside))
+        return "numbers" if is_octets else "other"
+    return "numbers" if element.code is not None else "other"
+
+
+def _named(value: object, names: Sequence[str]) -> object:
+    """The name of an enum's number."""
+    return names[value] if names and isinstance(value, int) and 0 <= value < len(names) else value
 
 
 def _inside(message: Message, path: tuple[str, ...]) -> Message:
@@ -264,9 +295,66 @@ def _stamp(message: Message, epoch_ns: int) -> None:
     _set(stamp, "nanosec", nanoseconds, 1.0)
 
 
+def _complete(message: Message) -> None:
+    """What follows from the rest of a message of ROS 2."""
+    if isinstance(message, ros2.LaserScan):
+        message.angle_max = message.angle_min + message.angle_increment * max(len(message.ranges) - 1, 0)
+    elif isinstance(message, ros2.Image):
+        if not message.encoding:  # lamps in a row
+            message.encoding, message.height = "rgb8", 1
+            message.width = len(message.data) // 3
+        message.step = message.width * _PIXEL_OCTETS[message.encoding]
+
+
+_PIXEL_OCTETS = {"mono8": 1, "rgb8": 3}
+
+
+def _check_image(image: ros2.Image) -> None:
+    octets = _PIXEL_OCTETS.get(image.encoding)
+    if octets is None:
+        raise RemoteProtocolError(f"an image of {image.encoding[:20]!r}, where {' or '.join(_PIXEL_OCTETS)} is known")
+    if image.step != image.width * octets or len(image.data) != image.step * image.height:
+        raise RemoteProtocolError(f"an image whose rows are not {image.width} pixels of {octets} octets each")
+
+
+def _set_numbers(message: Message, name: str, value: Iterable[object], factor: float) -> None:
+    """Set a list of numbers, or of messages of octets such as colours, from either."""
+    codec = next(one.codec for one in fields_of(type(message)) if one.name == name)
+    numbers = [octet for one in value for octet in _octets_of(one)]
+    if factor != 1.0:
+        numbers = [one * factor for one in numbers]
+    element = codec.element
+    made: object = numbers
+    if isinstance(codec.zero(), bytes):
+        made = bytes(numbers) if all(isinstance(one, int) and 0 <= one < 256 for one in numbers) else numbers
+    elif element is not None and element.inside is not None and issubclass(element.inside, Message):
+        size = len(fields_of(element.inside))
+        if len(numbers) % size:
+            raise RemoteProtocolError(f"{len(numbers)} octets make no whole number of {element.inside.__name__}")
+        made = from_plain(codec, [numbers[at : at + size] for at in range(0, len(numbers), size)])
+    setattr(message, name, made)
+
+
+def _octets_of(value: object) -> list[Any]:
+    """A number as it is, and the fields of a message, or of one that was recorded."""
+    if isinstance(value, Message):
+        return [getattr(value, field.name) for field in fields_of(type(value))]
+    names = () if isinstance(value, bool | int | float) else getattr(value, "__slots__", ())
+    return [getattr(value, one) for one in names] if names else [value]
+
+
 def _set(message: Message, name: str, value: object, factor: float) -> None:
-    kind = type(getattr(message, name))
-    if isinstance(value, bool | int | float):
+    held = getattr(message, name)
+    kind = type(held)
+    if isinstance(held, IntEnum) and isinstance(value, str):
+        value = next((member for member in type(held) if member.name.lower() == value), value)
+    elif isinstance(held, list | bytes):
+        try:
+            _set_numbers(message, name, value if isinstance(value, Iterable) else (), factor)
+        except (LocalProtocolError, TypeError) as error:
+            raise RemoteProtocolError(str(error)) from error
+        return
+    elif isinstance(value, bool | int | float):
         number = value if factor == 1.0 else value * factor
         try:
             value = kind(number) if kind is not int else round(number)

@@ -135,7 +135,7 @@ def service_form(
     theirs = ROS_TYPES[told]
     requests = _form(request, ROS_TYPES[asked], given[0])
     replies = _form(reply, theirs, given[1])
-    free = {field.name for field in fields_of(theirs)} - {path for _, path, _ in replies.fields}
+    free = {field.name for field in fields_of(theirs)} - {path for _, path, *_ in replies.fields}
     return ServiceForm(asked, told, requests, replies, SUCCESS in free)
 
 

@@ -9,14 +9,41 @@ from __future__ import annotations
 import asyncio
 import types
 from collections.abc import Mapping
+from enum import IntEnum
 from random import Random
-from typing import Protocol
+from typing import Annotated, Any, Protocol
 
-from msbot.config import Direction, FieldKind, MessageType, Operand, PartType, Port, Scalar, Simulator
+from msbot.config import (
+    BoundedText,
+    Direction,
+    EnumType,
+    FieldKind,
+    FieldType,
+    ListType,
+    MessageType,
+    Operand,
+    PartType,
+    Port,
+    Scalar,
+    Simulator,
+)
 from msbot.part import ExpectedRobot, JoinState, Message, Part
-from msbot.part.messages.message import fields_of
+from msbot.part.messages.leaves import leaves_of, with_leaves
 from msbot.part.messages.standard import STANDARD_MESSAGES
-from msbot.part.messages.wire_types import float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64
+from msbot.part.messages.wire_types import (
+    AtMost,
+    Exactly,
+    float32,
+    float64,
+    int8,
+    int16,
+    int32,
+    int64,
+    uint8,
+    uint16,
+    uint32,
+    uint64,
+)
 from msbot.part.program import Every
 from msbot.sim.part_model import PartModel
 
@@ -39,7 +66,7 @@ ANNOTATIONS: dict[FieldKind, object] = {
 }
 """The Python type of each kind of field."""
 
-_made: dict[tuple[str, tuple[tuple[str, FieldKind], ...]], type[Message]] = {}
+_made: dict[tuple[str, tuple[tuple[str, tuple[tuple[str, str], ...]], ...]], type[Message]] = {}
 
 
 def message_class(message: MessageType) -> type[Message]:
@@ -47,15 +74,40 @@ def message_class(message: MessageType) -> type[Message]:
     standard = STANDARD_MESSAGES.get(message.name)
     if standard is not None:
         return standard
-    key = (message.name, tuple(message.fields.items()))
+    key = (message.name, tuple(message.described().items()))
     if key not in _made:
         _made[key] = _make(message)
     return _made[key]
 
 
+def message_of(message: MessageType, leaves: Mapping[str, Scalar]) -> Message:
+    """A message of a type with these leaves; the others are zero.
+
+    Raises:
+        LocalProtocolError: one cannot have this value.
+    """
+    return with_leaves(message_class(message), leaves)
+
+
+def _annotation(kind: FieldType) -> object:
+    """What Python writes for a kind of field."""
+    match kind:
+        case BoundedText():
+            return Annotated[str, AtMost(kind.most)]
+        case EnumType():
+            return IntEnum(kind.name, {name.upper(): number for number, name in enumerate(kind.names)})
+        case ListType():
+            inside: Any = _annotation(kind.element)
+            return Annotated[list[inside], Exactly(kind.most) if kind.is_fixed else AtMost(kind.most)]
+        case MessageType():
+            return message_class(kind)
+        case _:
+            return ANNOTATIONS[kind]
+
+
 def _make(message: MessageType) -> type[Message]:
     body = {
-        "__annotations__": {name: ANNOTATIONS[kind] for name, kind in message.fields.items()},
+        "__annotations__": {name: _annotation(kind) for name, kind in message.fields.items()},
         "__doc__": message.description or f"Messages of type {message.name}.",
         "type_name": message.name,
     }
@@ -137,12 +189,10 @@ class ModelPart:
 
     def _listen(self, port: Port) -> None:
         message_type = self._classes[port.name]
-        names = [field.name for field in fields_of(message_type)]
 
         def take(message: Message) -> None:
             self._take_settings()
-            fields: dict[str, Scalar] = {name: getattr(message, name) for name in names}
-            self._world.receive(port.name, fields, self._time())
+            self._world.receive(port.name, leaves_of(message), self._time())
             self._world.note_changes()
             self._resume()
             self._moved()
@@ -179,7 +229,7 @@ class ModelPart:
                 self.part.hold_stop(bool(fields[self._stops[port]]))
             if self.part.bound(port) and port not in self._unsaid:
                 told = fields if self.distort is None else self.distort(port, fields, now)
-                self.part.publish(port, self._classes[port](**told))
+                self.part.publish(port, with_leaves(self._classes[port], told))
         if self._ticks is not None:
             self._ticks.rest_until(self._world.quiet_until(now))
 

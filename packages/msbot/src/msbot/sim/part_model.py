@@ -8,7 +8,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 from random import Random
 
-from msbot.config import Direction, FieldKind, Output, PartType, Port, Scalar, Simulator, format_text
+from msbot.config import (
+    BoundedText,
+    Direction,
+    EnumType,
+    FieldKind,
+    LeafType,
+    ListType,
+    Output,
+    PartType,
+    Port,
+    Scalar,
+    Simulator,
+    format_text,
+)
 from msbot.part.messages.wire_types import FLOAT32_MAX
 from msbot.sim.simulated_reading import SimulatedReading, as_number, number
 
@@ -41,7 +54,7 @@ class PartModel:
         self._values |= {f"#{port.name}": int(port.direction is Direction.PUBLISH) for port in part_type.ports}
         for port in part_type.ports:
             if port.direction is Direction.SUBSCRIBE and port.message is not None:
-                rest = {name: kind.zero for name, kind in port.message.fields.items()} | dict(port.safe or {})
+                rest = {name: kind.zero for name, kind in port.message.leaves.items()} | dict(port.safe or {})
                 self._values |= {f"{port.name}.{name}": value for name, value in rest.items()}
         self._measured: dict[str, Scalar] = {}
         readings = [replace(reading, noise=0.0, lag_s=0.0) if ideal else reading for reading in simulator.readings]
@@ -180,7 +193,7 @@ class _OutputState:
 
     def __init__(self, output: Output, port: Port) -> None:
         self.output = output
-        self._kinds = port.message.fields if port.message is not None else {}
+        self._kinds = port.message.leaves if port.message is not None else {}
         self._said: dict[str, Scalar] | None = None
         self._next_at = 0.0
         self._waiting: deque[dict[str, Scalar]] = deque(maxlen=MOST_WAITING)
@@ -245,9 +258,18 @@ class _OutputState:
         return False
 
 
-def fit(kind: FieldKind, value: Scalar) -> Scalar:
+def fit(kind: LeafType, value: Scalar) -> Scalar:
     """A value in the form that a message field accepts: rounded, limited, or as text."""
     match kind:
+        case BoundedText():
+            octets = str(fit(FieldKind.TEXT, value)).encode()[: kind.most]
+            return octets.decode(errors="ignore")
+        case EnumType():
+            at = value if isinstance(value, int) and not isinstance(value, bool) else -1
+            named = kind.names[at] if 0 <= at < len(kind.names) else value
+            return named if named in kind.names else kind.zero
+        case ListType():
+            return value if kind.fault(value) is None else kind.zero
         case FieldKind.BOOL:
             return bool(value)
         case FieldKind.TEXT:

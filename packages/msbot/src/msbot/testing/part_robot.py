@@ -25,7 +25,7 @@ from msbot.master import Master
 from msbot.part import Message, Part
 from msbot.part.join.joining import ANY
 from msbot.part.join.pnp_messages import range_setting, safe_setting
-from msbot.part.messages.message import fields_of
+from msbot.part.messages.leaves import leaves_of
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import VirtualTimeLoop
 from msbot.sim.model_part import message_class
@@ -446,7 +446,7 @@ def _ports_of(part: Part, publishes: Mapping[str, type[Message]], library: Libra
 def _safe(message: Message | None) -> Mapping[str, Scalar] | None:
     if message is None:
         return None
-    return {field.name: getattr(message, field.name) for field in fields_of(type(message))}
+    return leaves_of(message)
 
 
 def _settings_of(

@@ -55,7 +55,11 @@ def test_two_types_of_one_name_must_agree(tmp_path: Path) -> None:
 
 
 WRONG = [
-    ('"float32"', '"float"', 'type[0].fields.speed: "float" is none of "bool"'),
+    (
+        '"float32"',
+        '"float"',
+        'type[0].fields.speed: there is no kind of field "float"; did you mean "float64" or "float32"?',
+    ),
     ("speed =", '"a b" =', 'type[0].fields.a b: "a b" cannot be the name of a field'),
     ("speed =", "_speed =", '"_speed" cannot be the name of a field'),
     ('{ speed = "m/s" }', '{ sped = "m/s" }', 'type[0].units.sped: the type has no field "sped"'),

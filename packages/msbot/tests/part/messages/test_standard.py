@@ -3,11 +3,9 @@
 import pytest
 
 import msbot
-from msbot.config import FieldKind, standard_message_types
-from msbot.part.messages.message import fields_of
+from msbot.config import standard_message_types
 from msbot.part.messages.standard import STANDARD_MESSAGES
-
-WORDS = {kind.value: kind for kind in FieldKind} | {"str": FieldKind.TEXT}
+from msbot.part.messages.type_hash import described_types
 
 
 def test_the_library_knows_each_class_and_there_is_a_class_for_each_type() -> None:
@@ -23,8 +21,9 @@ def test_a_program_can_import_it_from_msbot(name: str) -> None:
 @pytest.mark.parametrize("name", STANDARD_MESSAGES)
 def test_class_and_type_have_the_same_fields_in_the_same_order(name: str) -> None:
     message_class = STANDARD_MESSAGES[name]
-    fields = [(field.name, WORDS[field.codec.word]) for field in fields_of(message_class)]
-    assert fields == list(standard_message_types()[name].fields.items())
+    assert {one: list(fields) for one, fields in standard_message_types()[name].described().items()} == described_types(
+        message_class
+    )
     assert message_class.decode(message_class().encode()) == message_class()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from msbot.cli.bus.frame_log import FOREIGN_FORMATS, OWN_FORMAT
 from msbot.cli.robot_options import user_name
-from msbot.config import FieldKind, MessageType
+from msbot.config import MessageType, type_from_words
 from msbot.pnp import KnownObject
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
 from msbot_agent.link.can import BusState, open_can_bus
@@ -199,10 +199,14 @@ def _add(found: RobotOnBus, process: RunningProcess, bus: str) -> bool:
             found.objects.setdefault((int(node), int(object_id)), KnownObject(*map(str, words)))
         types: Any = answer.get("types", ())
         for one in types:
-            fields = {str(name): FieldKind(kind) for name, kind in _mapping(one["fields"]).items()}
+            fields = {
+                str(name): {str(field): str(kind) for field, kind in _mapping(inner).items()}
+                for name, inner in _mapping(one["fields"]).items()
+            }
             units = {str(name): str(unit) for name, unit in _mapping(one["units"]).items()}
-            found.types.setdefault(str(one["name"]), MessageType(str(one["name"]), fields, units))
-    except (ValueError, TypeError, KeyError) as error:
+            name = str(one["name"])
+            found.types.setdefault(name, type_from_words(name, fields, units))
+    except (ValueError, TypeError, KeyError, ConfigError) as error:
         raise ConfigError(
             f"{process.what} {process.name}: its answer about {bus} makes no sense ({error!r})"
         ) from error

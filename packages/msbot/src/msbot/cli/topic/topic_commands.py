@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -19,6 +20,9 @@ from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
+
+_BARE_NAME = re.compile(r"([{,]\s*)([A-Za-z_]\w*)\s*:")
+"""A name without quotes, as YAML has it."""
 
 WAIT_S = 2.0
 """How long the master waits for the next message before it answers that there is none."""
@@ -376,16 +380,30 @@ def values_of(text: str) -> list[str]:
     Raises:
         ConfigError: it is neither.
     """
-    try:
-        found = json.loads(text)
-    except ValueError:
-        found = _flow(text)
-    if not isinstance(found, dict) or any(isinstance(value, dict | list) for value in found.values()):
+    found: object = None
+    for read in (json.loads, lambda one: json.loads(_BARE_NAME.sub(r'\1"\2":', one)), _flow):
+        try:
+            found = read(text)
+            break
+        except ValueError:
+            continue
+    if not isinstance(found, dict):
         raise ConfigError(f"{text!r}: write {{field: value, field: value}}")
-    return [f"{name}={_word(value)}" for name, value in found.items()]
+    return [f"{name}={_word(value)}" for name, value in _leaves("", found)]
+
+
+def _leaves(way: str, values: Mapping[str, object]) -> Iterator[tuple[str, object]]:
+    """The values with the way to each: `pose.x`; a list is one value."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _leaves(f"{way}{name}.", value)
+        else:
+            yield f"{way}{name}", value
 
 
 def _word(value: object) -> str:
+    if isinstance(value, list):
+        return json.dumps(value)
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

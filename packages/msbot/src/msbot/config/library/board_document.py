@@ -8,12 +8,12 @@ that could only publish what nobody measures is left out: it stays silent.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 
 from msbot.config.library.board_drivers import BOARD_DRIVERS
 from msbot.config.library.board_wiring import WiredPart
-from msbot.config.library.message_types import FieldKind
+from msbot.config.library.field_types import FieldKind, MessageType
 from msbot.config.library.part_types import Direction, PartType, Port
 from msbot.config.library.simulator import Output, Reading, Simulator
 from msbot_agent.text.sentence import said
@@ -182,12 +182,22 @@ def _output(output: Output) -> dict[str, object]:
 
 
 def _is_used(port: Port, outputs: Iterable[Output]) -> bool:
+    message = port.message
+    if message is not None and len(list(_simple(message))) < len(message.fields):
+        return False  # lists and messages inside: the drivers of boards have none
     return port.direction is Direction.SUBSCRIBE or any(output.port == port.name for output in outputs)
+
+
+def _simple(message: MessageType) -> Iterator[tuple[str, FieldKind]]:
+    """The fields of a message; only messages of simple fields get here."""
+    for name, kind in message.fields.items():
+        if isinstance(kind, FieldKind):
+            yield name, kind
 
 
 def _port(port: Port) -> list[object]:
     """Whether it comes in, type, fields, and the safe value."""
     message = port.message
-    coded = "" if message is None else " ".join(f"{name}:{CODES[kind]}" for name, kind in message.fields.items())
+    coded = "" if message is None else " ".join(f"{name}:{CODES[kind]}" for name, kind in _simple(message))
     found: list[object] = [int(port.direction is Direction.SUBSCRIBE), port.type_name, coded]
     return found if port.safe is None else [*found, dict(port.safe)]

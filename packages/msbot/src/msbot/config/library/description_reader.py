@@ -7,15 +7,16 @@ types. Only what was read and checked is written to the library, never the text 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
-from msbot.config.library.message_types import MessageType, standard_message_types
+from msbot.config.library.field_types import MessageType
+from msbot.config.library.message_types import standard_message_types
 from msbot.config.library.part_file_reader import add_message_types, open_library_file, read_part_type
 from msbot.config.library.part_library import Library
 from msbot.config.library.part_types import PartType
 from msbot_agent.toml.document import Document, parse_document
 from msbot_agent.toml.problems import KeyPath, Problems, quoted
-from msbot_agent.toml.table import toml_table, toml_value
+from msbot_agent.toml.table import toml_value
 from msbot_xrce.lazy import dataclass
 
 FILE = "what the part says"
@@ -69,12 +70,14 @@ def read_description(text: str, number: str, library: Library) -> Described:
         root.problem("a part needs at least one port: publishes(...), on(...), serves(...) or calls(...)", "port")
     problems.raise_if_any()
     assert part_type is not None
-    carried = {
-        message.name for port in part_type.ports for message in (port.message, port.reply) if message is not None
-    }
-    own = carried - standard_message_types().keys()
-    messages = {message.name: message for _, message in file.messages if message.name in own}
-    return Described(part_type, tuple(messages.values()), _toml(document.values, messages))
+    carried: set[str] = set()
+    for port in part_type.ports:
+        for message in (port.message, port.reply):
+            carried |= set() if message is None else message.described().keys()
+    standard = {name for message in standard_message_types().values() for name in message.described()}
+    own = carried - standard
+    messages = tuple(message for _, message in file.messages if message.name in own)
+    return Described(part_type, messages, _toml(document.values, own))
 
 
 def _check_values(document: Document, problems: Problems) -> None:
@@ -107,17 +110,14 @@ def _scalars(path: KeyPath, value: object) -> Iterator[tuple[KeyPath, object]]:
         yield path, value
 
 
-def _toml(values: dict[str, object], messages: dict[str, MessageType]) -> str:
+def _toml(values: dict[str, object], types: Collection[str]) -> str:
     """The file, after everything in it was read without a problem; it stands by itself."""
     lines = [f"{key} = {toml_value(value)}" for key in MAY_SAY if isinstance(value := values.get(key), str)]
     for name in TABLES:
         tables = values.get(name, [])
         assert isinstance(tables, list)
         for table in tables:
-            if name != "type" or table["name"] in messages:
+            if name != "type" or table["name"] in types:
                 lines += ["", f"[[{name}]]"]
-                lines += [
-                    f"{key} = {toml_table(value) if isinstance(value, dict) else toml_value(value)}"
-                    for key, value in table.items()
-                ]
+                lines += [f"{key} = {toml_value(value)}" for key, value in table.items()]
     return "\n".join(lines) + "\n"

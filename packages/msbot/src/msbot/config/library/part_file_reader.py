@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msbot.config.library.board_drivers import BOARD_DRIVERS, I2C_WIRES
-from msbot.config.library.message_types import FieldKind, MessageType, read_message_types
+from msbot.config.library.field_types import FieldKind, ListType, MessageType
+from msbot.config.library.message_types import enums_of, read_message_types
 from msbot.config.library.part_types import (
     BoardSpec,
     BusKind,
@@ -28,7 +30,7 @@ from msbot.config.library.versions import ANY_VERSION, VERSION_SIGN, VersionRang
 from msbot.service_types import ServiceType
 from msbot_agent.toml.document import Document
 from msbot_agent.toml.problems import Problems, suggestion, toml_value_in_words
-from msbot_agent.toml.table import Table
+from msbot_agent.toml.table import Scalar, Table
 from msbot_xrce.lazy import dataclass
 
 # Reads what can be configured about a part: its parameters, and the options of its driver.
@@ -185,6 +187,10 @@ def add_message_types(messages: dict[str, MessageType], file: LibraryFile) -> No
                 f'the message type "{message.name}" has other fields in {other.source}; use those or another name',
                 "name",
             )
+        theirs = {one.name: one for known in messages.values() for one in enums_of(known)}
+        for one in enums_of(message):
+            if theirs[one.name] != one:
+                table.problem(f'the enum "{one.name}" has other names elsewhere; use those or another name', "fields")
 
 
 def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartType | None:
@@ -256,7 +262,7 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         direction=direction,
         type_name=type_name,
         rate_hz=table.number("rate_hz", default=0.0, least=0.0, most=_MOST_HZ, unit="times a second"),
-        safe=table.scalars("safe") if "safe" in table else None,
+        safe=_read_safe(table, message) if "safe" in table else None,
         stop=table.text("stop", "on"),
         description=table.text("description", "How bright it is"),
         message=message,
@@ -283,16 +289,50 @@ def _read_port_type(table: Table, key: str, known: Mapping[str, MessageType]) ->
     return name, message
 
 
+def _read_safe(table: Table, message: MessageType | None) -> dict[str, Scalar]:
+    """The leaves of a safe value; what has fields inside may be a table, a list is one."""
+    inner = table.table("safe")
+    found: dict[str, Scalar] = {}
+    for name in inner.present_keys():
+        value = inner.item(name)
+        kind = None if message is None else message.fields.get(name)
+        if isinstance(value, dict) and isinstance(kind, MessageType):
+            found |= {f"{name}.{way}": one for way, one in _flat(value)}
+        elif isinstance(value, list) and isinstance(kind, ListType):
+            found[name] = _list_text(value)
+        elif isinstance(value, bool | int | float | str):
+            found[name] = value
+        else:
+            inner.scalar(name)
+    return found
+
+
+def _flat(values: Mapping[str, object]) -> Iterator[tuple[str, Scalar]]:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from ((f"{name}.{way}", one) for way, one in _flat(value))
+        elif isinstance(value, bool | int | float | str):
+            yield name, value
+        else:
+            yield name, _list_text(value)
+
+
+def _list_text(value: object) -> str:
+    """A list as one leaf."""
+    return json.dumps(value, default=str)
+
+
 def _read_ranges(table: Table, message: MessageType | None) -> dict[str, tuple[float, float]]:
     """The least and the greatest value of fields."""
     found = {}
     for name in table.present_keys():
         value = table.item(name)
-        kind = None if message is None else message.fields.get(name)
-        if message is not None and kind is None:
-            right = suggestion(name, list(message.fields), none_known="remove it")
+        leaf = None if message is None else message.leaves.get(name)
+        kind = leaf.element if isinstance(leaf, ListType) else leaf
+        if message is not None and leaf is None:
+            right = suggestion(name, list(message.leaves), none_known="remove it")
             table.problem(f'a {message.name} has no field "{name}"; {right}', name)
-        elif kind in (FieldKind.BOOL, FieldKind.TEXT):
+        elif message is not None and (not isinstance(kind, FieldKind) or kind in (FieldKind.BOOL, FieldKind.TEXT)):
             table.problem("only a number has a range; remove it", name)
         elif (
             not isinstance(value, list)
@@ -317,9 +357,9 @@ def _check_stop(table: Table, port: Port, message: MessageType | None) -> None:
 
 def _check_safe(table: Table, port: Port, message: MessageType) -> None:
     for name, value in (port.safe or {}).items():
-        kind = message.fields.get(name)
+        kind = message.leaves.get(name)
         if kind is None:
-            right = suggestion(name, list(message.fields), none_known="remove it")
+            right = suggestion(name, list(message.leaves), none_known="remove it")
             table.problem(f'a {message.name} has no field "{name}"; {right}', "safe", name)
         elif fault := kind.fault(value) or port.fault(name, value):
             table.problem(fault, "safe", name)

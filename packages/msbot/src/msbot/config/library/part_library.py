@@ -12,7 +12,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from msbot.config.library.agreement import check_agreement
-from msbot.config.library.message_types import FieldKind, MessageType, standard_message_types
+from msbot.config.library.field_types import FieldKind, MessageType
+from msbot.config.library.message_types import standard_message_types
 from msbot.config.library.part_file_reader import LibraryFile, add_message_types, open_library_file, read_part_type
 from msbot.config.library.part_types import (
     BusKind,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import field
 from enum import Enum
 
-from msbot.config.library.message_types import MessageType
+from msbot.config.library.field_types import MessageType
 from msbot.config.library.simulator import Simulator
 from msbot.config.library.versions import ANY_VERSION, VersionRange
 from msbot_agent.text.sentence import Sentence, said
@@ -122,14 +123,30 @@ class Port:
 
     def fault(self, name: str, value: Scalar) -> str | None:
         """Why a field cannot have this value at this port; None when it can."""
-        if name not in self.ranges or isinstance(value, str | bool):
+        if name not in self.ranges or isinstance(value, bool):
             return None
-        least, most = self.ranges[name]
-        unit = "" if self.message is None else self.message.units.get(name, "")
-        if least <= value <= most:
-            return None
-        words = f"must be from {least:g} to {most:g} {unit}".rstrip()
-        return f"{words}; it is {value:g}"
+        if isinstance(value, str):  # a list
+            return _first_fault(value, self.ranges[name], self._unit(name))
+        return _range_fault(value, self.ranges[name], self._unit(name))
+
+    def _unit(self, name: str) -> str:
+        return "" if self.message is None else self.message.units.get(name, "")
+
+
+def _range_fault(value: float, limits: tuple[float, float], unit: str) -> str | None:
+    least, most = limits
+    if least <= value <= most:
+        return None
+    words = f"must be from {least:g} to {most:g} {unit}".rstrip()
+    return f"{words}; it is {value:g}"
+
+
+def _first_fault(text: str, limits: tuple[float, float], unit: str) -> str | None:
+    """Of a list, the first element that is out of range."""
+    for place, value in enumerate(json.loads(text)):
+        if words := _range_fault(value, limits, unit):
+            return f"[{place}] {words}"
+    return None
 
 
 @dataclass(frozen=True, slots=True)

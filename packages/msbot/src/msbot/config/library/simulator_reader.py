@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from msbot.config.library.message_types import FieldKind, MessageType
+from msbot.config.library.field_types import EnumType, FieldKind, LeafType, MessageType
 from msbot.config.library.part_types import Direction, Parameter, Port
 from msbot.config.library.simulator import (
     DRIVES,
@@ -79,7 +79,7 @@ class SimulatorReader:
         for port in ports:
             self._sources[f"#{port.name}"] = 0
             if port.direction is Direction.SUBSCRIBE and port.message is not None:
-                self._sources |= {f"{port.name}.{name}": kind.zero for name, kind in port.message.fields.items()}
+                self._sources |= {f"{port.name}.{name}": kind.zero for name, kind in port.message.leaves.items()}
 
     def read(self) -> Simulator:
         """The simulator; what is wrong becomes a problem."""
@@ -220,27 +220,27 @@ class SimulatorReader:
         fields: dict[str, Scalar] = {}
         for key in table.present_keys():
             value = table.scalar(key)
-            if key not in message.fields:
-                right = suggestion(key, list(message.fields), none_known="remove it")
+            if key not in message.leaves:
+                right = suggestion(key, list(message.leaves), none_known="remove it")
                 table.problem(f'a {message.name} has no field "{key}"; {right}', key)
             elif isinstance(value, str):
                 fields[key] = self._template(table, key) if "{" in value else self._source(table, key)
             elif value is not None:
                 fields[key] = value
-                if fault := message.fields[key].fault(value):
+                if fault := message.leaves[key].fault(value):
                     table.problem(fault, key)
-        for key in message.fields:
+        for key in message.leaves:
             if key not in fields and key not in table.present_keys():
                 fields[key] = self._source_of_field(table, port, key, message)
         return fields
 
     def _source_of_field(self, table: Table, port: str, key: str, message: MessageType) -> Scalar:
         """The source of a field about which the file says nothing: one with the field's name, or with the port's."""
-        for name in (key, port) if len(message.fields) == 1 else (key,):
+        for name in (key, port) if len(message.leaves) == 1 else (key,):
             if name in self._sources:
                 return name
         table.problem(f'says nothing of the field "{key}"; add {key} = and the name of a control or reading', key)
-        return message.fields[key].zero
+        return message.leaves[key].zero
 
     def _own_name(self, table: Table) -> str:
         name = table.name("name", "brightness", forbidden=FORBIDDEN_IN_NAMES)
@@ -295,7 +295,7 @@ class SimulatorReader:
         controls = []
         for port in self._ports:
             if port.direction is Direction.PUBLISH and port.name not in said and port.message is not None:
-                for name, kind in port.message.fields.items():
+                for name, kind in port.message.leaves.items():
                     if _only_name(port, name) not in self._sources:
                         controls.append(_control_for(port, name, kind, port.message))
                         self._sources[controls[-1].name] = controls[-1].start
@@ -305,7 +305,7 @@ class SimulatorReader:
         return [
             Output(
                 port.name,
-                {name: _only_name(port, name) for name in port.message.fields},
+                {name: _only_name(port, name) for name in port.message.leaves},
                 every=1 / port.rate_hz if port.rate_hz else 0.0,
                 on_change=not port.rate_hz,
             )
@@ -323,22 +323,31 @@ class SimulatorReader:
             Reading(name, (port.message.units if port.message else {}).get(field, ""), follows=f"{port.name}.{field}")
             for port in ports
             if not any(source == f"#{port.name}" or source.startswith(f"{port.name}.") for source in followed)
-            for field in (port.message.fields if port.message else ())
+            for field in (port.message.leaves if port.message else ())
             if (name := _only_name(port, field)) not in self._sources
         ]
 
 
 def _only_name(port: Port, field: str) -> str:
     """The name of a filled-in reading or control: the port's, followed by the field's if there are several."""
-    return port.name if port.message is not None and len(port.message.fields) == 1 else f"{port.name}_{field}"
+    return (
+        port.name
+        if port.message is not None and len(port.message.leaves) == 1
+        else f"{port.name}_{field.replace('.', '_')}"
+    )
 
 
-def _control_for(port: Port, field: str, kind: FieldKind, message: MessageType) -> Control:
-    control = {FieldKind.BOOL: ControlKind.BOOL, FieldKind.TEXT: ControlKind.TEXT}.get(kind, ControlKind.NUMBER)
-    least, most = kind.limits if kind.is_whole else (None, None)
-    unit = message.units.get(field, "")
+def _control_for(port: Port, field: str, kind: LeafType, message: MessageType) -> Control:
+    name, unit = _only_name(port, field), message.units.get(field, "")
     words = f"What it says at port {port.name}"
-    return Control(_only_name(port, field), control, kind.zero, least, most, unit, words)
+    if isinstance(kind, EnumType):
+        return Control(name, ControlKind.CHOICE, kind.zero, None, None, unit, words, choices=kind.names)
+    if kind is FieldKind.BOOL:
+        return Control(name, ControlKind.BOOL, kind.zero, None, None, unit, words)
+    if not isinstance(kind, FieldKind) or kind is FieldKind.TEXT:
+        return Control(name, ControlKind.TEXT, kind.zero, None, None, unit, words)
+    least, most = kind.limits if kind.is_whole else (None, None)
+    return Control(name, ControlKind.NUMBER, kind.zero, least, most, unit, words)
 
 
 def _start_of(kind: ControlKind, choices: tuple[str, ...]) -> Scalar:

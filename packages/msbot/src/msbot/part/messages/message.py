@@ -312,7 +312,18 @@ def _record(annotation: object) -> FieldCodec | None:
         return _read(cls, reader)
 
     smallest = sum(codec.smallest for _, codec in codecs)
-    return FieldCodec(cls.__name__, f"a {cls.__name__}", smallest, cls, fits, write, read, fragile=True)
+    return FieldCodec(
+        cls.__name__,
+        f"a {cls.__name__}",
+        smallest,
+        cls,
+        fits,
+        write,
+        read,
+        fragile=True,
+        kind=cls.type_name,
+        inside=cls,
+    )
 
 
 def _read(cls: type[_M], reader: CdrReader) -> _M:

@@ -12,8 +12,11 @@ a class of its own like these, and a table `[[type]]` in its library file.
 
 from __future__ import annotations
 
+from enum import IntEnum
+from typing import Annotated
+
 from msbot.part.messages.message import Message
-from msbot.part.messages.wire_types import float32, float64, int32, uint8, uint32
+from msbot.part.messages.wire_types import AtMost, float32, float64, int32, uint8, uint16, uint32
 
 # The message of the sample robot's ring.
 
@@ -179,6 +182,53 @@ class Trigger(Message):
     index: uint32
 
 
+class Pose(Message):
+    """Where something is in a plane, and where it looks."""
+
+    x: float32
+    """In m."""
+    y: float32
+    degrees: float32
+    """0 along x, counted from x to y."""
+
+
+class Scan(Message):
+    """Distances in one direction after another, as a scanner turns."""
+
+    angle_min: float32
+    """Direction of the first distance, in degrees; 0 is straight ahead, to the left is positive."""
+    angle_step: float32
+    """From one direction to the next, in degrees."""
+    reach: float32
+    """In m; a distance beyond has met nothing."""
+    metres: Annotated[list[float32], AtMost(360)]
+
+
+class Strip(Message):
+    """The colours of lamps in a row."""
+
+    colours: Annotated[list[Colour], AtMost(64)]
+
+
+class PixelFormat(IntEnum):
+    """What a pixel of a picture is."""
+
+    MONO8 = 0
+    """One byte of grey."""
+    RGB8 = 1
+    """Three bytes: red, green, blue."""
+
+
+class Picture(Message):
+    """A small picture, row by row from the top left."""
+
+    width: uint16
+    height: uint16
+    format: PixelFormat
+    pixels: Annotated[bytes, AtMost(3072)]
+    """64 x 48 of grey, or 32 x 32 in colour."""
+
+
 STANDARD_MESSAGES: dict[str, type[Message]] = {
     message.type_name: message
     for message in (
@@ -205,6 +255,10 @@ STANDARD_MESSAGES: dict[str, type[Message]] = {
         Weight,
         Place,
         Trigger,
+        Pose,
+        Scan,
+        Strip,
+        Picture,
     )
 }
 """All standard messages by their names in the data space."""

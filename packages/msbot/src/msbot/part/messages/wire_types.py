@@ -86,6 +86,12 @@ class FieldCodec:
     """Whether the value can change in place: defaults are copied for each message."""
     code: str | None = None
     """Of a number or boolean: its code in a `struct` format."""
+    kind: str = ""
+    """The type as a library file writes it: `uint16[<=64]`; empty: such a type cannot be declared in one."""
+    inside: type | None = None
+    """Of a message class or an `IntEnum`, or a list of them: the class."""
+    element: FieldCodec | None = None
+    """Of a list, and of bytes: what is in it."""
 
 
 RecordCodec = Callable[[object], FieldCodec | None]
@@ -149,7 +155,10 @@ def _at_most(codec: FieldCodec, limit: int) -> FieldCodec:
             raise RemoteProtocolError(f"a {codec.word} of {size} where {words} are agreed")
         return value
 
-    return replace(codec, word=f"{codec.word} ({words})", needs=f"{codec.needs}, {words}", fits=fits, read=read)
+    kind = f"text<={limit}" if codec.kind == "text" else codec.kind.replace("[]", f"[<={limit}]")
+    return replace(
+        codec, word=f"{codec.word} ({words})", needs=f"{codec.needs}, {words}", fits=fits, read=read, kind=kind
+    )
 
 
 def _integer(
@@ -162,7 +171,7 @@ def _integer(
 
     code = {1: "b", 2: "h", 4: "i", 8: "q"}[size]
     code = code if word[0] == "i" else code.upper()
-    return FieldCodec(word, f"a whole number from {low} to {high}", size, int, fits, write, read, code=code)
+    return FieldCodec(word, f"a whole number from {low} to {high}", size, int, fits, write, read, code=code, kind=word)
 
 
 def _fits_float32(value: object) -> bool:
@@ -196,8 +205,11 @@ _NUMBERS = {
         CdrWriter.f32,
         CdrReader.f32,
         code="f",
+        kind="float32",
     ),
-    "float64": FieldCodec("float64", "a number", 8, float, _fits_float64, CdrWriter.f64, CdrReader.f64, code="d"),
+    "float64": FieldCodec(
+        "float64", "a number", 8, float, _fits_float64, CdrWriter.f64, CdrReader.f64, code="d", kind="float64"
+    ),
 }
 
 _BOOLEAN = FieldCodec(
@@ -209,6 +221,7 @@ _BOOLEAN = FieldCodec(
     CdrWriter.boolean,
     CdrReader.boolean,
     code="?",
+    kind="bool",
 )
 
 
@@ -219,7 +232,9 @@ def _fits_string(value: object) -> bool:
     return value.isascii() or not any("\ud800" <= character <= "\udfff" for character in value)
 
 
-_STRING = FieldCodec("str", "a text without NUL characters", 4, str, _fits_string, CdrWriter.string, CdrReader.string)
+_STRING = FieldCodec(
+    "str", "a text without NUL characters", 4, str, _fits_string, CdrWriter.string, CdrReader.string, kind="text"
+)
 
 _OCTET_SEQUENCE = FieldCodec(
     "bytes",
@@ -229,6 +244,8 @@ _OCTET_SEQUENCE = FieldCodec(
     lambda value: isinstance(value, bytes),
     CdrWriter.octet_sequence,
     CdrReader.octet_sequence,
+    kind="uint8[]",
+    element=_NUMBERS["uint8"],
 )
 
 
@@ -240,7 +257,17 @@ def _octet_array(length: int) -> FieldCodec:
         return reader.octets(length)
 
     words = f"exactly {length} bytes"
-    return FieldCodec(f"octet[{length}]", words, length, lambda: bytes(length), fits, CdrWriter.octets, read)
+    return FieldCodec(
+        f"octet[{length}]",
+        words,
+        length,
+        lambda: bytes(length),
+        fits,
+        CdrWriter.octets,
+        read,
+        kind=f"uint8[{length}]",
+        element=_NUMBERS["uint8"],
+    )
 
 
 def _enumeration(kind: type[IntEnum]) -> FieldCodec:
@@ -257,7 +284,18 @@ def _enumeration(kind: type[IntEnum]) -> FieldCodec:
             raise RemoteProtocolError(f"{number} is no {kind.__name__}") from None
 
     names = ", ".join(f"{kind.__name__}.{member.name}" for member in kind)
-    return FieldCodec(kind.__name__, f"one of {names}", 4, lambda: next(iter(kind)), fits, CdrWriter.u32, read)
+    zero = next(iter(kind))
+    return FieldCodec(
+        kind.__name__,
+        f"one of {names}",
+        4,
+        lambda: zero,
+        fits,
+        CdrWriter.u32,
+        read,
+        kind=kind.__name__,
+        inside=kind,
+    )
 
 
 def _array(element: FieldCodec, length: int) -> FieldCodec:
@@ -281,7 +319,15 @@ def _array(element: FieldCodec, length: int) -> FieldCodec:
         write,
         read,
         fragile=True,
+        kind=_list_kind(element, str(length)),
+        inside=element.inside,
+        element=element,
     )
+
+
+def _list_kind(element: FieldCodec, length: str) -> str:
+    """There are no lists of lists in a library file, as there are none in ROS 2."""
+    return f"{element.kind}[{length}]" if element.kind and element.element is None else ""
 
 
 def _write_all(writer: CdrWriter, element: FieldCodec, values: list[Any]) -> None:
@@ -313,4 +359,16 @@ def _sequence(element: FieldCodec) -> FieldCodec:
         return _read_all(reader, element, reader.u32())
 
     needs = f"a list, each element {element.needs}"
-    return FieldCodec(f"list[{element.word}]", needs, 4, list, fits, write, read, fragile=True)
+    return FieldCodec(
+        f"list[{element.word}]",
+        needs,
+        4,
+        list,
+        fits,
+        write,
+        read,
+        fragile=True,
+        kind=_list_kind(element, ""),
+        inside=element.inside,
+        element=element,
+    )

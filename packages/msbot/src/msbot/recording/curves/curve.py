@@ -115,7 +115,7 @@ def measured_unit(name: str) -> str:
 
 def is_wanted(name: str, wanted: Iterable[str]) -> bool:
     """Whether a curve is one that was asked for, or belongs to it: `knob.level` has all fields of that port."""
-    return any(name == one or name.startswith(f"{one}.") or name.startswith(f"{one}:") for one in wanted)
+    return any(name == one or name.startswith((f"{one}.", f"{one}[", f"{one}:")) for one in wanted)
 
 
 def number_of(value: object) -> float | None:

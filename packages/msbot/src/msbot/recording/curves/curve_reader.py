@@ -6,6 +6,7 @@ time.
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field as with_default
@@ -331,6 +332,10 @@ def _object_of(message: RecordedMessage) -> Mapping[str, object]:
 # The units of curves, which the part library knows and recordings do not.
 
 
+_PLACE = re.compile(r"\[\d+\]")
+"""Of an element in its list: all have the unit of the list."""
+
+
 def units_of(library: Library) -> UnitOf:
     """The units of messages' fields and of parts' settings."""
     known = {
@@ -339,6 +344,7 @@ def units_of(library: Library) -> UnitOf:
     known |= {(f":{entry.number}", one.name): one.unit for entry in library for one in entry.parameters if one.unit}
 
     def unit_of(kind: str, field: str) -> str:
+        field = _PLACE.sub("", field)
         return known.get((kind, field), "") or known.get((kind, field_name(field)), "")
 
     return unit_of

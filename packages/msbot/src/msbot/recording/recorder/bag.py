@@ -94,10 +94,17 @@ def _shared(channel: RecordedChannel) -> tuple[str, str, type[Message], RosField
 
     try:
         cls = ros_class(type_name)
-        steps = tuple((int(position), str(path), float(factor)) for position, path, factor in json.loads(fields))
+        steps = tuple(map(_step, json.loads(fields)))
     except (ConfigError, ValueError, TypeError):
         return None
     return ros_topic(name), type_name, cls, steps
+
+
+def _step(told: list[object]) -> tuple[int, str, float] | tuple[int, str, float, tuple[str, ...]]:
+    """One field of a form; the names of an enum may stand at its end."""
+    position, path, factor, *names = told
+    plain = int(str(position)), str(path), float(str(factor))
+    return (*plain, tuple(map(str, names[0]))) if names and isinstance(names[0], list) else plain
 
 
 def _converter(channel: RecordedChannel, cls: type[Message], fields: RosFields) -> Convert:

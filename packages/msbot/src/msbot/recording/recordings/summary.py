@@ -155,15 +155,16 @@ def _short(value: object) -> str:
 
 
 def flat_fields(fields: Mapping[str, object]) -> list[tuple[str, object]]:
-    """The fields of a message with the way to each: `pose.x`, `samples.0`."""
+    """The fields of a message with the way to each: `pose.x`, `samples[0]`."""
     return list(_flat("", fields))
 
 
-def _flat(prefix: str, fields: Mapping[str, object]) -> Iterator[tuple[str, object]]:
-    for name, value in fields.items():
-        if isinstance(value, dict):
-            yield from _flat(f"{prefix}{name}.", value)
-        elif isinstance(value, list):
-            yield from _flat(f"{prefix}{name}.", {str(index): one for index, one in enumerate(value)})
-        else:
-            yield f"{prefix}{name}", value
+def _flat(way: str, value: object) -> Iterator[tuple[str, object]]:
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _flat(f"{way}.{name}" if way else name, inner)
+    elif isinstance(value, list):
+        for place, inner in enumerate(value):
+            yield from _flat(f"{way}[{place}]", inner)
+    else:
+        yield way, value
