@@ -240,7 +240,7 @@ def test_a_lesson_by_keyboard_only(learn: Page, robot: Page) -> None:
     answer("6")
     ticked(learn, 6)
     press(button(robot, "Open slot knob"))
-    expect(robot.locator(".ms-drawer .why")).to_contain_text("late")
+    expect(robot.locator(".ms-drawer .why").first).to_contain_text("late")
     robot.keyboard.press("Escape")
     answer("late")
     ticked(learn, 7)
