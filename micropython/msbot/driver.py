@@ -8,7 +8,7 @@ class Fault(MsbotError):
 
 
 class Driver:
-    """Base of all drivers. One that reads has `sample`, one that switches `wanted` and `drive`.
+    """Base of all drivers. One that reads has `sample`, one that switches `outputs_for` and `drive`.
 
     They raise Fault or OSError; the driver is then closed, and opened again until it works.
     """

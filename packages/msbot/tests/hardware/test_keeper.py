@@ -77,7 +77,7 @@ for number, (pins, device) in json.loads(sys.argv[3]).items():
     driver = driver_class(part_type)(Mount(part_type, wiring, Machine()))
     keeper.hold(number, part_type, wiring)
     driver.open()
-    driver.drive(driver.wanted(defaultdict(lambda: 90.0)))
+    driver.drive(driver.outputs_for(defaultdict(lambda: 90.0)))
 print("on", flush=True)
 time.sleep(1000)
 """

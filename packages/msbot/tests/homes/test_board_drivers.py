@@ -346,7 +346,7 @@ def test_outputs_are_off_at_first_and_when_closed(number: str, board: Any, monke
     pins = list(driver.pins.values())
     assert [board.look(pin)[1] for pin in pins] == [0] * len(pins)
     names = driver.sources
-    driver.drive(driver.wanted({name: {"pulses": 1}.get(name, 90.0) for name in names}))
+    driver.drive(driver.outputs_for({name: {"pulses": 1}.get(name, 90.0) for name in names}))
     assert any(board.look(pin)[1] for pin in pins) or any(map(any, sent[-1]))
     driver.close()
     driver.close()
