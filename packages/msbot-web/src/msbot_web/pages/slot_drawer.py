@@ -469,7 +469,7 @@ def _log(page: Page, slot: str) -> None:
     """What the part's program logged last; nothing as long as it has logged nothing."""
     with ui.column().classes("w-full") as place:
         heading(page.translate("What its program says"))
-        shown = ui.html("", sanitize=False).classes("why")
+        shown = ui.html("", sanitize=False).classes("log")
 
     def show() -> None:
         lines = page.service.views.log_lines(slot)
