@@ -83,6 +83,7 @@ def test_a_message_may_be_typed_as_in_ros() -> None:
     assert _type_and_values({"type": "", "free": True}, ("HelloWorld", "1", "hi")) == ("HelloWorld", ["1", "hi"])
     assert values_of('{"on": true, "name": "x"}') == ["on=true", "name=x"]
     assert values_of("{on: true, name: 'x y'}") == ["on=true", "name=x y"]
-    for wrong in ("{on", "{on}", "{a: {b: 1}}x", '{"a": [1]}'):
+    assert values_of("{tip: {x: 1, y: 2.5}, joints: [0, 90]}") == ["tip.x=1", "tip.y=2.5", "joints=[0, 90]"]
+    for wrong in ("{on", "{on}", "{a: {b: 1}}x"):
         with pytest.raises(ConfigError, match=r"write \{field: value"):
             values_of(wrong)

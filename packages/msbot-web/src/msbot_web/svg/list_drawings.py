@@ -78,9 +78,9 @@ def lamps(fields: Fields) -> Drawing:
     """A dot for each lamp of a strip, in rows."""
     colours = [one for one in listed(fields.get("colours")) if isinstance(one, list) and len(one) == 3][:MOST_LAMPS]
     columns = max(1, math.ceil(math.sqrt(len(colours))) if len(colours) > 8 else min(len(colours), 4))
-    step = min(76 / columns, 18.0)
     rows = math.ceil(len(colours) / columns)
-    left, top = (SIDE - step * columns) / 2, max(4.0, (68 - step * rows) / 2)
+    step = min(76 / columns, 64 / max(rows, 1), 18.0)
+    left, top = (SIDE - step * columns) / 2, max(2.0, (68 - step * rows) / 2)
     dots = [
         {
             "x": f"{left + (place % columns + 0.5) * step:.1f}",

@@ -256,6 +256,8 @@ def safe_message(message_class: type[Message], fields: Mapping[str, str]) -> Mes
         codec = known.get(name)
         if codec is None:
             raise ConfigError(f"{message_class.__name__} has no field {name!r}; it has {', '.join(known)}")
+        if codec.element is not None and not text.startswith("["):
+            raise ConfigError(f"{message_class.__name__}.{name} is a list such as [1, 2, 3], not {text!r}")
         kind = _KINDS.get(codec.kind.partition("<=")[0])
         values[name] = text if kind is None else read_value(name, text, kind)
     return with_leaves(message_class, values)
