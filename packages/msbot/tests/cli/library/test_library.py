@@ -87,7 +87,7 @@ def test_a_page_as_json_has_the_same() -> None:
             "fields": {"degrees": "float32"},
             "rate_hz": 0.0,
             "safe": {"degrees": 90.0},
-            "ranges": {},
+            "ranges": {"degrees": [0.0, 180.0]},
             "description": "Where the arm is to go, 0 to 180 degrees",
         }
     ]
