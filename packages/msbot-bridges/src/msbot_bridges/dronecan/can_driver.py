@@ -1,0 +1,78 @@
+"""The way of the library `dronecan` to a bus of python-can.
+
+Its own driver takes frames with 11-bit identifiers for its own, and waits for a frame before it sends what is due.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from dronecan.driver.common import AbstractDriver, CANFrame, DriverError
+
+import can
+
+SEND_S = 0.02
+"""Longest wait for room in the controller."""
+
+
+class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has no types
+    """One bus; used in one thread.
+
+    Args:
+        bus: it is closed with this.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        super().__init__()
+        self.unsent = 0
+        """Frames for which the controller had no room."""
+        self._bus = bus
+
+    def receive(self, timeout: float | None = None) -> CANFrame | None:
+        """The next frame with a 29-bit identifier, or None after `timeout` seconds."""
+        until = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = None if until is None else max(0.0, until - time.monotonic())
+            message = self._bus.recv(left)
+            if message is None:
+                return None
+            if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
+                now = time.monotonic()
+                frame = CANFrame(
+                    message.arbitration_id, bytes(message.data), True, ts_monotonic=now, ts_real=message.timestamp
+                )
+                self._rx_hook(frame)
+                return frame
+            if left == 0.0:
+                return None
+
+    def send_frame(self, frame: CANFrame) -> None:
+        """Hand a frame to the controller; without room it is counted and lost: a node may be alone on its bus.
+
+        Raises:
+            DriverError: the bus cannot send.
+        """
+        message = can.Message(arbitration_id=frame.id, is_extended_id=frame.extended, data=frame.data)
+        try:
+            self._bus.send(message, SEND_S)
+        except can.CanTimeoutError:
+            self.unsent += 1
+            return
+        except can.CanError as error:
+            raise DriverError(str(error)) from error
+        frame.ts_monotonic, frame.ts_real = time.monotonic(), time.time()
+        self._tx_hook(frame)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+
+def open_bus(address: str) -> can.BusABC:
+    """Open `INTERFACE:CHANNEL[?bitrate=N]` of python-can."""
+    path, _, query = address.partition("?")
+    interface, _, channel = path.partition(":")
+    bitrate = dict(pair.partition("=")[::2] for pair in query.split("&") if pair).get("bitrate")
+    settings: dict[str, Any] = {"bitrate": int(bitrate)} if bitrate else {}
+    return can.Bus(channel or None, interface, ignore_config=True, **settings)

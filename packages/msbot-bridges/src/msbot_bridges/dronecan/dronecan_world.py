@@ -1,0 +1,264 @@
+"""The bridge's own node on a DroneCAN bus, in a thread: node monitor, allocator of node ids, orders.
+
+Orders to motor controllers are one array for all of them, so they are sent by the world: an element for each index up
+to the highest that the robot drives; what the robot does not drive gets 0. They are repeated, because controllers stop
+by themselves when nobody speaks.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from functools import partial
+from typing import Any
+
+import dronecan
+from dronecan import uavcan
+from dronecan.app.dynamic_node_id import CentralizedServer
+from dronecan.app.node_monitor import NodeMonitor
+from dronecan.driver.common import DriverError
+
+import can
+from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
+from msbot_bridges.dronecan.can_driver import PythonCanDriver, open_bus
+from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
+from msbot_xrce.errors import LinkDown
+
+OWN_ID = 126
+LISTEN_S = 1.5
+"""So long a node is listened to before it is known what it sends: range finders may be slow."""
+REPEAT_S = 0.1
+SPIN_S = 0.01
+MOST_SETTINGS = 60
+"""Parameters read of one node; a description has no room for more."""
+_RAW_MOST = 8191
+logging.getLogger("dronecan").setLevel(logging.WARNING)
+
+
+class _Node:
+    """What is known of a node before it is a device."""
+
+    def __init__(self, node_id: int, info: Any) -> None:  # noqa: ANN401
+        self.node_id = node_id
+        self.info = info
+        self.since = time.monotonic()
+        self.seen: dict[str, Any] = {}
+        self.settings: list[DeviceSetting] = []
+        self.is_read = False
+        self.device: NodeDevice | None = None
+
+
+class DronecanWorld(World):
+    """All nodes of one bus.
+
+    Args:
+        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._nodes: dict[int, _Node] = {}
+        self._types: dict[tuple[int, str], type] = {}
+        self._driven: dict[int, NodeDevice] = {}
+        self._is_urgent = False
+        self._asked = deque[int](maxlen=128)
+
+    async def run(self, host: WorldHost) -> None:
+        """See `World`."""
+        self._host = host
+        self._thread = WorldThread(f"DroneCAN on {self._address}")
+        await self._thread.run(self._main)
+
+    # In the thread
+
+    def _main(self) -> None:
+        try:
+            bus = open_bus(self._address)
+        except Exception as error:  # an adapter's library may raise anything
+            raise LinkDown(f"{self._address} cannot be opened: {error}") from error
+        info = uavcan.protocol.GetNodeInfo.Response()
+        info.name = "org.msbot.bridge"
+        node = self._node = dronecan.node.Node(
+            PythonCanDriver(bus), OWN_ID, node_info=info, mode=uavcan.protocol.NodeStatus().MODE_OPERATIONAL
+        )
+        try:
+            monitor = NodeMonitor(node)
+            monitor.add_update_handler(self._monitored)
+            self._allocator = CentralizedServer(node, monitor, dynamic_node_id_range=(1, 125))
+            node.add_handler(uavcan.protocol.NodeStatus, self._status)
+            for kind in KINDS:
+                message_type = uavcan
+                for word in kind.split(".")[1:]:
+                    message_type = getattr(message_type, word)
+                node.add_handler(message_type, lambda event, kind=kind: self._heard(kind, event))
+            node.periodic(REPEAT_S, self._drive)
+            while not self._thread.is_ended:
+                self._thread.work()
+                node.spin(SPIN_S)
+                self._finish()
+            self._drive()
+        except (DriverError, can.CanError) as error:
+            raise LinkDown(f"{self._address}: {error}") from error
+        finally:
+            node.close()
+
+    def _monitored(self, event: Any) -> None:  # noqa: ANN401
+        entry = event.entry
+        known = self._nodes.get(entry.node_id)
+        if event.event_id == event.EVENT_ID_OFFLINE:
+            if known is not None:
+                self._lose(known, f"node {entry.node_id} has sent no NodeStatus for 3 s")
+        elif event.event_id == event.EVENT_ID_INFO_UPDATE and entry.info is not None and entry.node_id != OWN_ID:
+            if known is not None:
+                self._lose(known, f"node {entry.node_id} has started anew")
+            self._nodes[entry.node_id] = _Node(entry.node_id, entry.info)
+            self._read_setting(self._nodes[entry.node_id], 0)
+
+    def _lose(self, known: _Node, why: str) -> None:
+        self._nodes.pop(known.node_id, None)
+        self._driven.pop(known.node_id, None)
+        if (device := known.device) is not None:
+            self._thread.tell(lambda: self._host.lost(device, why))
+
+    def _read_setting(self, known: _Node, index: int) -> None:
+        """Ask for a parameter; a node that has no more answers with an empty name."""
+
+        def answered(event: Any) -> None:  # noqa: ANN401
+            if event is None or not event.response.name or index >= MOST_SETTINGS:
+                known.is_read = True
+                return
+            if (setting := setting_of(event.response)) is not None:
+                known.settings.append(setting)
+            self._read_setting(known, index + 1)
+
+        request = uavcan.protocol.param.GetSet.Request(index=index)
+        self._node.request(request, known.node_id, answered)
+
+    def _finish(self) -> None:
+        """Nodes that have been listened to for long enough become devices."""
+        for known in self._nodes.values():
+            if known.device is None and known.is_read and time.monotonic() - known.since >= LISTEN_S and known.seen:
+                device = known.device = NodeDevice(
+                    identity_of(known.node_id, known.info),
+                    known.node_id,
+                    known.seen,
+                    tuple(known.settings),
+                    order=partial(self._ordered, known),
+                    write=self._write,
+                    news=self._host.news,
+                )
+                self._thread.tell(partial(self._host.found, device))
+
+    def _status(self, event: Any) -> None:  # noqa: ANN401
+        known = self._nodes.get(event.transfer.source_node_id)
+        if known is not None and (device := known.device) is not None:
+            critical = event.message.health == event.message.HEALTH_CRITICAL
+            self._thread.tell(lambda: device.health(critical=critical))
+
+    def _heard(self, kind: str, event: Any) -> None:  # noqa: ANN401
+        known = self._nodes.get(event.transfer.source_node_id)
+        if known is None:
+            return
+        if known.device is None:
+            known.seen[kind] = event.message
+        else:
+            device, message = known.device, event.message
+            self._thread.tell(lambda: device.heard(kind, message))
+
+    # Orders
+
+    def _ordered(self, known: _Node, urgent: bool) -> None:
+        """From the loop: what a device is to do has changed."""
+
+        def take() -> None:
+            device = known.device
+            if device is None or self._nodes.get(known.node_id) is not known:
+                return
+            if device.is_driven:
+                self._driven[known.node_id] = device
+            self._drive()
+            if not device.is_driven:
+                self._driven.pop(known.node_id, None)  # its safe value was sent just now
+
+        self._thread.post(take, urgent=urgent)
+
+    def _drive(self) -> None:
+        motors = {one.esc_index: one.power for one in self._driven.values() if one.esc_index is not None}
+        if motors:
+            command = [int(_RAW_MOST * motors.get(index, 0.0) / 100) for index in range(max(motors) + 1)]
+            self._node.broadcast(uavcan.equipment.esc.RawCommand(cmd=command))
+        servos = {one.actuator_id: one.radians for one in self._driven.values() if one.actuator_id is not None}
+        if servos:
+            commands = [
+                uavcan.equipment.actuator.Command(actuator_id=number, command_type=1, command_value=radians)
+                for number, radians in servos.items()
+            ]
+            self._node.broadcast(uavcan.equipment.actuator.ArrayCommand(commands=commands[:15]))
+
+    def _write(self, node_id: int, name: str, value: object) -> None:
+        """From the loop: give a parameter its value."""
+
+        def write() -> None:
+            request = uavcan.protocol.param.GetSet.Request(name=name)
+            request.value = parameter_value(value)
+            self._node.request(request, node_id, lambda _event: None)
+
+        self._thread.post(write)
+
+
+def identity_of(node_id: int, info: Any) -> DeviceIdentity:  # noqa: ANN401
+    """Who a node says it is; its name is `com.maker.product`."""
+    maker, _, product = _text(info.name).rpartition(".")
+    hardware, software = info.hardware_version, info.software_version
+    return DeviceIdentity(
+        maker,
+        product,
+        hardware.unique_id.to_bytes(),
+        f"DroneCAN {product} of {maker}",
+        f"node {node_id}",
+        f"{hardware.major}.{hardware.minor}",
+        f"{software.major}.{software.minor}",
+    )
+
+
+def setting_of(answer: Any) -> DeviceSetting | None:  # noqa: ANN401
+    """A parameter as a setting; None for one that no setting can be."""
+    name = _text(answer.name)
+    union = dronecan.get_active_union_field
+    kind = union(answer.value)
+    if "." in name or not name.isprintable():
+        return None
+    default = answer.default_value if union(answer.default_value) == kind else answer.value
+    if kind == "boolean_value":
+        return DeviceSetting(name, bool, bool(default.boolean_value))
+    if kind == "string_value":
+        return DeviceSetting(name, str, _text(default.string_value))
+    if kind not in ("integer_value", "real_value"):
+        return None
+    least, most = (
+        float(getattr(limit, union(limit))) if union(limit) in ("integer_value", "real_value") else None
+        for limit in (answer.min_value, answer.max_value)
+    )
+    if kind == "integer_value":
+        return DeviceSetting(name, int, int(default.integer_value), least, most)
+    return DeviceSetting(name, float, float(default.real_value), least, most)
+
+
+def parameter_value(value: object) -> Any:  # noqa: ANN401
+    """The value of a setting, as a node takes it."""
+    made = uavcan.protocol.param.Value()
+    if isinstance(value, bool):
+        made.boolean_value = int(value)
+    elif isinstance(value, int):
+        made.integer_value = value
+    elif isinstance(value, float):
+        made.real_value = value
+    else:
+        made.string_value = str(value)
+    return made
+
+
+def _text(array: Any) -> str:  # noqa: ANN401
+    """A text of a node, whatever octets it has sent."""
+    return bytes(array.to_bytes()).decode(errors="replace")

@@ -1,0 +1,161 @@
+"""One node as a device: what it broadcasts says what it is.
+
+A node does not declare its messages. It is listened to for a while after it has said who it is; the messages that it
+sends decide its ports. Whether it has stopped, only its own reports say: a motor that stands still, a servo that is at
+its neutral position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from msbot.part import Message
+from msbot.part.messages.standard import Angle, Battery, Distance, Level, Speed, Temperature
+from msbot_bridges.bridge import Device, DeviceIdentity, DeviceSetting, Input, Output, Report
+
+NEUTRAL_DEGREES = 3.0
+"""A servo is at its neutral position when it reports no more than this."""
+STANDS_RPM = 1.0
+
+ESC, SERVO, RANGE, BATTERY = (
+    "uavcan.equipment.esc.Status",
+    "uavcan.equipment.actuator.Status",
+    "uavcan.equipment.range_sensor.Measurement",
+    "uavcan.equipment.power.BatteryInfo",
+)
+_OUTPUTS = {
+    ESC: (Output("turns", Speed), Output("supply", Battery), Output("temperature", Temperature)),
+    SERVO: (Output("position", Angle),),
+    RANGE: (Output("distance", Distance),),
+    BATTERY: (Output("battery", Battery),),
+}
+_INPUTS = {
+    ESC: Input("power", Level, safe=Level(percent=0)),
+    SERVO: Input("angle", Angle, safe=Angle(degrees=0)),
+}
+KINDS = tuple(_OUTPUTS)
+"""The messages that decide what a node is."""
+
+
+class NodeDevice(Device):
+    """A node.
+
+    Args:
+        identity: from its GetNodeInfo.
+        node_id: where it is.
+        seen: the messages that it sends, by type, the newest of each.
+        settings: its parameters.
+        order: called, in the event loop, whenever what it is to do has changed; True: it is STOP.
+        write: writes a parameter.
+        news: called when it has reported something.
+    """
+
+    def __init__(
+        self,
+        identity: DeviceIdentity,
+        node_id: int,
+        seen: dict[str, Any],
+        settings: tuple[DeviceSetting, ...],
+        *,
+        order: Callable[[bool], None],
+        write: Callable[[int, str, object], None],
+        news: Callable[[Device], None],
+    ) -> None:
+        self.identity = identity
+        self.node_id = node_id
+        self.kinds = tuple(kind for kind in KINDS if kind in seen)
+        self.outputs = tuple(output for kind in self.kinds for output in _OUTPUTS[kind])
+        self.inputs = tuple(_INPUTS[kind] for kind in self.kinds if kind in _INPUTS)
+        self.settings = settings
+        self.esc_index = seen[ESC].esc_index if ESC in seen else None
+        self.actuator_id = seen[SERVO].actuator_id if SERVO in seen else None
+        self.is_driven = False
+        """It is in the robot, and gets orders."""
+        self.is_stopping = False
+        self.power = 0.0
+        """-100 to 100."""
+        self.radians = 0.0
+        self.critical = False
+        self._order, self._write, self._news = order, write, news
+        self._report: Report | None = None
+        self._unconfirmed = set[str]()
+
+    def begin(self, report: Report) -> None:
+        """See `Device`."""
+        self._report, self.is_driven = report, True
+        self._order(False)
+
+    def end(self) -> None:
+        """See `Device`."""
+        self._report, self.is_driven = None, False
+        self._order(False)
+
+    def act(self, port: str, message: Message) -> None:  # noqa: ARG002 - the class says which
+        """See `Device`."""
+        if isinstance(message, Level):
+            self.power = max(-100.0, min(100.0, message.percent))
+        elif isinstance(message, Angle):
+            self.radians = math.radians(message.degrees)
+        self._order(False)
+
+    def set(self, name: str, value: object) -> None:
+        """See `Device`."""
+        self._write(self.node_id, name, value)
+
+    def stop(self) -> None:
+        """See `Device`."""
+        if not self.is_stopping:
+            self._unconfirmed = {kind for kind in self.kinds if kind in _INPUTS}
+        self.is_stopping = self.is_driven = True
+        self.power = self.radians = 0.0
+        self._order(True)
+
+    def go(self) -> None:
+        """See `Device`."""
+        self.is_stopping = False
+        self._order(False)
+
+    @property
+    def not_stopped(self) -> str:
+        """See `Device`."""
+        if not self.is_stopping or not self._unconfirmed:
+            return ""
+        what = "that it stands still" if ESC in self._unconfirmed else "its neutral position"
+        return f"node {self.node_id} has not reported {what}"
+
+    @property
+    def fault(self) -> str:
+        """See `Device`."""
+        return f"node {self.node_id} says that its health is CRITICAL" if self.critical else ""
+
+    def health(self, *, critical: bool) -> None:
+        """Its NodeStatus has come."""
+        if critical is not self.critical:
+            self.critical = critical
+            self._news(self)
+
+    def heard(self, kind: str, message: Any) -> None:  # noqa: ANN401 - the library makes its classes when it runs
+        """It has broadcast one of its messages."""
+        report = self._report or (lambda _port, _message: None)
+        if kind == ESC:
+            report("turns", Speed(rpm=message.rpm))
+            report("supply", Battery(volts=message.voltage, amperes=message.current, percent=math.nan))
+            report("temperature", Temperature(celsius=message.temperature - 273.15))
+            self._confirm(kind, abs(message.rpm) <= STANDS_RPM)
+        elif kind == SERVO:
+            degrees = math.degrees(message.position)
+            report("position", Angle(degrees=degrees))
+            self._confirm(kind, abs(degrees) <= NEUTRAL_DEGREES)
+        elif kind == RANGE:
+            in_range = message.reading_type == message.READING_TYPE_VALID_RANGE
+            report("distance", Distance(metres=message.range if in_range else 0.0, in_range=in_range))
+        elif kind == BATTERY:
+            percent = float(message.state_of_charge_pct)
+            report("battery", Battery(volts=message.voltage, amperes=message.current, percent=percent))
+
+    def _confirm(self, kind: str, stands: bool) -> None:
+        if self.is_stopping and stands and kind in self._unconfirmed:
+            self._unconfirmed.discard(kind)
+            self._news(self)
