@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import count
 
-from msbot_agent.agent.gate import ReplyForNobody
+from msbot_agent.agent.gate import ReplyIfUnserved
 from msbot_agent.agent.reply_routing import ReplyExchange, make_guid
 from msbot_agent.agent.statistics import TopicTraffic, Transit
 from msbot_agent.agent.topic_attachment import ReadSide, Shape
@@ -25,7 +25,7 @@ class FakeHost:
         self.own_filter: Shape | None = None
         self.barred: set[str] = set()
         """Topics that the gate keeps this client away from."""
-        self.for_nobody: dict[str, ReplyForNobody] = {}
+        self.for_nobody: dict[str, ReplyIfUnserved] = {}
         """Topic -> what the gate replies to requests that reach nobody."""
         self.has_room = True
         self.sent: list[tuple[int, int, bytes, int]] = []
@@ -53,7 +53,7 @@ class FakeHost:
     def may_write(self, topic: str) -> bool:
         return topic not in self.barred
 
-    def reply_for_nobody(self, topic: str) -> ReplyForNobody | None:
+    def reply_if_unserved(self, topic: str) -> ReplyIfUnserved | None:
         return self.for_nobody.get(topic)
 
     def may_read(self, topic: str) -> bool:

@@ -19,7 +19,7 @@ from msbot_school.missions.mission import (
     Mission,
     MissionEvent,
     MissionEventKind,
-    contradict,
+    contradiction_of,
     drawn,
     events_from_json,
 )
@@ -264,7 +264,7 @@ def test_contradictions_are_drawn_away() -> None:
     )
     for seed in range(30):
         one, other = drawn(mission, seed)
-        assert not contradict(one, other), seed
+        assert not contradiction_of(one, other), seed
 
 
 # Files.

@@ -94,7 +94,7 @@ def test_record_replay_record_gives_the_same_samples_at_the_same_times(tmp_path:
 
     async def look(robot: DemoRobot, _: InProcessOperations) -> None:
         await asyncio.sleep(2)
-        natures.append(info_of(robot, "AA").nature.word)
+        natures.append(info_of(robot, "AA").nature.label)
 
     record_demo(tmp_path, tmp_path / "b.mcap", stage.scene(look), OTHERS)
     before, after = said_in(recording, "AA"), said_in(tmp_path / "b.mcap", "AA")

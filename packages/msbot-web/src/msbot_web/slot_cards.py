@@ -221,7 +221,7 @@ def part_line(info: PartInfo, *, is_ignored: bool) -> PartLine:
         refused_claims=info.refused_claims,
         duplicates=list(info.duplicates),
         ignored=is_ignored,
-        nature=info.nature.word,
+        nature=info.nature.label,
         says=None if info.says is None else _says(info.says),
         refusal="" if info.refusal is None else info.refusal.name.lower(),
     )

@@ -123,7 +123,7 @@ class Robot:
     def nature(self, local_name: str = "board") -> str:
         """What is behind a part's ports, as it has told the inventory."""
         now = asyncio.get_running_loop().time()
-        return next(info.nature.word for info in self.master.inventory.view(now) if info.local_name == local_name)
+        return next(info.nature.label for info in self.master.inventory.view(now) if info.local_name == local_name)
 
     def beats(self, local_name: str = "board") -> int:
         """Beats of a part that the inventory has heard."""

@@ -100,7 +100,7 @@ class Scene:
         """What the parts say is behind their ports, as the master knows it."""
         assert self.master is not None
         now = asyncio.get_running_loop().time()
-        return {info.local_name: info.nature.word for info in self.master.inventory.view(now)}
+        return {info.local_name: info.nature.label for info in self.master.inventory.view(now)}
 
     async def until(self, *names: str) -> dict[str, int]:
         """Wait until exactly these are in the robot."""

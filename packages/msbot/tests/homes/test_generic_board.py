@@ -159,7 +159,7 @@ def test_eight_parts_measure_and_are_driven(make: Callable[..., BoardHome]) -> N
     async def story(world: BoardWorld) -> None:
         await begin(world)
         look = looker(world)
-        natures = {info.slot: info.nature.word for info in world.master.inventory.view(0.0)}
+        natures = {info.slot: info.nature.label for info in world.master.inventory.view(0.0)}
         assert natures == {slot: "real" for slot in (SLOT, *PARTS)} | {"partner": ""}
         distance = world.heard["eye/distance"][-1]
         assert isinstance(distance, Distance)

@@ -362,7 +362,7 @@ def test_a_part_that_starts_anew_knows_of_no_stop() -> None:
         scene.safety.leave()
         assert scene.story == ["safe", "safe"]
         assert scene.safety.stopped
-        scene.safety.forget()
+        scene.safety.forget_stop()
         assert not scene.safety.stopped
         assert scene.safety.stop("another master's first", 1)
 

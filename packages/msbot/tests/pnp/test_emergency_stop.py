@@ -108,7 +108,7 @@ def test_a_part_that_comes_in_later_is_counted_from_then() -> None:
 
 def test_a_part_that_says_goodbye_is_not_waited_for() -> None:
     stop = said(AA, BB)
-    stop.leave(b"BB")
+    stop.part_left(b"BB")
     assert stop.status().silent == ("AA",)
 
 
@@ -247,7 +247,7 @@ def test_whatever_is_said_the_status_is_what_its_history_says(seed: int) -> None
             stop.begin_anew(name.encode(), name, now)
             plain.happened += [("gone", name, now), ("asked", name, now)] * plain.holds
         elif act == "leave":
-            stop.leave(name.encode())
+            stop.part_left(name.encode())
             plain.happened += [("gone", name, now)] * plain.holds
         elif random.random() < 0.2:
             assert stop.go("zoe") == plain.number

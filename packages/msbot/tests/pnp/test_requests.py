@@ -98,13 +98,13 @@ def test_a_beat_is_answered_with_the_configurations_version_or_0() -> None:
 def test_a_part_says_what_is_behind_its_ports(number: int, nature: str) -> None:
     counter = Counter()
     lease = counter.register().lease
-    assert counter.rig.part(KEY).nature.word == ""
+    assert counter.rig.part(KEY).nature.label == ""
     message = pnp_messages.NatureMessage(lease=lease, nature=number)
     assert len(message.encode()) == 5
     assert counter.ask(message) is None
-    assert counter.rig.part(KEY).nature.word == nature
+    assert counter.rig.part(KEY).nature.label == nature
     counter.ask(pnp_messages.NatureMessage(lease=lease ^ 1, nature=1))
-    assert counter.rig.part(KEY).nature.word == nature, "not by somebody without its lease"
+    assert counter.rig.part(KEY).nature.label == nature, "not by somebody without its lease"
 
 
 def test_the_configuration_travels_whole() -> None:
@@ -196,7 +196,7 @@ def test_what_is_said_with_a_lease_is_taken_from_its_holder_alone(right: bool) -
     version = pnp_messages.BeatReply(configuration_version=int(right))
     assert [type(one).__name__ for one in answers if one not in (None, version)] == ["ConfigurationMessage"] * right
     assert answers.count(version) == 2
-    assert (rig.part(KEY).nature.word, rig.part(KEY).beats) == (("simulated", 2) if right else ("", 0))
+    assert (rig.part(KEY).nature.label, rig.part(KEY).beats) == (("simulated", 2) if right else ("", 0))
     unasked = {"request: a proof that nobody asked for": 1}
     wrong = {"nature with an unknown lease": 1, "trouble with an unknown lease": 2}
     assert counter.requests.dropped == (unasked if right else {**wrong, **unasked})

@@ -13,7 +13,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from msbot_agent.startup.bytecode_cache import cached_definitions, carried_toml
+from msbot_agent.startup.bytecode_cache import cached_definitions, packaged_toml
 
 CARRIED = sorted(Path(str(files("msbot"))).rglob("*.toml"))
 
@@ -91,18 +91,18 @@ def test_nothing_is_kept_where_python_must_not_write(words: Path, monkeypatch: p
 def test_what_is_kept_is_of_each_caller_alone(tmp_path: Path) -> None:
     path = tmp_path / "one.toml"
     path.write_text("list = [1]\n[table]\nkey = 1")
-    first = carried_toml(path)
+    first = packaged_toml(path)
     first["list"].append(2)
     first["table"].clear()
-    assert carried_toml(path) == {"list": [1], "table": {"key": 1}}
+    assert packaged_toml(path) == {"list": [1], "table": {"key": 1}}
 
 
 @pytest.mark.parametrize("path", CARRIED, ids=lambda path: path.name)
 def test_every_file_of_the_package_says_the_same(path: Path) -> None:
-    assert carried_toml(path) == tomllib.loads(path.read_text("utf-8"))
+    assert packaged_toml(path) == tomllib.loads(path.read_text("utf-8"))
 
 
 def test_a_package_in_an_archive_is_read_too(tmp_path: Path) -> None:
     with ZipFile(tmp_path / "package.zip", "w") as archive:
         archive.writestr("one.toml", "key = 'value'")
-    assert carried_toml(PathInArchive(tmp_path / "package.zip") / "one.toml") == {"key": "value"}
+    assert packaged_toml(PathInArchive(tmp_path / "package.zip") / "one.toml") == {"key": "value"}

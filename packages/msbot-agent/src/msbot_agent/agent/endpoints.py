@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msbot_agent.agent.gate import ReplyForNobody
+from msbot_agent.agent.gate import ReplyIfUnserved
 from msbot_agent.agent.reply_routing import IDENTITY_SIZE, UNASKED, PendingRequests, decode_identity, encode_identity
 from msbot_agent.agent.topic_attachment import EndpointHost, ReadSide, Shape, WriteSide
 from msbot_agent.space import Deliver, Guid, Owner, Qos, Reader, Sample, Topic
@@ -166,7 +166,7 @@ class Requester(Endpoint):
     ) -> None:
         self._pending = PendingRequests(host.max_requests)
         self._object_octets = object_id.to_bytes(2, "big")
-        self._for_nobody: ReplyForNobody | None = None
+        self._for_nobody: ReplyIfUnserved | None = None
         self._shape = ReplyShape(object_id, self._pending)
         self._requests = WriteSide(host, object_id, request, qos, owner)
         self._answers = ReadSide(host, object_id, reply, qos, owner, shape=self._shape, open_reader=self._open_reader)
@@ -194,7 +194,7 @@ class Requester(Endpoint):
         A client that may send requests may receive the answers to them, so the gate is not asked about the reply topic.
         Reading that whole topic, including answers to others, is a separate right (`DataReader`).
         """
-        self._for_nobody = self._host.reply_for_nobody(self._requests.topic)
+        self._for_nobody = self._host.reply_if_unserved(self._requests.topic)
         self._requests.recheck()
         writer = self._requests.writer
         guid = None if writer is None else writer.guid

@@ -52,7 +52,7 @@ class SampleGuard(Protocol):
         """The sealed sample for the client's object with that id."""
 
 
-ReplyForNobody = Callable[[], bytes | None]
+ReplyIfUnserved = Callable[[], bytes | None]
 """The reply to a request that reaches nobody now; None: the request goes its way."""
 
 
@@ -95,7 +95,7 @@ class Gate(Protocol):
     def guard_of(self, client: ClientInfo) -> SampleGuard | None:
         """What seals and opens the samples of this client; None: they are not sealed."""
 
-    def reply_for_nobody(self, client: ClientInfo, topic: str) -> ReplyForNobody | None:
+    def reply_if_unserved(self, client: ClientInfo, topic: str) -> ReplyIfUnserved | None:
         """What to ask, before each request of this client on the topic, for a reply in place of one that will not come.
 
         None: there is never one, so the requests wait for a reply of their own, as at a stock agent.
@@ -147,7 +147,7 @@ class OpenGate:
         """Always None."""
         return None
 
-    def reply_for_nobody(self, client: ClientInfo, topic: str) -> ReplyForNobody | None:  # noqa: ARG002 - the protocol's
+    def reply_if_unserved(self, client: ClientInfo, topic: str) -> ReplyIfUnserved | None:  # noqa: ARG002 - the protocol's
         """Always None: replies come from repliers."""
         return None
 

@@ -25,8 +25,8 @@ from msbot_agent.agent.stale_sessions import (
     DOUBLE_LOGIN_PATIENCE_S,
     PATIENCE_ON_A_BUS_S,
     KeyConflicts,
-    SessionBudget,
     StaleSessionProbe,
+    StrangerBudget,
 )
 from msbot_agent.link import Link, Peer
 from msbot_agent.text.sentence import said
@@ -78,7 +78,7 @@ class Handshake:
         gate: Gate,
         settings: AgentSettings,
         *,
-        budget: SessionBudget,
+        budget: StrangerBudget,
         rivals: KeyConflicts,
         predecessors: StaleSessionProbe,
         queue: JoinQueue,

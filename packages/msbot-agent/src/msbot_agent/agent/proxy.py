@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 from msbot_agent.agent.client_views import LARGEST_TO_STOCK, drop_too_large, tell_of_lost, view_of
 from msbot_agent.agent.endpoints import NoEchoShape
 from msbot_agent.agent.fair_share import Limit
-from msbot_agent.agent.gate import ClientInfo, ReplyForNobody, SampleGuard
+from msbot_agent.agent.gate import ClientInfo, ReplyIfUnserved, SampleGuard
 from msbot_agent.agent.object_tree import ObjectTree
 from msbot_agent.agent.reply_routing import client_key_of, make_guid
 from msbot_agent.agent.shared_state import SharedAgentState
@@ -315,9 +315,9 @@ class Proxy:
         """The gate's verdict."""
         return self._gate.may_read(self.info, topic)
 
-    def reply_for_nobody(self, topic: str) -> ReplyForNobody | None:
+    def reply_if_unserved(self, topic: str) -> ReplyIfUnserved | None:
         """The gate's replies."""
-        return self._gate.reply_for_nobody(self.info, topic)
+        return self._gate.reply_if_unserved(self.info, topic)
 
     def new_guid(self, object_id: int) -> Guid:
         """A GUID never used before by this agent (until 65,536 writers later)."""

@@ -171,7 +171,7 @@ def put_known_peers_first(port: ServedLink, gate: Gate, relays: Relays) -> None:
 
 
 class PeersOfAgent:
-    """Those of one link; satisfies `msbot_agent.link.KnownPeers`.
+    """Those of one link; satisfies `msbot_agent.link.PeerDirectory`.
 
     Args:
         port: the link and its clients.
@@ -187,15 +187,15 @@ class PeersOfAgent:
 
     @property
     def stranger_count(self) -> int:
-        """See `KnownPeers`."""
+        """See `PeerDirectory`."""
         return self._port.outside + self._relays.from_strangers
 
     def knows(self, peer: Peer) -> bool:
-        """See `KnownPeers`; a client with its key in every header that shares its address counts by that address."""
+        """See `PeerDirectory`; a client with its key in every header that shares its address counts by that address."""
         return peer in self._port.clients or peer in self._port.keyed or self._relays.has(self._port.link, peer)
 
     def has_a_part(self, origin: Hashable) -> bool:
-        """See `KnownPeers`."""
+        """See `PeerDirectory`."""
         if origin not in self._places:
             link = self._port.link
             for proxy, peer in self._port.members.items():
@@ -211,7 +211,7 @@ class PeersOfAgent:
         self._places[origin] = None
 
     def preferred_peers(self, most: int) -> Iterable[Peer]:
-        """See `KnownPeers`: relays, then clients with a place, then those that came last."""
+        """See `PeerDirectory`: relays, then clients with a place, then those that came last."""
         members = self._port.members
         settled = [peer for proxy, peer in members.items() if self._gate.is_settled(proxy.info)]
         latest = reversed(members.values())

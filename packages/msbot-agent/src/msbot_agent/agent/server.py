@@ -26,7 +26,7 @@ from msbot_agent.agent.proxy import Proxy
 from msbot_agent.agent.relays import Relays, put_known_peers_first
 from msbot_agent.agent.reply_routing import ReplyExchange
 from msbot_agent.agent.shared_state import SharedAgentState
-from msbot_agent.agent.stale_sessions import KeyConflicts, SessionBudget, StaleSessionProbe
+from msbot_agent.agent.stale_sessions import KeyConflicts, StaleSessionProbe, StrangerBudget
 from msbot_agent.agent.statistics import ClientView, Latency, SessionFaultCounts, TopicTable
 from msbot_agent.link import Link, Peer, Signal, Tap
 from msbot_agent.link.relay import MARK, RelayGreeting
@@ -76,7 +76,7 @@ class Agent:
         self._gate = gate or OpenGate()
         self._ports: list[ServedLink] = []
         self._clients = ClientTable()
-        self._budget = SessionBudget(self._gate, settings)
+        self._budget = StrangerBudget(self._gate, settings)
         self._rivals = KeyConflicts(self._clients, self._gate, self._call_at, self._end_session)
         predecessors = StaleSessionProbe(self._gate, self._call_at, self._end_session)
         self._queue = JoinQueue(self._gate, places=settings.max_joining, most_waiting=settings.max_unsettled)

@@ -184,7 +184,7 @@ LOOK_AT = 64
 """For each newcomer to a full table, only this many of the oldest clients are checked."""
 
 
-class SessionBudget:
+class StrangerBudget:
     """Counts the strangers of one agent, oldest first."""
 
     def __init__(self, gate: Gate, settings: AgentSettings) -> None:

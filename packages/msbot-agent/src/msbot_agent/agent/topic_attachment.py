@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
-from msbot_agent.agent.gate import ReplyForNobody
+from msbot_agent.agent.gate import ReplyIfUnserved
 from msbot_agent.agent.reply_routing import ReplyExchange
 from msbot_agent.agent.statistics import PUSHED_OUT, TimestampedPayload, TopicTraffic, Transit
 from msbot_agent.pace import TokenBucket
@@ -136,7 +136,7 @@ class EndpointHost(Protocol):
     def may_read(self, topic: str) -> bool:
         """The gate's verdict for this client."""
 
-    def reply_for_nobody(self, topic: str) -> ReplyForNobody | None:
+    def reply_if_unserved(self, topic: str) -> ReplyIfUnserved | None:
         """The gate's replies to requests that reach nobody."""
 
     def new_guid(self, object_id: int) -> Guid:

@@ -77,7 +77,7 @@ class LinkCounters:
     """Packets or frames that were not delivered or not sent, by reason in words."""
 
 
-class KnownPeers(Protocol):
+class PeerDirectory(Protocol):
     """Whom a link's owner knows, for a link that must choose during a flood of packets."""
 
     @property
@@ -99,7 +99,7 @@ class KnownPeers(Protocol):
 class PriorityLink(Protocol):
     """A link that can put the packets of known peers before those of strangers."""
 
-    def put_first(self, known: KnownPeers) -> None:
+    def put_first(self, known: PeerDirectory) -> None:
         """Do so from now on, or from when it is opened."""
 
 

@@ -86,7 +86,7 @@ class RosGraph:
         self.changed()
 
     @property
-    def gid_octets(self) -> int:
+    def gid_length(self) -> int:
         """The form in which it publishes now: 16 or 24 octets for a GID."""
         return self._octets
 

@@ -37,7 +37,7 @@ def cached_definitions(path: Path, to_python: Callable[[bytes], str], mark: str)
     return vars(module)
 
 
-def carried_toml(entry: Traversable) -> Mapping[str, Any]:
+def packaged_toml(entry: Traversable) -> Mapping[str, Any]:
     """The values of a TOML file of the package: text, numbers, truth, lists and tables, no dates.
 
     Raises:

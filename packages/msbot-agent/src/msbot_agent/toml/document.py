@@ -8,7 +8,7 @@ from functools import cached_property
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from msbot_agent.startup.bytecode_cache import carried_toml
+from msbot_agent.startup.bytecode_cache import packaged_toml
 from msbot_agent.text.sentence import said
 from msbot_agent.text.untrusted_input import open_input_file
 from msbot_agent.toml.line_numbers import key_lines
@@ -178,9 +178,9 @@ def parse_document(text: str, file: str, problems: Problems) -> Document | None:
     return None
 
 
-def carried_document(entry: Traversable, file: str) -> Document:
+def packaged_document(entry: Traversable, file: str) -> Document:
     """A TOML file that MsBOT brings, which needs no protection from its author; `file` is its name in messages."""
-    return Document(file, dict(carried_toml(entry)), entry.read_text("utf-8"))
+    return Document(file, dict(packaged_toml(entry)), entry.read_text("utf-8"))
 
 
 def _read(path: Path, problems: Problems, if_missing: str) -> bytes | None:

@@ -60,7 +60,7 @@ class Table:
         """Where a key of this table is, or should be; without steps: the table itself."""
         return self._document.location((*self.path, *steps))
 
-    def problem(self, sentence: str, *steps: str | int) -> None:
+    def report(self, sentence: str, *steps: str | int) -> None:
         """Note one mistake about a key of this table, or about the table itself."""
         self._problems.add(self.location(*steps), sentence)
 
@@ -77,11 +77,9 @@ class Table:
         if value is None or (value == default and key not in self):
             return value or ""
         if not value.strip():
-            self.problem(
-                said('must not be empty; write for example {key} = "{example}"', key=key, example=example), key
-            )
+            self.report(said('must not be empty; write for example {key} = "{example}"', key=key, example=example), key)
         elif value != value.strip():
-            self.problem(
+            self.report(
                 said(
                     '"{value}" has blanks at its ends; write {key} = "{right}"',
                     value=value,
@@ -118,7 +116,7 @@ class Table:
             if isinstance(text, str):
                 self._check_prose(text, most, key, position)
         if not all(isinstance(text, str) for text in texts):
-            self.problem(
+            self.report(
                 said('must be a list of texts, for example {key} = ["{example}"]', key=key, example=example), key
             )
         return [text.strip() for text in texts if isinstance(text, str)]
@@ -129,7 +127,7 @@ class Table:
         if value is None:
             return choices[0]
         if value not in choices:
-            self.problem(
+            self.report(
                 said(
                     '"{value}" is none of {words}; {right}',
                     value=value,
@@ -149,7 +147,7 @@ class Table:
         if value is None:
             return default
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.problem(
+            self.report(
                 said(
                     "must be a number, for example {key} = {default:g}; it is {kind}",
                     key=key,
@@ -163,7 +161,7 @@ class Table:
         if not in_range:
             low = said("more than {least:g}", least=least) if above else f"{least:g}"
             of_unit = f" {unit}" if unit else ""
-            self.problem(
+            self.report(
                 said(
                     "is {value}; it must be {low} to {most:g}{of_unit}",
                     value=value,
@@ -182,7 +180,7 @@ class Table:
         if value is None:
             return default
         if isinstance(value, bool) or not isinstance(value, int):
-            self.problem(
+            self.report(
                 said(
                     "must be a whole number, for example {key} = {default}; it is {kind}",
                     key=key,
@@ -193,7 +191,7 @@ class Table:
             )
             return default
         if not least <= value <= most:
-            self.problem(said("is {value}; it must be {least} to {most}", value=value, least=least, most=most), key)
+            self.report(said("is {value}; it must be {least} to {most}", value=value, least=least, most=most), key)
             return default
         return value
 
@@ -203,7 +201,7 @@ class Table:
         if value is None:
             return []
         if not isinstance(value, list):
-            self.problem(
+            self.report(
                 said(
                     "must be a list, for example {key} = [{least}]; it is {kind}",
                     key=key,
@@ -215,11 +213,9 @@ class Table:
             return []
         for position, item in enumerate(value):
             if isinstance(item, bool) or not isinstance(item, int):
-                self.problem(
-                    said("must be a whole number; it is {kind}", kind=toml_value_in_words(item)), key, position
-                )
+                self.report(said("must be a whole number; it is {kind}", kind=toml_value_in_words(item)), key, position)
             elif not least <= item <= most:
-                self.problem(
+                self.report(
                     said("is {item}; it must be {least} to {most}", item=item, least=least, most=most), key, position
                 )
         return [item for item in value if isinstance(item, int)]
@@ -229,7 +225,7 @@ class Table:
         value = self._get(key)
         if value is None or isinstance(value, bool):
             return default if value is None else value
-        self.problem(said("must be true or false, without quotes; it is {kind}", kind=toml_value_in_words(value)), key)
+        self.report(said("must be true or false, without quotes; it is {kind}", kind=toml_value_in_words(value)), key)
         return default
 
     def names(self, key: str, example: str, *, required: bool = False) -> list[str]:
@@ -240,7 +236,7 @@ class Table:
         if value is None:
             return []
         if not isinstance(value, list):
-            self.problem(
+            self.report(
                 said(
                     'must be a list, for example {key} = ["{example}"]; it is {kind}',
                     key=key,
@@ -267,9 +263,7 @@ class Table:
         value = self._get(key)
         if value is None or isinstance(value, bool | int | float | str):
             return value
-        self.problem(
-            said("must be a number, true, false or a text; it is {kind}", kind=toml_value_in_words(value)), key
-        )
+        self.report(said("must be a number, true, false or a text; it is {kind}", kind=toml_value_in_words(value)), key)
         return None
 
     def scalars(self, key: str) -> dict[str, Scalar]:
@@ -293,12 +287,12 @@ class Table:
     def table(self, key: str, *, required: bool = False) -> Table:
         """The table under `key`; an empty one when it is absent or something else."""
         if required and key not in self:
-            self.problem(
+            self.report(
                 said("is missing; add a table that begins with [{path}]", path=path_words((*self.path, key))), key
             )
         value = self._get(key)
         if value is not None and not isinstance(value, dict):
-            self.problem(
+            self.report(
                 said(
                     "must be a table that begins with [{key}]; it is {kind}", key=key, kind=toml_value_in_words(value)
                 ),
@@ -313,7 +307,7 @@ class Table:
         if value is None:
             return []
         if not isinstance(value, list):
-            self.problem(
+            self.report(
                 said(
                     "must begin with two brackets, [[{key}]], once for each; it is {kind}",
                     key=key,
@@ -327,7 +321,7 @@ class Table:
             if isinstance(item, dict):
                 found.append(Table(self._document, self._problems, item, (*self.path, key, position)))
             else:
-                self.problem(
+                self.report(
                     said(
                         "must be a table that begins with [[{key}]]; it is {kind}",
                         key=key,
@@ -343,14 +337,14 @@ class Table:
         for key in self._values:
             if key not in self._asked:
                 right = suggestion(key, sorted(set(self._asked)), none_known=said("remove it"))
-                self.problem(said("there is no such key here; {right}", right=right), key)
+                self.report(said("there is no such key here; {right}", right=right), key)
 
     def _get(self, key: str) -> object:
         self._asked.append(key)
         return self._values.get(key)
 
     def _missing(self, key: str, example: str) -> None:
-        self.problem(said("is missing; add a line such as {key} = {example}", key=key, example=example), key)
+        self.report(said("is missing; add a line such as {key} = {example}", key=key, example=example), key)
 
     def _text(self, key: str, example: str, default: str | None) -> str | None:
         """The text, the default when absent; None after a problem."""
@@ -360,7 +354,7 @@ class Table:
                 self._missing(key, f'"{example}"')
             return default
         if not isinstance(value, str):
-            self.problem(
+            self.report(
                 said(
                     'must be text in quotes, for example {key} = "{example}"; it is {kind}',
                     key=key,
@@ -377,7 +371,7 @@ class Table:
             self._check_length(key, item, position)
             return item
         words = said("an empty text") if isinstance(item, str) else toml_value_in_words(item)
-        self.problem(
+        self.report(
             said('must be text in quotes, for example "{example}"; it is {words}', example=example, words=words),
             key,
             position,
@@ -386,16 +380,16 @@ class Table:
 
     def _check_prose(self, value: str, most: int, *steps: str | int) -> None:
         if not value.strip():
-            self.problem(said("is empty; write a sentence, or remove it"), *steps)
+            self.report(said("is empty; write a sentence, or remove it"), *steps)
         elif len(value) > most:
-            self.problem(said("is {count} characters long; shorten it to {most}", count=len(value), most=most), *steps)
+            self.report(said("is {count} characters long; shorten it to {most}", count=len(value), most=most), *steps)
         elif not all(character.isprintable() or character == "\n" for character in value):
-            self.problem(said("contains a character that cannot be printed; remove it"), *steps)
+            self.report(said("contains a character that cannot be printed; remove it"), *steps)
 
     def _check_length(self, key: str, value: str, *steps: int) -> None:
         octets = len(value.encode())
         if octets > MOST_OCTETS:
-            self.problem(
+            self.report(
                 said(
                     '"{value}..." is {octets} bytes long; shorten it to {most_octets}',
                     value=value[:20],
@@ -409,10 +403,10 @@ class Table:
     def _check_characters(self, key: str, value: str, forbidden: str) -> None:
         self._check_length(key, value)
         if not value.isprintable():
-            self.problem(said("{value!r} contains a character that cannot be printed; remove it", value=value), key)
+            self.report(said("{value!r} contains a character that cannot be printed; remove it", value=value), key)
         for character in forbidden:
             if character in value:
-                self.problem(
+                self.report(
                     said(
                         '"{value}" must not contain "{character}"; use for example "_" in its place',
                         value=value,

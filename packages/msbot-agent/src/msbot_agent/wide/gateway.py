@@ -91,14 +91,14 @@ def read_gateway_file(path: Path) -> GatewayRules:
     inside = _space(root, "inside", "dds", path.parent)
     outside = _space(root, "outside", "zenoh:tcp/127.0.0.1:7447", path.parent)
     if outside.kind != ZENOH and "outside" in root:
-        root.problem('the others are reached by Zenoh: write for example outside = "zenoh:tcp/HOST:7447"', "outside")
+        root.report('the others are reached by Zenoh: write for example outside = "zenoh:tcp/HOST:7447"', "outside")
     if inside == outside:
-        root.problem("inside and outside are the same: nothing would cross", "outside")
+        root.report("inside and outside are the same: nothing would cross", "outside")
     tables = root.tables("cross")
     if not tables:
-        root.problem("nothing crosses: add a table that begins with [[cross]]", "cross")
+        root.report("nothing crosses: add a table that begins with [[cross]]", "cross")
     if len(tables) > MOST_CROSSINGS:
-        root.problem(f"there are {len(tables)} of them; {MOST_CROSSINGS} are the most", "cross")
+        root.report(f"there are {len(tables)} of them; {MOST_CROSSINGS} are the most", "cross")
     crossings = [_crossing(table) for table in tables[:MOST_CROSSINGS]]
     _check_twice(tables, crossings)
     root.finish()
@@ -113,7 +113,7 @@ def _space(root: Table, key: str, example: str, folder: Path) -> SpaceAddress:
     try:
         return parse_space(text, folder=folder)
     except ConfigError as error:
-        root.problem(str(error), key)
+        root.report(str(error), key)
         return SpaceAddress(key)
 
 
@@ -121,11 +121,11 @@ def _crossing(table: Table) -> BridgedTopic:
     topic = table.name("topic", "light", forbidden="*?[]#$")
     type_name = table.name("type", "Light", forbidden="*?[]#$")
     if is_service_topic(topic):
-        table.problem("requests and replies of services do not cross; only topics do", "topic")
+        table.report("requests and replies of services do not cross; only topics do", "topic")
     keep = table.whole("keep", default=0, least=0, most=DEEPEST)
     depth = table.whole("depth", default=max(16, keep), least=1, most=DEEPEST)
     if keep > depth:
-        table.problem(f"is {keep}, and depth is {depth}: it cannot be more than that", "keep")
+        table.report(f"is {keep}, and depth is {depth}: it cannot be more than that", "keep")
     crossing = BridgedTopic(
         Topic(topic, type_name, table.whole("domain", default=0, least=0, most=232)),
         BridgeDirection(table.choice("direction", [*BridgeDirection])),
@@ -146,7 +146,7 @@ def _check_twice(tables: list[Table], crossings: list[BridgedTopic]) -> None:
     for number, (table, crossing) in enumerate(zip(tables, crossings, strict=False), start=1):
         before = seen.setdefault((crossing.topic, crossing.robot), number)
         if before != number and crossing.topic.name:
-            table.problem(f'"{crossing.topic.name}" crosses already, by number {before} of the list', "topic")
+            table.report(f'"{crossing.topic.name}" crosses already, by number {before} of the list', "topic")
 
 
 LOOK_S = 2.0

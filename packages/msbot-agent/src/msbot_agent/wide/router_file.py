@@ -42,13 +42,13 @@ def read_router_file(path: Path) -> RouterRules:
     root = Table(document, problems, document.values)
     listen = _endpoints(root, "listen") or ([] if "listen" in root else [HERE])
     if not listen:
-        root.problem(f'must name at least one endpoint, for example "{HERE}"', "listen")
+        root.report(f'must name at least one endpoint, for example "{HERE}"', "listen")
     connect = _endpoints(root, "connect")
     tls = _tls(root.table("tls"), path.parent)
     for key, endpoints in (("listen", listen), ("connect", connect)):
         for position, endpoint in enumerate(endpoints):
             if endpoint.startswith("tls/") and tls is None:
-                root.problem(f"{endpoint} needs certificates: add a table that begins with [tls]", key, position)
+                root.report(f"{endpoint} needs certificates: add a table that begins with [tls]", key, position)
     allowed = [_allowed(table, has_tls=tls is not None) for table in root.tables("allow")]
     root.finish()
     problems.raise_if_any()
@@ -62,7 +62,7 @@ def _endpoints(root: Table, key: str) -> list[str]:
             try:
                 check_endpoint(endpoint)
             except ConfigError as error:
-                root.problem(str(error), key, position)
+                root.report(str(error), key, position)
     return found
 
 
@@ -80,11 +80,11 @@ def _tls(table: Table, folder: Path) -> TlsFiles | None:
 def _allowed(table: Table, *, has_tls: bool) -> Allowed:
     who = table.names("who", "north")
     if who and not has_tls:
-        table.problem("who somebody is, only a certificate tells: add a table that begins with [tls]", "who")
+        table.report("who somebody is, only a certificate tells: add a table that begins with [tls]", "who")
     keys = table.names("keys", "ROVER/**") or ["**"]
     for position, key in enumerate(keys):
         if key and not _KEY.fullmatch(key):
-            table.problem(
+            table.report(
                 f'"{key}" is no key: words with / between them, * for one of them and ** for any number, '
                 'for example "ROVER/**"',
                 "keys",
@@ -93,6 +93,6 @@ def _allowed(table: Table, *, has_tls: bool) -> Allowed:
     may = table.names("may", SENDS) or [SENDS, RECEIVES]
     for position, word in enumerate(may):
         if word and word not in (SENDS, RECEIVES):
-            table.problem(f'"{word}" is neither "{SENDS}" nor "{RECEIVES}"', "may", position)
+            table.report(f'"{word}" is neither "{SENDS}" nor "{RECEIVES}"', "may", position)
     table.finish()
     return Allowed(tuple(who), tuple(keys), SENDS in may, RECEIVES in may)

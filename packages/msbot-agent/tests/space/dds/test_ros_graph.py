@@ -110,9 +110,9 @@ async def test_nodes_up_to_humble_are_told_in_their_own_form() -> None:
         here.writer(FLOAT, Qos(), bytes(15) + b"\2", KNOB)
         there.reader(TOLD, LAST_ONE, heard)
         await until(lambda: heard.samples)
-        assert graph.gid_octets == SINCE_IRON
+        assert graph.gid_length == SINCE_IRON
         there.writer(TOLD, LAST_ONE, bytes(16)).write(old)
-        await until(lambda: graph.gid_octets == UNTIL_HUMBLE)
+        await until(lambda: graph.gid_length == UNTIL_HUMBLE)
         await until(lambda: len(heard.samples) > 2)  # the first form, the stranger's, the second form
         _, nodes = decode(heard.payloads[-1], UNTIL_HUMBLE)
         assert [str(node.name) for node in nodes] == ["/garden/knob"]
@@ -127,7 +127,7 @@ async def test_a_form_that_the_user_chose_stays_and_the_other_is_told_once(caplo
         stranger.write(encode(bytes(range(16)), nodes, SINCE_IRON))
         stranger.write(encode(bytes(range(1, 17)), nodes, SINCE_IRON))
         await until(lambda: caplog.messages)
-        assert graph.gid_octets == UNTIL_HUMBLE
+        assert graph.gid_length == UNTIL_HUMBLE
         assert [message[:41] for message in caplog.messages] == ["a ROS 2 node tells of its nodes with GIDs"]
 
 

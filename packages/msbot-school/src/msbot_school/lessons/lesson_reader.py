@@ -71,9 +71,9 @@ class _Reader:
         robot = header.text("robot", "rover")
         blueprint = header.text("blueprint", "robots/ring.toml")
         if not robot and not blueprint:
-            header.problem(said('is missing; add robot = "rover", or blueprint = "FILE" for one of your own'), "robot")
+            header.report(said('is missing; add robot = "rover", or blueprint = "FILE" for one of your own'), "robot")
         if robot and robot not in SAMPLES:
-            header.problem(
+            header.report(
                 said(
                     "there is no sample {robot!r}; {right}",
                     robot=robot,
@@ -82,7 +82,7 @@ class _Reader:
                 "robot",
             )
         if blueprint and not (self._path.parent / blueprint).is_file():
-            header.problem(said("there is no such file beside the lesson"), "blueprint")
+            header.report(said("there is no such file beside the lesson"), "blueprint")
         lesson = Lesson(
             name=self._path.stem,
             title=title,
@@ -171,7 +171,7 @@ class _Reader:
             try:
                 conditions.append(read_lesson_condition(text))
             except ConfigError as error:
-                table.problem(str(error), "when")
+                table.report(str(error), "when")
         for_s = table.number("for", default=0.0, least=0.0, most=LONGEST_S, unit="s")
         table.finish()
         return LessonCheck(name, says, tuple(conditions), for_s, hint=hint, line=begin)
@@ -182,7 +182,7 @@ class _Reader:
         choices = table.names("choices", "active")
         for one in right:
             if choices and one not in choices:
-                table.problem(said("the right answer {one!r} is none of the choices", one=one), "choices")
+                table.report(said("the right answer {one!r} is none of the choices", one=one), "choices")
         tolerance = table.number("tolerance", default=0.0, least=0.0, most=1e12)
         return LessonQuestion(tuple(right), tolerance, tuple(choices), table.text("unit", "s"))
 

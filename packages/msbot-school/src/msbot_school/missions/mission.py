@@ -131,12 +131,12 @@ def drawn(mission: Mission, seed: int) -> tuple[DrawnFault, ...]:
     found: tuple[DrawnFault, ...] = ()
     for _ in range(DRAWS):
         found = tuple(_drawn(mission, number, fault, random) for number, fault in enumerate(mission.faults, 1))
-        if not any(contradict(one, other) for one in found for other in found if one.number < other.number):
+        if not any(contradiction_of(one, other) for one in found for other in found if one.number < other.number):
             break
     return found
 
 
-def contradict(one: DrawnFault, other: DrawnFault) -> str:
+def contradiction_of(one: DrawnFault, other: DrawnFault) -> str:
     """Why two faults of a mission cannot be there together; empty: they can."""
     return contradiction(KINDS[one.kind], one.at, KINDS[other.kind], other.at)
 

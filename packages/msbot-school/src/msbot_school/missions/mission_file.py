@@ -25,7 +25,7 @@ from msbot_school.missions.mission import (
     Mission,
     MissionFault,
     Task,
-    contradict,
+    contradiction_of,
 )
 from msbot_xrce.errors import ConfigError
 
@@ -120,19 +120,19 @@ def _mission(document: Document, problems: Problems, text: str) -> Mission:
     faults = [_fault(table, time_s) for table in top.tables("fault")]
     tasks = [_task(table, time_s) for table in top.tables("do")]
     if not faults:
-        top.problem(said("in a mission something goes wrong: add a [[fault]] with kind and at"))
+        top.report(said("in a mission something goes wrong: add a [[fault]] with kind and at"))
     for key, found, most in (("fault", faults, MOST_FAULTS), ("do", tasks, MOST_TASKS)):
         if len(found) > most:
-            top.problem(said("{count} are too many; {most} are possible", count=len(found), most=most), key)
+            top.report(said("{count} are too many; {most} are possible", count=len(found), most=most), key)
     hints = about.proses("hints", 'Open \\"Why?\\"')
     if len(hints) > MOST_HINTS:
-        about.problem(said("{count} are too many; {most} are possible", count=len(hints), most=MOST_HINTS), "hints")
+        about.report(said("{count} are too many; {most} are possible", count=len(hints), most=MOST_HINTS), "hints")
     avoid = about.names("avoid", "stop")
     for position, name in enumerate(avoid):
         _check_operation(about, name, "avoid", position)
     slots = robot.names("slots", "fan")
     if len(slots) > MOST_SLOTS:
-        robot.problem(said("{count} are too many; {most} are possible", count=len(slots), most=MOST_SLOTS), "slots")
+        robot.report(said("{count} are too many; {most} are possible", count=len(slots), most=MOST_SLOTS), "slots")
     mission = Mission(
         name=Path(document.file).stem,
         title=about.prose("title", "The fan has moods", most=100),
@@ -171,27 +171,27 @@ def _fault(table: Table, time_s: float) -> MissionFault:
     known = [KINDS[kind] for kind in kinds if kind in KINDS]
     for position, kind in enumerate(kinds):
         if kind not in KINDS:
-            table.problem(
+            table.report(
                 said("there is no fault {name!r}; there are {kinds}", name=kind, kinds=", ".join(KINDS)),
                 "kind",
                 *([position] if len(kinds) > 1 else []),
             )
     if not kinds and "kind" in table:
-        table.problem(said('is empty; write for example kind = "loss"'), "kind")
+        table.report(said('is empty; write for example kind = "loss"'), "kind")
     if any(kind.at_part for kind in known) and not at:
-        table.problem(
+        table.report(
             said(
                 '{kind} is planted at a part: add at = "SLOT"', kind=next(kind.name for kind in known if kind.at_part)
             ),
             "kind",
         )
     if at and known and not any(kind.at_part for kind in known):
-        table.problem(said("{kind} concerns the whole robot: remove it", kind=known[0].name), "at")
+        table.report(said("{kind} concerns the whole robot: remove it", kind=known[0].name), "at")
     amount = _amount(table, known)
     given = {"jitter": "jitter_ms", "port": "port", "number": "number"}
     for option, key in given.items():
         if key in table and not any(option in kind.options for kind in known):
-            table.problem(said("{kind} knows no {key}: remove it", kind=", ".join(kinds), key=key), key)
+            table.report(said("{kind} knows no {key}: remove it", kind=", ".join(kinds), key=key), key)
     fault = MissionFault(
         kinds,
         at,
@@ -216,7 +216,7 @@ def _amount(table: Table, kinds: list[FaultKind]) -> float | None:
         return None
     amounts = [(kind.name, kind.amount) for kind in kinds]
     if without := [name for name, amount in amounts if amount is None]:
-        table.problem(said("{kind} has no amount: remove it", kind=", ".join(without)), "amount")
+        table.report(said("{kind} has no amount: remove it", kind=", ".join(without)), "amount")
     limits = [amount for _, amount in amounts if amount is not None]
     least = max((one.least for one in limits), default=-1e6)
     most = min((one.most for one in limits), default=1e6)
@@ -228,7 +228,7 @@ def _task(table: Table, time_s: float) -> Task:
     operation = table.name("operation", "identify", default="")
     until = _condition(table, "until")
     if bool(operation) == bool(until):
-        table.problem(
+        table.report(
             said('either operation or until must be there, as in operation = "identify" or until = "fan is active"')
         )
     arguments = {name: str(value) for name, value in table.scalars("with").items()}
@@ -236,7 +236,7 @@ def _task(table: Table, time_s: float) -> Task:
         for name in arguments:
             if OPERATIONS[operation].argument(name) is None:
                 known = ", ".join(one.name for one in OPERATIONS[operation].arguments) or said("nothing")
-                table.problem(
+                table.report(
                     said(
                         "{operation} knows no {unknown}; it takes {names}",
                         operation=operation,
@@ -260,7 +260,7 @@ def _task(table: Table, time_s: float) -> Task:
 def _check_operation(table: Table, name: str, *steps: str | int) -> bool:
     row = OPERATIONS.get(name)
     if row is None:
-        table.problem(
+        table.report(
             said(
                 "there is no operation {operation!r}; there are {operations}",
                 operation=name,
@@ -269,7 +269,7 @@ def _check_operation(table: Table, name: str, *steps: str | int) -> bool:
             *steps,
         )
     elif row.is_question:
-        table.problem(said("{operation} only asks: nobody notes who did", operation=name), *steps)
+        table.report(said("{operation} only asks: nobody notes who did", operation=name), *steps)
         return False
     return row is not None
 
@@ -280,7 +280,7 @@ def _condition(table: Table, key: str) -> str:
         try:
             read_condition(text)
         except ConfigError as error:
-            table.problem(str(error), key)
+            table.report(str(error), key)
     return text
 
 
@@ -302,9 +302,9 @@ def _check_contradictions(top: Table, mission: Mission) -> None:
         for one, first in certain[:place]:
             first_end = first.after_s + (first.for_s or LONGEST_S)
             second_end = second.after_s + (second.for_s or LONGEST_S)
-            reason = contradict(one, other)
+            reason = contradiction_of(one, other)
             if reason and first.after_s < second_end and second.after_s < first_end:
-                top.problem(
+                top.report(
                     said(
                         "contradicts fault[{index}]: {reason}; let one end (for_s) before the other begins (after_s)",
                         index=one.number - 1,

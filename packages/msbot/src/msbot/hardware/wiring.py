@@ -264,18 +264,18 @@ def read_parts(path: Path, library: Library) -> list[HostedPart]:
     parts: list[HostedPart] = []
     claims: dict[str, str] = {}
     if len(tables) > MOST_PARTS:
-        table.problem(f"there are {len(tables)} parts; {MOST_PARTS} can be in one file", "part")
+        table.report(f"there are {len(tables)} parts; {MOST_PARTS} can be in one file", "part")
         problems.raise_if_any()
     for entry in tables:
         part = _read_part(entry, library)
         if part is None:
             continue
         if part.name in [other.name for other in parts]:
-            entry.problem(f'there are two parts with the name "{part.name}"; give each a name of its own', "name")
+            entry.report(f'there are two parts with the name "{part.name}"; give each a name of its own', "name")
             continue
         for claim in part.wiring.claims() if part.wiring is not None else ():
             if (other := claims.setdefault(claim, part.name)) != part.name:
-                entry.problem(f"{claim} is taken by {other}; wire one of them elsewhere")
+                entry.report(f"{claim} is taken by {other}; wire one of them elsewhere")
         parts.append(part)
     problems.raise_if_any()
     return parts
@@ -297,6 +297,6 @@ def _read_part(table: Table, library: Library) -> HostedPart | None:
         if not simulate:
             wiring = make_wiring(part_type, pins=pins, adc=adc, i2c=i2c, device=device, options=options)
     except ConfigError as error:
-        table.problem(str(error), "type")
+        table.report(str(error), "type")
         return None
     return HostedPart(name, part_type, number, wiring, key)

@@ -82,7 +82,7 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 _T = TypeVar("_T")
 
 
-class DescribedParts:
+class DescribedPartAdoption:
     """Checks what the parts of one running robot say of themselves, and adopts them.
 
     Args:

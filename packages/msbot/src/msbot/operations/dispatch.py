@@ -17,7 +17,7 @@ from msbot.operations.apply_blueprint import BlueprintChange
 from msbot.operations.arguments import read_arguments, usable_arguments
 from msbot.operations.blocking import Blocking, BusObjects, StoredBlocking
 from msbot.operations.class_operations import ClassControl
-from msbot.operations.described_parts import DescribedParts
+from msbot.operations.described_parts import DescribedPartAdoption
 from msbot.operations.last_manual_actions import LastActs, helps, places_of
 from msbot.operations.manual_control import ManualControl
 from msbot.operations.operation import EditLog, Operation, Outcome
@@ -204,7 +204,7 @@ class InProcessOperations(Operations):
         self._running = running
         self._marked: tuple[Blueprint, str] | None = None
         self.applying = BlueprintChange(running)
-        described = DescribedParts(running, self.applying)
+        described = DescribedPartAdoption(running, self.applying)
         self.placement = Placement(running, described)
         self.stand_ins = StandIns(running, self.placement)
         self.stopping = StopOperations(

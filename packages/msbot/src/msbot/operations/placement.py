@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from msbot.operations.described_parts import DescribedParts
+from msbot.operations.described_parts import DescribedPartAdoption
 from msbot.operations.operation import Outcome, outcome_of
 from msbot.operations.part_names import describe
 from msbot.operations.running_robot import RunningRobot, slot_of
@@ -77,7 +77,7 @@ class Placement:
     has changed.
     """
 
-    def __init__(self, running: RunningRobot, described: DescribedParts) -> None:
+    def __init__(self, running: RunningRobot, described: DescribedPartAdoption) -> None:
         self._running = running
         self._described = described
         self._inventory = running.inventory

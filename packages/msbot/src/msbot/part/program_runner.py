@@ -395,7 +395,7 @@ class ProgramRunner:
                 self.safety.ask()
                 self._say_stop_soon()
             case JoinState.ENDED:
-                self.safety.forget()
+                self.safety.forget_stop()
 
     def _say_stop_soon(self) -> None:
         """The master may not know of the STOP that holds."""

@@ -230,7 +230,7 @@ class Safety:
         """The part was active and is not any more: it goes to the safe state."""
         self._is_safe = self.enter()
 
-    def forget(self) -> None:
+    def forget_stop(self) -> None:
         """The part ends; when it starts anew, it knows of no STOP."""
         self._end()
         self.change_master(is_there=False)

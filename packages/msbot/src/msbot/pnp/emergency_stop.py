@@ -217,7 +217,7 @@ class EmergencyStop:
         self._waiting.pop(identity, None)
         self.tell(identity, name, now)
 
-    def leave(self, identity: bytes) -> None:
+    def part_left(self, identity: bytes) -> None:
         """A part has said goodbye, which it does only in its safe state: it need no longer confirm."""
         self._waiting.pop(identity, None)
         self._confirmed.pop(identity, None)

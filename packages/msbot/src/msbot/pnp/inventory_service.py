@@ -278,7 +278,7 @@ class InventoryService:
             if event.from_state is not PartState.LATE:
                 self.stop.begin_anew(identity, event.part, asyncio.get_running_loop().time())
         elif event.to_state in (PartState.LEFT, PartState.STANDBY, PartState.REFUSED):
-            self.stop.leave(identity)
+            self.stop.part_left(identity)
 
     def _remember(self, client_key: int, asker: bytes, answer: pnp_messages.Reply | None) -> None:
         if self._askers.get(client_key) != asker:

@@ -185,7 +185,7 @@ class RobotGate:
         seal = self._inventory.seals.of(client.key)
         return None if seal is None else _SampleSealer(seal, partial(self._sample_refused, client.key))
 
-    def reply_for_nobody(self, client: AskingClient, topic: str) -> Callable[[], bytes | None] | None:
+    def reply_if_unserved(self, client: AskingClient, topic: str) -> Callable[[], bytes | None] | None:
         """What a part that calls learns at once when the robot does not pass its request on."""
         if self._is_trusted(client) or topic in RESERVED_TOPICS:
             return None

@@ -19,7 +19,7 @@ import sys
 from collections.abc import Hashable
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
-from msbot_agent.link.contract import KnownPeers, Peer
+from msbot_agent.link.contract import Peer, PeerDirectory
 from msbot_xrce.counting import Tally
 from msbot_xrce.lazy import dataclass
 
@@ -185,7 +185,7 @@ class StrangerFilter:
         dropped: where what is not read is counted.
     """
 
-    def __init__(self, opened: socket.socket, name: str, known: KnownPeers, dropped: Tally) -> None:
+    def __init__(self, opened: socket.socket, name: str, known: PeerDirectory, dropped: Tally) -> None:
         self.next_at = 0.0
         """When `update` is to be called."""
         self._socket = opened

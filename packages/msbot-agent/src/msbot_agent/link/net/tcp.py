@@ -13,7 +13,7 @@ import socket
 from collections.abc import Hashable, Iterable
 
 from msbot_agent.link.byte_frames import MAX_PACKET, TcpReceiver, encode_tcp
-from msbot_agent.link.contract import KnownPeers, LinkInfo, Peer, Signal
+from msbot_agent.link.contract import LinkInfo, Peer, PeerDirectory, Signal
 from msbot_agent.link.net.connection_budget import MAX_CONNECTIONS, ConnectionBudget
 from msbot_agent.link.net.host_address import Address, addresses_of, cannot_listen, joined, serve_both_kinds
 from msbot_agent.link.stream_link import Stream, StreamLink
@@ -126,7 +126,7 @@ class TcpServerLink(StreamLink):
         self._listening: socket.socket | None = None
         self._pace: ConnectionPace | None = None
 
-    def put_first(self, known: KnownPeers) -> None:
+    def put_first(self, known: PeerDirectory) -> None:
         """See `PriorityLink`; to be said before it is opened."""
         self._pace = ConnectionPace(CONNECTIONS_OF_ADDRESS_S, CONNECTIONS_S, known.has_a_part)
 

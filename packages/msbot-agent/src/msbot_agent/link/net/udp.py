@@ -16,7 +16,7 @@ from collections.abc import Callable, Hashable
 from functools import partial
 
 from msbot_agent.link.base import BaseLink
-from msbot_agent.link.contract import KnownPeers, LinkInfo, Peer, Signal
+from msbot_agent.link.contract import LinkInfo, Peer, PeerDirectory, Signal
 from msbot_agent.link.net.batched_receive import BATCH, LINGER_S, AdaptivePolling, BatchedReceiver, batched_receiver
 from msbot_agent.link.net.host_address import (
     Address,
@@ -328,9 +328,9 @@ class UdpServerLink(_UdpLink):
 
     def __init__(self, host: str, port: int, *, linger_s: float = LINGER_S) -> None:
         super().__init__(host, port, linger_s=linger_s)
-        self._known: KnownPeers | None = None
+        self._known: PeerDirectory | None = None
 
-    def put_first(self, known: KnownPeers) -> None:
+    def put_first(self, known: PeerDirectory) -> None:
         """See `PriorityLink`; to be said before it is opened."""
         self._known = known
 

@@ -146,7 +146,7 @@ def _read_group(table: Table) -> str:
     try:
         return group_in(group)
     except ConfigError as error:
-        table.problem(str(error), "stop_group")
+        table.report(str(error), "stop_group")
         return ""
 
 
@@ -188,9 +188,7 @@ def _read_ros(table: Table) -> RosOptions:
     )
     for name in ros.global_topics:
         if name not in GLOBAL_TOPICS:
-            table.problem(
-                said('"{value}" is none of {words}', value=name, words=quoted(GLOBAL_TOPICS)), "global_topics"
-            )
+            table.report(said('"{value}" is none of {words}', value=name, words=quoted(GLOBAL_TOPICS)), "global_topics")
     table.finish()
     return ros
 
@@ -218,7 +216,7 @@ def _read_binding(table: Table) -> Binding:
     )
     table.finish()
     if table.scalar("from") == "" and table.is_empty("to"):
-        table.problem(said('joins no port: name who publishes, for example from = "AA.out", or who subscribes'), "from")
+        table.report(said('joins no port: name who publishes, for example from = "AA.out", or who subscribes'), "from")
     return binding
 
 
@@ -233,11 +231,11 @@ def _in_dds(table: Table) -> InDds:
     )
     fields.finish()
     if found.ros_topic and not is_topic(found.ros_topic):
-        table.problem(said("ROS 2 takes no topic of that name: names consist of letters, digits, _ and /"), "ros_topic")
+        table.report(said("ROS 2 takes no topic of that name: names consist of letters, digits, _ and /"), "ros_topic")
     if not found.ros:
         for key in ("ros_type", "ros_fields", "ros_topic"):
             if key in table:
-                table.problem(said("says how ROS 2 sees the topic: add ros = true"), key)
+                table.report(said("says how ROS 2 sees the topic: add ros = true"), key)
     return found
 
 

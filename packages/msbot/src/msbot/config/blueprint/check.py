@@ -34,7 +34,7 @@ _LATE_AFTER_BEATS = 1.5
 class Complaints(Protocol):
     """Collects the problems of one binding: its table in a file, or a list."""
 
-    def problem(self, sentence: str, *steps: str | int) -> None:
+    def report(self, sentence: str, *steps: str | int) -> None:
         """Note one mistake about a key."""
 
 
@@ -44,7 +44,7 @@ class _Sentences:
     def __init__(self) -> None:
         self.found: list[str] = []
 
-    def problem(self, sentence: str, *_steps: str | int) -> None:
+    def report(self, sentence: str, *_steps: str | int) -> None:
         self.found.append(sentence)
 
 
@@ -59,7 +59,7 @@ def check_timing(table: Table, timing: Timing) -> None:
     """Check that a part that beats in time cannot be delisted."""
     shortest = (timing.life - 1) * timing.tick_period_s
     if shortest < _LATE_AFTER_BEATS * timing.beat_period_s:
-        table.problem(
+        table.report(
             said(
                 "a part that beats every {beat_period_s:g} s could be delisted {shortest:g} s after a beat "
                 "(life {life}, tick {tick_period_s:g} s); use a tick_period_s of at least {value:g}, a higher "
@@ -77,7 +77,7 @@ def check_free_topics(table: Table, topics: Sequence[str]) -> None:
     """Check that plug-and-play's own topics are not declared free for all."""
     for position, topic in enumerate(topics):
         if topic in RESERVED_TOPICS:
-            table.problem(
+            table.report(
                 said('"{topic}" belongs to plug-and-play itself; remove it', topic=topic), "free_topics", position
             )
 
@@ -85,12 +85,12 @@ def check_free_topics(table: Table, topics: Sequence[str]) -> None:
 def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], library: Library) -> None:
     """Check that each slot has a unique name, a part type of the library, and settings that the type knows."""
     if not slots and "slot" not in root:
-        root.problem(said('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"'), "slot")
+        root.report(said('a robot needs at least one slot; add [[slot]] with name = "AA" and part = "ABCD"'), "slot")
     first_of: dict[str, Table] = {}
     for table, slot in zip(tables, slots, strict=True):
         first = first_of.setdefault(slot.name, table)
         if slot.name and first is not table:
-            table.problem(
+            table.report(
                 said(
                     'there is a slot "{name}" already on line {line}; give each slot a name of its own',
                     name=slot.name,
@@ -102,7 +102,7 @@ def check_slots(root: Table, tables: Sequence[Table], slots: Sequence[Slot], lib
         if part_type is not None:
             _check_settings(table, slot, part_type, library)
         elif slot.part_number:
-            table.problem(
+            table.report(
                 said(
                     'the library has no part number "{part_number}"; {right}',
                     part_number=slot.part_number,
@@ -118,7 +118,7 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType, library: Libr
         if parameter is None:
             known = [parameter.name for parameter in part_type.parameters]
             right = suggestion(name, known, none_known=said("it has none: remove the line"))
-            table.problem(
+            table.report(
                 said(
                     'part {number} has no parameter "{name}"; {right}', number=part_type.number, name=name, right=right
                 ),
@@ -127,7 +127,7 @@ def _check_settings(table: Table, slot: Slot, part_type: PartType, library: Libr
             )
         elif fault := parameter.fault(value):
             example = f"{name} = {scalar_text(parameter.default)}"
-            table.problem(
+            table.report(
                 said("{fault}; the library's default is {example}", fault=fault, example=example), "settings", name
             )
     _check_wired(table, slot, part_type, library)
@@ -141,9 +141,9 @@ def _check_wired(table: Table, slot: Slot, part_type: PartType, library: Library
     except ConfigError as error:
         name, _, fault = str(error).partition(": ")
         if name in wired:
-            table.problem(fault, "settings", name)
+            table.report(fault, "settings", name)
         else:
-            table.problem(str(error), "settings")
+            table.report(str(error), "settings")
 
 
 def check_bindings(
@@ -160,7 +160,7 @@ def check_bindings(
         seen: set[SlotPort] = set()
         for position, target in enumerate(binding.targets):
             if target in seen:
-                table.problem(said('"{target}" is there twice; keep one', target=target), "to", position)
+                table.report(said('"{target}" is there twice; keep one', target=target), "to", position)
             else:
                 ports.check(table, binding, target, hears, "to", position)
             seen.add(target)
@@ -173,7 +173,7 @@ def _check_service(table: Complaints, binding: Binding, topics: Mapping[str, Bin
     """What holds for the topics of a service alone."""
     earlier = topics[binding.topic]
     if earlier is not binding and earlier.source != binding.source:
-        table.problem(
+        table.report(
             said(
                 'service "{topic}" is served by "{source}" already; give the other one a topic of its own',
                 topic=binding.topic,
@@ -183,7 +183,7 @@ def _check_service(table: Complaints, binding: Binding, topics: Mapping[str, Bin
         )
     for name in (request_topic(binding.topic), reply_topic(binding.topic)):
         if name in topics or name in RESERVED_TOPICS:
-            table.problem(
+            table.report(
                 said(
                     'service "{topic}" needs the topic "{name}", which is in use; choose another name',
                     topic=binding.topic,
@@ -192,21 +192,21 @@ def _check_service(table: Complaints, binding: Binding, topics: Mapping[str, Bin
                 "topic",
             )
     if not binding.reliable:
-        table.problem(said("requests and replies are always reliable; remove it"), "reliable")
+        table.report(said("requests and replies are always reliable; remove it"), "reliable")
     if binding.in_dds.export:
-        table.problem(said("a service cannot be exported; remove it"), "export")
+        table.report(said("a service cannot be exported; remove it"), "export")
 
 
 def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]) -> None:
     if binding.topic in RESERVED_TOPICS:
-        table.problem(
+        table.report(
             said('"{topic}" belongs to plug-and-play itself; choose another name', topic=binding.topic), "topic"
         )
     earlier = topics.setdefault(binding.topic, binding)
     if earlier is binding or not binding.topic:
         return
     if earlier.source == binding.source:
-        table.problem(
+        table.report(
             said(
                 '"{source}" is bound to "{topic}" already; put all receivers into one list `to`',
                 source=binding.source,
@@ -215,7 +215,7 @@ def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]
             "topic",
         )
     if earlier.type_name != binding.type_name and binding.type_name:
-        table.problem(
+        table.report(
             said(
                 'topic "{topic}" carries "{type_name}" in another binding and "{other}" here; a topic has one type',
                 topic=binding.topic,
@@ -225,14 +225,14 @@ def _check_topic(table: Complaints, binding: Binding, topics: dict[str, Binding]
             "type",
         )
     if earlier.in_dds != binding.in_dds:
-        table.problem(
+        table.report(
             said(
                 'topic "{topic}" is in DDS in another way in another binding; say the same in both', topic=binding.topic
             ),
             "topic",
         )
     if earlier.reliable != binding.reliable:
-        table.problem(
+        table.report(
             said(
                 'topic "{topic}" has reliable = {value} in another binding; say the same in both',
                 topic=binding.topic,
@@ -267,7 +267,7 @@ class _Ports:
         slot = self._slots.get(endpoint.slot)
         if not endpoint.port:
             example = f"{endpoint.slot if slot else 'AA'}.{self._example(slot, direction)}"
-            table.problem(
+            table.report(
                 said(
                     '"{endpoint}" names no port; write slot, dot, port, for example "{example}"',
                     endpoint=endpoint,
@@ -277,7 +277,7 @@ class _Ports:
             )
         elif slot is None:
             right = suggestion(endpoint.slot, list(self._slots), none_known=said("add the slot first"))
-            table.problem(
+            table.report(
                 said(
                     '"{endpoint}": there is no slot "{slot}"; {right}',
                     endpoint=endpoint,
@@ -299,7 +299,7 @@ class _Ports:
             remedy = said("let all senders publish that topic")
             if direction in (Direction.PUBLISH, Direction.SERVE):
                 remedy = said("list all receivers in one binding")
-            table.problem(
+            table.report(
                 said(
                     '"{endpoint}" is bound to "{earlier}" already and carries one topic; {remedy}',
                     endpoint=endpoint,
@@ -329,7 +329,7 @@ def _check_port(
     if port is None:
         known = [port.name for port in part_type.ports if port.direction is direction]
         right = suggestion(endpoint.port, known, none_known=said("it has none that can {value}", value=direction.value))
-        table.problem(
+        table.report(
             said(
                 '"{endpoint}": {what} has no port "{port}"; {right}',
                 endpoint=endpoint,
@@ -340,7 +340,7 @@ def _check_port(
             *steps,
         )
     elif port.direction is not direction:
-        table.problem(
+        table.report(
             said(
                 '"{endpoint}": this port can only {value}; {right}',
                 endpoint=endpoint,
@@ -350,7 +350,7 @@ def _check_port(
             *steps,
         )
     elif binding.type_name and port.type_name != binding.type_name:
-        table.problem(
+        table.report(
             said(
                 '"{endpoint}" carries messages of type "{type_name}", the binding says "{other}"; '
                 'write type = "{type_name}" or bind another port',

@@ -21,12 +21,12 @@ def check_agreement(entries: Entries) -> None:
                 _check_ports(table, part_type, entries[other][1], position)
             elif other:
                 right = suggestion(other, sorted(entries), none_known="remove it")
-                table.problem(f'the library has no part number "{other}"; {right}', "compatible_with", position)
+                table.report(f'the library has no part number "{other}"; {right}', "compatible_with", position)
         circle = _circle(entries, number)
         if circle and frozenset(circle) not in circles:
             circles.add(frozenset(circle))
             words = " -> ".join((*circle, circle[0]))
-            table.problem(
+            table.report(
                 f"goes round in a circle: {words}; of two types that fit each other, let the newer name the older one",
                 "compatible_with",
             )
@@ -40,7 +40,7 @@ def _check_ports(table: Table, part_type: PartType, other: PartType, position: i
         or (own.direction, own.type_name) != (port.direction, port.type_name)
     ]
     if missing:
-        table.problem(
+        table.report(
             f'cannot fill a slot for "{other.number}": that one has {quoted(missing)}, which this one lacks or has '
             "with another direction or type; add the port or remove the number",
             "compatible_with",

@@ -61,13 +61,13 @@ def read_description(text: str, number: str, library: Library) -> Described:
     part_type = read_part_type(file, known)
     root = file.table
     if part_type is None:
-        root.problem("describes no part: number, name and ports are missing")
+        root.report("describes no part: number, name and ports are missing")
     elif part_type.number != number:
-        root.problem(f'is "{part_type.number}", and the part has claimed as "{number}"', "number")
+        root.report(f'is "{part_type.number}", and the part has claimed as "{number}"', "number")
     elif (other := library.find(number)) is not None:
-        root.problem(f"the library knows {other.number} already, and its entry counts", "number")
+        root.report(f"the library knows {other.number} already, and its entry counts", "number")
     elif not part_type.ports:
-        root.problem("a part needs at least one port: publishes(...), on(...), serves(...) or calls(...)", "port")
+        root.report("a part needs at least one port: publishes(...), on(...), serves(...) or calls(...)", "port")
     problems.raise_if_any()
     assert part_type is not None
     carried: set[str] = set()

@@ -13,7 +13,7 @@ from functools import cache
 from importlib.resources import files
 
 from msbot.config.library.field_types import BoundedText, EnumType, FieldKind, FieldType, ListType, MessageType
-from msbot_agent.toml.document import carried_document
+from msbot_agent.toml.document import packaged_document
 from msbot_agent.toml.problems import Problems, suggestion
 from msbot_agent.toml.table import Table
 from msbot_xrce.errors import ConfigError
@@ -41,7 +41,7 @@ def read_message_types(root: Table, file: str) -> list[tuple[Table, MessageType]
     for table in root.tables("type"):
         name = table.name("name", "Light", forbidden=".<>=[] ")
         if name in _WORDS or name == "string":
-            table.problem(f'"{name}" is a kind of its own; choose another name', "name")
+            table.report(f'"{name}" is a kind of its own; choose another name', "name")
         names = tuple(table.names("enum", "off"))
         if "enum" in table:
             known[name] = _read_enum(table, name, names)
@@ -50,13 +50,13 @@ def read_message_types(root: Table, file: str) -> list[tuple[Table, MessageType]
         units = {key: value for key, value in table.scalars("units").items() if isinstance(value, str)}
         for key in units:
             if key not in fields:
-                table.problem(f'the type has no field "{key}"; name one of its fields', "units", key)
+                table.report(f'the type has no field "{key}"; name one of its fields', "units", key)
         for key, kind in fields.items():
             if isinstance(kind, MessageType):
                 units |= {f"{key}.{way}": unit for way, unit in kind.units.items()}
         message = MessageType(name, fields, units, table.text("description", "How bright it is"), file)
         if message.most_bytes > MOST_BYTES:
-            table.problem(
+            table.report(
                 f"a message can have {message.most_bytes:,} bytes, and may have {MOST_BYTES:,}: make its lists shorter",
                 "fields",
             )
@@ -74,7 +74,7 @@ STANDARD = "msbot message types"
 def standard_message_types() -> Mapping[str, MessageType]:
     """The message types that MsBOT brings, by name."""
     problems = Problems()
-    document = carried_document(files("msbot.config") / "message_types.toml", STANDARD)
+    document = packaged_document(files("msbot.config") / "message_types.toml", STANDARD)
     table = Table(document, problems, document.values)
     found = read_message_types(table, STANDARD)
     table.finish()
@@ -103,13 +103,13 @@ def enums_of(message: MessageType) -> list[EnumType]:
 def _read_enum(table: Table, name: str, names: tuple[str, ...]) -> EnumType:
     for key in ("fields", "units"):
         if key in table:
-            table.problem("an enum has names only; remove it", key)
+            table.report("an enum has names only; remove it", key)
             table.item(key)
     for place, one in enumerate(names):
         if not one.isidentifier() or one.startswith("_"):
-            table.problem(f'"{one}" cannot be a name; use letters, digits and _', "enum", place)
+            table.report(f'"{one}" cannot be a name; use letters, digits and _', "enum", place)
     if not 0 < len({one.lower() for one in names}) == len(names) <= MOST_NAMES:
-        table.problem(f"must be 1 to {MOST_NAMES} names, each different", "enum")
+        table.report(f"must be 1 to {MOST_NAMES} names, each different", "enum")
     table.text("description", "What the motor does")
     table.finish()
     return EnumType(name, names or ("none",))
@@ -119,16 +119,16 @@ def _read_fields(table: Table, known: Mapping[str, MessageType | EnumType]) -> d
     fields: dict[str, FieldType] = {}
     for key in table.present_keys():
         if not key.isidentifier() or key.startswith("_"):
-            table.problem(f'"{key}" cannot be the name of a field; use letters, digits and _', key)
+            table.report(f'"{key}" cannot be the name of a field; use letters, digits and _', key)
         text = table.text(key, "float32")
         fields[key] = FieldKind.TEXT
         try:
             fields[key] = read_kind(text, known)
         except ConfigError as error:
             if text:
-                table.problem(str(error), key)
+                table.report(str(error), key)
     if table.is_there and not fields:
-        table.problem('a message needs at least one field, for example lux = "float32"')
+        table.report('a message needs at least one field, for example lux = "float32"')
     return fields
 
 

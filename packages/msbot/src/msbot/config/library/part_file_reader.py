@@ -44,7 +44,7 @@ def read_parameter(table: Table) -> Parameter:
     """Read one table that describes a parameter or option."""
     kind = ParameterKind(table.choice("type", [kind.value for kind in ParameterKind]))
     if "default" not in table:
-        table.problem("is missing; add the value that holds when nobody sets another", "default")
+        table.report("is missing; add the value that holds when nobody sets another", "default")
     default = table.scalar("default")
     parameter = Parameter(
         name=table.name("name", "period_s", forbidden=FORBIDDEN_IN_NAMES),
@@ -57,7 +57,7 @@ def read_parameter(table: Table) -> Parameter:
     )
     table.finish()
     if default is not None and (fault := parameter.fault(default)):
-        table.problem(fault, "default")
+        table.report(fault, "default")
     return parameter
 
 
@@ -65,7 +65,7 @@ def _limit(table: Table, key: str, kind: ParameterKind) -> float | None:
     if key not in table:
         return None
     if kind not in (ParameterKind.INT, ParameterKind.FLOAT):
-        table.problem("only a parameter of type int or float has limits; remove it", key)
+        table.report("only a parameter of type int or float has limits; remove it", key)
     return table.number(key, default=0.0, least=-1e300, most=1e300)
 
 
@@ -73,7 +73,7 @@ def check_twice(table: Table, key: str, names: list[str]) -> None:
     """Note every name that occurs a second time."""
     for position, name in enumerate(names):
         if name and name in names[:position]:
-            table.problem(f'there are two with the name "{name}"; give each its own', key, position, "name")
+            table.report(f'there are two with the name "{name}"; give each its own', key, position, "name")
 
 
 # Reads the `[driver]` table of a part type: how its ports meet hardware.
@@ -98,7 +98,7 @@ def read_driver(table: Table, pins: Sequence[Pin]) -> DriverSpec:
         return DriverSpec(none=none, board=board, options=options, pins=own)
     entry_point = table.name("class", "my_parts:LightSensor")
     if entry_point and not _ENTRY_POINT.fullmatch(entry_point):
-        table.problem(f'"{entry_point}" is not an entry point; write package.module:Name', "class")
+        table.report(f'"{entry_point}" is not an entry point; write package.module:Name', "class")
     spec = DriverSpec(
         entry_point=entry_point,
         bus=BusKind(table.choice("bus", [kind.value for kind in BusKind])),
@@ -110,7 +110,7 @@ def read_driver(table: Table, pins: Sequence[Pin]) -> DriverSpec:
     )
     table.finish()
     if spec.bus is BusKind.I2C and not spec.addresses:
-        table.problem("is missing; name what the chip can have, for example addresses = [0x76, 0x77]", "addresses")
+        table.report("is missing; name what the chip can have, for example addresses = [0x76, 0x77]", "addresses")
     check_twice(table, "pin", [pin.name for pin in spec.pins])
     check_twice(table, "option", [option.name for option in spec.options])
     return spec
@@ -126,12 +126,12 @@ def _read_board(table: Table, own: Sequence[DriverPin], pins: Sequence[Pin]) -> 
     table.finish()
     driver = BOARD_DRIVERS.get(name)
     if driver is not None and sources and len(sources) != len(driver.sources):
-        table.problem(f"the driver {name} has {len(driver.sources)}: {', '.join(driver.sources)}", "sources")
+        table.report(f"the driver {name} has {len(driver.sources)}: {', '.join(driver.sources)}", "sources")
     known = [pin.name for pin in pins]
     for wire, pin in wires.items():
         if pin not in known:
             right = suggestion(pin, known, none_known="describe it in a table [[pin]]")
-            table.problem(f'the part has no pin "{pin}"; {right}', "pins", wire)
+            table.report(f'the part has no pin "{pin}"; {right}', "pins", wire)
     if driver is not None and driver.on_i2c and not wires:
         wires = {wire: wire.upper() for wire in I2C_WIRES}
     return BoardSpec(name, sources, wires or {pin.name: pin.pin for pin in own})
@@ -151,7 +151,7 @@ def _read_driver_pin(table: Table, pins: Sequence[Pin]) -> DriverPin:
     table.finish()
     if found.pin and found.pin not in known:
         right = suggestion(found.pin, known, none_known="describe it in a table [[pin]]")
-        table.problem(f'the part has no pin "{found.pin}"; {right}', "pin")
+        table.report(f'the part has no pin "{found.pin}"; {right}', "pin")
     return found
 
 
@@ -183,14 +183,14 @@ def add_message_types(messages: dict[str, MessageType], file: LibraryFile) -> No
     for table, message in file.messages:
         other = messages.setdefault(message.name, message)
         if not other.same_as(message) and message.name:
-            table.problem(
+            table.report(
                 f'the message type "{message.name}" has other fields in {other.source}; use those or another name',
                 "name",
             )
         theirs = {one.name: one for known in messages.values() for one in enums_of(known)}
         for one in enums_of(message):
             if theirs[one.name] != one:
-                table.problem(f'the enum "{one.name}" has other names elsewhere; use those or another name', "fields")
+                table.report(f'the enum "{one.name}" has other names elsewhere; use those or another name', "fields")
 
 
 def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartType | None:
@@ -245,7 +245,7 @@ def _check_sources(table: Table, part_type: PartType) -> None:
     for source in part_type.driver.board.sources:
         if source not in known:
             right = suggestion(source, known, none_known="describe it in [simulator]")
-            table.problem(f'the simulator has no source "{source}"; {right}', "driver", "board", "sources")
+            table.report(f'the simulator has no source "{source}"; {right}', "driver", "board", "sources")
 
 
 def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
@@ -270,7 +270,7 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         ranges=_read_ranges(table.table("ranges"), message),
     )
     if port.safe is not None and port.direction is not Direction.SUBSCRIBE:
-        table.problem("only a port that subscribes can have a safe value; remove it", "safe")
+        table.report("only a port that subscribes can have a safe value; remove it", "safe")
     elif port.safe is not None and message is not None:
         _check_safe(table, port, message)
     if port.stop:
@@ -285,7 +285,7 @@ def _read_port_type(table: Table, key: str, known: Mapping[str, MessageType]) ->
     message = known.get(name)
     if message is None and name:
         right = suggestion(name, sorted(known), none_known="declare it")
-        table.problem(f'there is no message type "{name}"; {right} Or declare it in a table [[type]]', key)
+        table.report(f'there is no message type "{name}"; {right} Or declare it in a table [[type]]', key)
     return name, message
 
 
@@ -331,16 +331,16 @@ def _read_ranges(table: Table, message: MessageType | None) -> dict[str, tuple[f
         kind = leaf.element if isinstance(leaf, ListType) else leaf
         if message is not None and leaf is None:
             right = suggestion(name, list(message.leaves), none_known="remove it")
-            table.problem(f'a {message.name} has no field "{name}"; {right}', name)
+            table.report(f'a {message.name} has no field "{name}"; {right}', name)
         elif message is not None and (not isinstance(kind, FieldKind) or kind in (FieldKind.BOOL, FieldKind.TEXT)):
-            table.problem("only a number has a range; remove it", name)
+            table.report("only a number has a range; remove it", name)
         elif (
             not isinstance(value, list)
             or len(value) != 2
             or not all(isinstance(one, int | float) and not isinstance(one, bool) for one in value)
             or not value[0] < value[1]
         ):
-            table.problem(f"must be the least and the greatest value, for example {name} = [0, 100]", name)
+            table.report(f"must be the least and the greatest value, for example {name} = [0, 100]", name)
         else:
             found[name] = float(value[0]), float(value[1])
     return found
@@ -348,11 +348,11 @@ def _read_ranges(table: Table, message: MessageType | None) -> dict[str, tuple[f
 
 def _check_stop(table: Table, port: Port, message: MessageType | None) -> None:
     if port.direction is not Direction.PUBLISH:
-        table.problem("only a port that publishes can say STOP; remove it", "stop")
+        table.report("only a port that publishes can say STOP; remove it", "stop")
     elif message is not None and message.fields.get(port.stop) is not FieldKind.BOOL:
         flags = [name for name, kind in message.fields.items() if kind is FieldKind.BOOL]
         right = suggestion(port.stop, flags, none_known="remove it")
-        table.problem(f'a {message.name} has no field "{port.stop}" that is true or false; {right}', "stop")
+        table.report(f'a {message.name} has no field "{port.stop}" that is true or false; {right}', "stop")
 
 
 def _check_safe(table: Table, port: Port, message: MessageType) -> None:
@@ -360,9 +360,9 @@ def _check_safe(table: Table, port: Port, message: MessageType) -> None:
         kind = message.leaves.get(name)
         if kind is None:
             right = suggestion(name, list(message.leaves), none_known="remove it")
-            table.problem(f'a {message.name} has no field "{name}"; {right}', "safe", name)
+            table.report(f'a {message.name} has no field "{name}"; {right}', "safe", name)
         elif fault := kind.fault(value) or port.fault(name, value):
-            table.problem(fault, "safe", name)
+            table.report(fault, "safe", name)
 
 
 def _read_supply(table: Table) -> Supply | None:
@@ -375,7 +375,7 @@ def _read_supply(table: Table) -> Supply | None:
     )
     table.finish()
     if supply.min_v > supply.max_v:
-        table.problem(f"is {supply.min_v:g}, more than max_v = {supply.max_v:g}; exchange the two", "min_v")
+        table.report(f"is {supply.min_v:g}, more than max_v = {supply.max_v:g}; exchange the two", "min_v")
     return supply
 
 
@@ -399,7 +399,7 @@ def _read_picture(table: Table) -> str:
         else f"must be an SVG text; it is {toml_value_in_words(picture)}"
     )
     if fault is not None:
-        table.problem(fault, "picture")
+        table.report(fault, "picture")
     return str(picture)
 
 
@@ -407,6 +407,6 @@ def _read_versions(table: Table) -> VersionRange:
     text = table.text("versions", ">=1.0, <2")
     versions = parse_versions(text)
     if versions is None:
-        table.problem(f'"{text}" is not a range of versions; write for example versions = ">=1.0, <2"', "versions")
+        table.report(f'"{text}" is not a range of versions; write for example versions = ">=1.0, <2"', "versions")
         return ANY_VERSION
     return versions

@@ -34,7 +34,7 @@ from msbot.config.library.search import PartSearch
 from msbot.config.library.versions import split_number
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
-from msbot_agent.toml.document import Document, carried_document, read_document
+from msbot_agent.toml.document import Document, packaged_document, read_document
 from msbot_agent.toml.problems import MOST_LISTED, FileLocation, Problems, did_you_mean, nearest, quoted
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -186,7 +186,7 @@ def _shipped() -> _Read:
     read = _Read(dict(standard_message_types()), {})
     folder = files("msbot.config.library") / "types"
     entries = sorted((entry for entry in folder.iterdir() if entry.name.endswith(".toml")), key=lambda one: one.name)
-    _add(read, (carried_document(entry, f"{SHIPPED}{entry.name}") for entry in entries), problems)
+    _add(read, (packaged_document(entry, f"{SHIPPED}{entry.name}") for entry in entries), problems)
     return _with_extensions(read)
 
 
@@ -219,7 +219,7 @@ def _add(read: _Read, documents: Iterable[Document], problems: Problems) -> None
             continue
         if part_type.number in read.types:
             _, other = read.types[part_type.number]
-            file.table.problem(
+            file.table.report(
                 f'part number "{part_type.number}" is taken by {other.source}; give each type a number of its own',
                 "number",
             )

@@ -99,7 +99,7 @@ class SimulatorReader:
         kind = ControlKind(table.choice("type", [kind.value for kind in ControlKind]))
         choices = tuple(table.names("choices", "low", required=kind is ControlKind.CHOICE))
         if choices and kind is not ControlKind.CHOICE:
-            table.problem('only a control of type "choice" has choices; remove it', "choices")
+            table.report('only a control of type "choice" has choices; remove it', "choices")
         start = table.scalar("start")
         control = Control(
             name=self._own_name(table),
@@ -115,11 +115,11 @@ class SimulatorReader:
         )
         table.finish()
         if control.senses and SENSES[control.senses] is not kind:
-            table.problem(f'"{control.senses}" is for a control of type "{SENSES[control.senses].value}"', "senses")
+            table.report(f'"{control.senses}" is for a control of type "{SENSES[control.senses].value}"', "senses")
         if start is None and kind is ControlKind.NUMBER:
-            table.problem("is missing; add the value before anybody does something", "start")
+            table.report("is missing; add the value before anybody does something", "start")
         elif start is not None and (fault := control.fault(start)):
-            table.problem(fault, "start")
+            table.report(fault, "start")
         self._sources[control.name] = control.start
         return control
 
@@ -127,7 +127,7 @@ class SimulatorReader:
         if key not in table:
             return None
         if kind is not ControlKind.NUMBER:
-            table.problem('only a control of type "number" has limits; remove it', key)
+            table.report('only a control of type "number" has limits; remove it', key)
         return table.number(key, default=0.0, least=_LEAST, most=_MOST)
 
     def _read_reading(self, table: Table) -> Reading:
@@ -164,9 +164,9 @@ class SimulatorReader:
         table.finish()
         ways = [bool(reading.follows), bool(reading.text), reading.random_every is not None]
         if sum(ways) != 1:
-            table.problem("needs exactly one of follows, text and random_every: where its value comes from")
+            table.report("needs exactly one of follows, text and random_every: where its value comes from")
         if reading.random_every is not None and (reading.least is None or reading.most is None):
-            table.problem("a reading that is drawn needs min and max")
+            table.report("a reading that is drawn needs min and max")
         self._sources[reading.name] = self._value_of(reading)
         return reading
 
@@ -198,7 +198,7 @@ class SimulatorReader:
         if name not in publishing:
             if name:
                 right = suggestion(name, publishing, none_known="the part type has none")
-                table.problem(f'there is no port "{name}" that publishes; {right}', "port")
+                table.report(f'there is no port "{name}" that publishes; {right}', "port")
             table.table("fields")
         elif port is not None and port.message is not None:
             fields = self._read_fields(table.table("fields"), port.name, port.message)
@@ -222,13 +222,13 @@ class SimulatorReader:
             value = table.scalar(key)
             if key not in message.leaves:
                 right = suggestion(key, list(message.leaves), none_known="remove it")
-                table.problem(f'a {message.name} has no field "{key}"; {right}', key)
+                table.report(f'a {message.name} has no field "{key}"; {right}', key)
             elif isinstance(value, str):
                 fields[key] = self._template(table, key) if "{" in value else self._source(table, key)
             elif value is not None:
                 fields[key] = value
                 if fault := message.leaves[key].fault(value):
-                    table.problem(fault, key)
+                    table.report(fault, key)
         for key in message.leaves:
             if key not in fields and key not in table.present_keys():
                 fields[key] = self._source_of_field(table, port, key, message)
@@ -239,13 +239,13 @@ class SimulatorReader:
         for name in (key, port) if len(message.leaves) == 1 else (key,):
             if name in self._sources:
                 return name
-        table.problem(f'says nothing of the field "{key}"; add {key} = and the name of a control or reading', key)
+        table.report(f'says nothing of the field "{key}"; add {key} = and the name of a control or reading', key)
         return message.leaves[key].zero
 
     def _own_name(self, table: Table) -> str:
         name = table.name("name", "brightness", forbidden=FORBIDDEN_IN_NAMES)
         if name in self._sources:
-            table.problem(f'"{name}" is the name of something else already; choose another', "name")
+            table.report(f'"{name}" is the name of something else already; choose another', "name")
         return name
 
     def _source(self, table: Table, key: str) -> str:
@@ -257,7 +257,7 @@ class SimulatorReader:
     def _check_source(self, table: Table, key: str, name: str) -> None:
         if name not in self._sources:
             right = suggestion(name, list(self._sources), none_known="add a control")
-            table.problem(f'"{name}" is not a parameter, control, reading above or field of a port; {right}', key)
+            table.report(f'"{name}" is not a parameter, control, reading above or field of a port; {right}', key)
 
     def _operand(self, table: Table, key: str) -> Operand | None:
         value = table.scalar(key)
@@ -265,7 +265,7 @@ class SimulatorReader:
             self._check_source(table, key, value)
             return value
         if isinstance(value, bool):
-            table.problem(f"must be a number or the name of a source; it is {toml_value_in_words(value)}", key)
+            table.report(f"must be a number or the name of a source; it is {toml_value_in_words(value)}", key)
             return None
         return None if value is None else table.number(key, default=0.0, least=_LEAST, most=_MOST)
 
@@ -275,7 +275,7 @@ class SimulatorReader:
             self._check_source(table, key, found[1])
             value, form = self._sources.get(found[1]), found[2]
             if form and value is not None and not can_format(value, form):
-                table.problem(
+                table.report(
                     f'"{form}" is not a format for {toml_value_in_words(value)}; for example {{{found[1]}:.1f}}', key
                 )
         return text
@@ -285,10 +285,10 @@ class SimulatorReader:
         try:
             groups = re.compile(text).groups
         except re.error as error:
-            table.problem(f"is not a regular expression ({error}); for example pattern = 'turn-on ([0-7])'", "pattern")
+            table.report(f"is not a regular expression ({error}); for example pattern = 'turn-on ([0-7])'", "pattern")
         else:
             if text and groups != 1:
-                table.problem("must have one group in (), which is taken out of the text", "pattern")
+                table.report("must have one group in (), which is taken out of the text", "pattern")
         return text
 
     def _missing_controls(self, said: Collection[Scalar | None]) -> list[Control]:

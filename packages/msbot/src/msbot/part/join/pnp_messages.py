@@ -198,7 +198,7 @@ class Nature(IntEnum):
         return cls(number) if number in set(cls) else cls.UNKNOWN
 
     @property
-    def word(self) -> str:
+    def label(self) -> str:
         """In one word; empty if it is not known."""
         return "" if self is Nature.UNKNOWN else self.name.lower()
 

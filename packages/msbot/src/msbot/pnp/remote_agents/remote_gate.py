@@ -254,7 +254,7 @@ class RemoteGate:
     def guard_of(self, client: ClientInfo) -> None:
         """Always None: a robot with sealed samples takes no agents."""
 
-    def reply_for_nobody(self, client: ClientInfo, topic: str) -> None:
+    def reply_if_unserved(self, client: ClientInfo, topic: str) -> None:
         """Always None: parts here neither serve nor call."""
 
     # What the agent is told by its surroundings

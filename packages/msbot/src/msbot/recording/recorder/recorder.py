@@ -299,7 +299,7 @@ class Recorder:
         for info in infos:
             if info.slot is not None and info.state.is_registered:
                 held = self._master.inventory.configuration_of(info.client_key)
-                self._slot(held, info.part_number, info.local_name, info.nature.word)
+                self._slot(held, info.part_number, info.local_name, info.nature.label)
         if self._operations is not None:
             shown = shown_words(
                 self._operations.by_hand.sent_values(), self._operations.faults.visible_faults, blueprint

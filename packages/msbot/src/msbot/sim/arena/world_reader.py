@@ -42,12 +42,12 @@ def colour(table: Table, key: str, default: Colour) -> Colour:
     if isinstance(value, list):
         red, green, blue = numbers(table, value, 3, "[255, 128, 0]", key)
         if not all(0 <= part <= 255 for part in (red, green, blue)):
-            table.problem("red, green and blue are 0 to 255", key)
+            table.report("red, green and blue are 0 to 255", key)
         return round(red), round(green), round(blue)
     if isinstance(value, str) and value in COLOURS:
         return COLOURS[value]
     right = suggestion(str(value), list(COLOURS), none_known="")
-    table.problem(
+    table.report(
         f"must be a colour, by name or as [red, green, blue]; it is {toml_value_in_words(value)}; {right}", key
     )
     return default
@@ -69,7 +69,7 @@ def numbers(table: Table, value: object, count: int, example: str, *steps: str |
     if isinstance(value, list) and len(value) == count and all(_is_number(item) for item in value):
         return [float(item) for item in value]
     what = f"a list of {len(value)}" if isinstance(value, list) else toml_value_in_words(value)
-    table.problem(f"must be {count} numbers, for example {example}; it is {what}", *steps)
+    table.report(f"must be {count} numbers, for example {example}; it is {what}", *steps)
     return [0.0] * count
 
 
@@ -96,7 +96,7 @@ def read_mount(table: Table) -> PartPlace:
         else None,
     )
     if mount.at is not None and not all(-1.0 <= coordinate <= 1.0 for coordinate in mount.at):
-        table.problem("must be on the robot: x ahead and y to the left, in metres, -1 to 1", "at")
+        table.report("must be on the robot: x ahead and y to the left, in metres, -1 to 1", "at")
     table.finish()
     return mount
 
@@ -123,9 +123,9 @@ def read_chassis(table: Table) -> Chassis:
         grip=table.number("grip", default=usual.grip, least=0.05, most=2.0),
     )
     if chassis.track_m > width:
-        table.problem(f"is {chassis.track_m:g}; the wheels must be on the chassis, at most {width:g} m", "track_m")
+        table.report(f"is {chassis.track_m:g}; the wheels must be on the chassis, at most {width:g} m", "track_m")
     if chassis.base_m > length:
-        table.problem(f"is {chassis.base_m:g}; the axles must be on the chassis, at most {length:g} m", "base_m")
+        table.report(f"is {chassis.base_m:g}; the axles must be on the chassis, at most {length:g} m", "base_m")
     table.finish()
     return chassis
 
@@ -217,7 +217,7 @@ class _WorldReader:
     def _tables(self, key: str, most: int = MOST_THINGS) -> list[Table]:
         tables = self._table.tables(key)
         if len(tables) > most:
-            self._table.problem(f"there are {len(tables)}; at most {most} fit into a world", key)
+            self._table.report(f"there are {len(tables)}; at most {most} fit into a world", key)
         return tables[:most]
 
     def _wall(self, table: Table) -> Wall:
@@ -264,10 +264,10 @@ class _WorldReader:
     def _corners(self, table: Table) -> tuple[Point, ...]:
         if "rectangle" in table:
             if "points" in table:
-                table.problem("a rectangle has no points; remove one of them", "points")
+                table.report("a rectangle has no points; remove one of them", "points")
             x, y, width, height = numbers(table, table.item("rectangle"), 4, "[x, y, width, height]", "rectangle")
             if width <= 0 or height <= 0:
-                table.problem("width and height must be more than 0: [x, y, width, height] in metres", "rectangle")
+                table.report("width and height must be more than 0: [x, y, width, height] in metres", "rectangle")
             corners: tuple[Point, ...] = ((x, y), (x + width, y), (x + width, y + height), (x, y + height))
             for corner in corners:
                 self._check_inside(table, corner, "rectangle")
@@ -279,7 +279,7 @@ class _WorldReader:
             return tuple((round(x + radius * math.cos(t), 6), round(y + radius * math.sin(t), 6)) for t in turns)
         corners = self._points(table, least=3)
         if not _is_convex(corners):
-            table.problem("the corners must go round without a dent; make two areas of it", "points")
+            table.report("the corners must go round without a dent; make two areas of it", "points")
         return corners
 
     def _lamp(self, table: Table) -> Lamp:
@@ -304,7 +304,7 @@ class _WorldReader:
         if "size" in table:
             size = pair(table, table.item("size"), "[0.04, 0.04]", "size")
             if not all(0.01 <= side <= 5.0 for side in size):
-                table.problem("length and width must be 0.01 to 5 m", "size")
+                table.report("length and width must be 0.01 to 5 m", "size")
         box = Box(
             table.name("name", "red box", default=f"box {number}"),
             self._point(table, "at"),
@@ -320,12 +320,12 @@ class _WorldReader:
     def _robots(self) -> tuple[RobotPlan, ...]:
         tables = self._tables("robot", MOST_ROBOTS)
         if not tables:
-            self._table.problem('a world needs a place for a robot; add [[robot]] with name = "robot"', "robot")
+            self._table.report('a world needs a place for a robot; add [[robot]] with name = "robot"', "robot")
         robots: list[RobotPlan] = []
         for table in tables:
             robot = self._robot(table)
             if robot.name in [other.name for other in robots]:
-                table.problem(f'there is another robot "{robot.name}" already; choose another name', "name")
+                table.report(f'there is another robot "{robot.name}" already; choose another name', "name")
             robots.append(robot)
         return tuple(robots)
 
@@ -334,12 +334,12 @@ class _WorldReader:
         for part in table.tables("part"):
             mount = read_mount(part)
             if mount.slot in [other.slot for other in mounts]:
-                part.problem(f'slot "{mount.slot}" has a place already; remove one of them', "slot")
+                part.report(f'slot "{mount.slot}" has a place already; remove one of them', "slot")
             mounts.append(mount)
         for number, mount in enumerate(mounts):
             if mount.on and (mount.on == mount.slot or mount.on not in [other.slot for other in mounts]):
                 right = suggestion(mount.on, [other.slot for other in mounts if other is not mount], none_known="")
-                table.problem(f'"{mount.on}" is no other part of this robot; {right}', "part", number, "on")
+                table.report(f'"{mount.on}" is no other part of this robot; {right}', "part", number, "on")
         robot = RobotPlan(
             table.name("name", "robot"),
             self._point(table, "start"),
@@ -358,7 +358,7 @@ class _WorldReader:
             what = "is missing" if value is None else f"is {toml_value_in_words(value)}"
             if isinstance(value, list):
                 what = f"has {amount(len(value), 'point')}"
-            table.problem(f"{what}; write {least} to {MOST_POINTS} points in metres, for example {example}", "points")
+            table.report(f"{what}; write {least} to {MOST_POINTS} points in metres, for example {example}", "points")
             return ((0.0, 0.0), (0.1, 0.0), (0.0, 0.1))
         points = []
         for place, item in enumerate(value):
@@ -367,13 +367,13 @@ class _WorldReader:
             points.append(point)
         for place, (one, other) in enumerate(pairwise(points), 1):
             if one == other:
-                table.problem("is the same point as the one before; remove it", "points", place)
+                table.report("is the same point as the one before; remove it", "points", place)
         return tuple(points)
 
     def _point(self, table: Table, key: str) -> Point:
         value = table.item(key)
         if value is None:
-            table.problem(f"is missing; add a line such as {key} = [0.5, 0.4], in metres", key)
+            table.report(f"is missing; add a line such as {key} = [0.5, 0.4], in metres", key)
             return (0.0, 0.0)
         point = pair(table, value, "[0.5, 0.4]", key)
         self._check_inside(table, point, key)
@@ -381,7 +381,7 @@ class _WorldReader:
 
     def _check_inside(self, table: Table, point: Point, *steps: str | int) -> None:
         if not (0 <= point[0] <= self._width and 0 <= point[1] <= self._height):
-            table.problem(
+            table.report(
                 f"[{point[0]:g}, {point[1]:g}] is outside the world, which goes from [0, 0] to "
                 f"[{self._width:g}, {self._height:g}]",
                 *steps,
