@@ -30,6 +30,8 @@ SHARED_ON_PURPOSE = {
     "Number": {"part"},  # the standard message; the type of a number in a message: students write both
     "Temperature": {"part", "ros2"},  # the standard message; ROS' sensor_msgs/Temperature
     "Parameter": {"config", "ros2"},  # what can be set about a part; ROS' rcl_interfaces/Parameter
+    "Pose": {"part", "ros2"},  # the standard message; ROS' geometry_msgs/Pose
+    "Strip": {"hardware", "part"},  # the driver of a strip of lamps; the standard message that it takes
     "Session": {"web", "xrce"},  # a term of the web; of DDS-XRCE
 }
 """Names that mean two things, each the term of its field, with the rooms that have them."""

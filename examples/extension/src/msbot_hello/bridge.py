@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from msbot import Level, Message
 from msbot_bridges.bridge import (
     BridgeLink,
-    Device,
     DeviceIdentity,
+    DeviceOutput,
     DeviceSetting,
+    ForeignDevice,
     Input,
-    Output,
     Report,
     World,
     WorldHost,
@@ -23,14 +23,14 @@ from msbot_bridges.bridge import (
 )
 
 
-class Lamp(Device):
+class Lamp(ForeignDevice):
     """A lamp that says how bright it is; a genuine one would answer later, from its network."""
 
-    outputs = (Output("brightness", Level),)
+    outputs = (DeviceOutput("brightness", Level),)
     inputs = (Input("power", Level, safe=Level(percent=0)),)
     settings: Sequence[DeviceSetting] = (DeviceSetting("most", float, 100.0, least=0.0, most=100.0, unit="%"),)
 
-    def __init__(self, serial: bytes, news: Callable[[Device], None]) -> None:
+    def __init__(self, serial: bytes, news: Callable[[ForeignDevice], None]) -> None:
         self.identity = DeviceIdentity("hello", "lamp", serial, "Lamp of the example", where="here")
         self.percent = 0.0
         self.most = 100.0

@@ -10,7 +10,7 @@ from uuid import uuid4
 import pytest
 
 from msbot.part.messages.standard import Angle
-from msbot_bridges.bridge import Device
+from msbot_bridges.bridge import ForeignDevice
 
 dronecan = pytest.importorskip("dronecan")
 
@@ -58,17 +58,17 @@ class Servo:
 
 class Host:
     def __init__(self) -> None:
-        self.devices = asyncio.Queue[Device]()
+        self.devices = asyncio.Queue[ForeignDevice]()
         self.lost_why = asyncio.Queue[str]()
         self.told = asyncio.Event()
 
-    def found(self, device: Device) -> None:
+    def found(self, device: ForeignDevice) -> None:
         self.devices.put_nowait(device)
 
-    def lost(self, device: Device, why: str) -> None:
+    def lost(self, device: ForeignDevice, why: str) -> None:
         self.lost_why.put_nowait(why)
 
-    def news(self, device: Device) -> None:
+    def news(self, device: ForeignDevice) -> None:
         self.told.set()
 
     def say(self, words: str) -> None:

@@ -9,7 +9,7 @@ from msbot.config import Blueprint, Library
 from msbot.master import Master
 from msbot.operations.blocking import known_object
 from msbot.pnp import PartInfo
-from msbot.pnp.model import LogLine
+from msbot.pnp.model import ProgramLogLine
 from msbot_agent.text.sentence import said
 from msbot_web.frame_ring import FrameRing
 from msbot_web.live_values import LiveValues
@@ -208,7 +208,7 @@ class ModelBuilder:
         """
         return self._master.why(part, by_name=by_name)
 
-    def log_lines(self, slot: str) -> list[LogLine]:
+    def log_lines(self, slot: str) -> list[ProgramLogLine]:
         """What the program of the part in a slot logged last, oldest first."""
         return self._master.inventory.lines_of(slot)
 

@@ -1,17 +1,18 @@
 """What all bridges share: the contract of a world, and parts that are made of devices.
 
-A world implements `World` and `Device`; `Bridge` does the rest: part number, UID, description, settings, life, STOP.
+A world implements `World` and `ForeignDevice`; `Bridge` does the rest: part number, UID, description, settings, life,
+STOP.
 """
 
 from msbot_bridges.bridge.bridge import Bridge
 from msbot_bridges.bridge.bridged_part import BridgedPart
 from msbot_bridges.bridge.contract import (
     BridgeLink,
-    Device,
     DeviceIdentity,
+    DeviceOutput,
     DeviceSetting,
+    ForeignDevice,
     Input,
-    Output,
     Report,
     SimulatedDevice,
     World,
@@ -25,11 +26,11 @@ __all__ = [
     "Bridge",
     "BridgeLink",
     "BridgedPart",
-    "Device",
     "DeviceIdentity",
+    "DeviceOutput",
     "DeviceSetting",
+    "ForeignDevice",
     "Input",
-    "Output",
     "Report",
     "SimulatedDevice",
     "World",

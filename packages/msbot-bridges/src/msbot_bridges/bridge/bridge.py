@@ -10,7 +10,7 @@ from msbot.part import Part
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
 from msbot_bridges.bridge.bridged_part import BridgedPart
-from msbot_bridges.bridge.contract import MOST_DEVICES, Device, World
+from msbot_bridges.bridge.contract import MOST_DEVICES, ForeignDevice, World
 from msbot_xrce.lazy import dataclass
 
 END_S = 8.0
@@ -87,7 +87,7 @@ class Bridge:
 
     # What the world tells
 
-    def found(self, device: Device) -> None:
+    def found(self, device: ForeignDevice) -> None:
         """See `WorldHost`."""
         uid = device.identity.uid
         other = self._running.pop(uid, None)
@@ -106,7 +106,7 @@ class Bridge:
         before = None if other is None else other.task
         self._running[uid] = _Running(bridged, asyncio.create_task(self._run(bridged, before)))
 
-    def lost(self, device: Device, why: str) -> None:
+    def lost(self, device: ForeignDevice, why: str) -> None:
         """See `WorldHost`."""
         one = self._running.get(device.identity.uid)
         if one is not None and one.bridged.device is device:
@@ -114,7 +114,7 @@ class Bridge:
             _log.warning("%s: %s", one.bridged.name, why)
             self._leave(one, why)
 
-    def news(self, device: Device) -> None:
+    def news(self, device: ForeignDevice) -> None:
         """See `WorldHost`."""
         one = self._running.get(device.identity.uid)
         if one is not None and one.bridged.device is device:

@@ -19,7 +19,7 @@ from msbot.part.beginner_hints import part_is_run
 from msbot.part.description import describe
 from msbot.part.join.pnp_messages import Nature
 from msbot_agent.link import Link
-from msbot_bridges.bridge.contract import Device, Value
+from msbot_bridges.bridge.contract import ForeignDevice, Value
 from msbot_xrce.errors import ConfigError, LinkError, MsbotError
 
 AGAIN_S = 0.2
@@ -40,7 +40,7 @@ class BridgedPart:
     """
 
     def __init__(
-        self, device: Device, part_made: Callable[[Part], None] = lambda _: None, nature: Nature = Nature.REAL
+        self, device: ForeignDevice, part_made: Callable[[Part], None] = lambda _: None, nature: Nature = Nature.REAL
     ) -> None:
         self.device = device
         self.left_out: list[str] = []

@@ -2,7 +2,7 @@
 
 Everything here is called in the event loop and returns at once. A library that waits for its bus runs in a
 `WorldThread`. A device is asked who it is and listened to for that; it is told something only by the methods of
-`Device`, which the bridge calls once the robot's inventory has registered it.
+`ForeignDevice`, which the bridge calls once the robot's inventory has registered it.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _clean(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
+class DeviceOutput:
     """A port at which the device's reports go into the robot."""
 
     name: str
@@ -105,14 +105,14 @@ class DeviceSetting:
     unit: str = ""
 
 
-class Device(ABC):
+class ForeignDevice(ABC):
     """One device of a world; each method returns at once.
 
     While it lives, its world calls `WorldHost.news` whenever `not_stopped` or `fault` may have changed.
     """
 
     identity: DeviceIdentity
-    outputs: Sequence[Output] = ()
+    outputs: Sequence[DeviceOutput] = ()
     inputs: Sequence[Input] = ()
     settings: Sequence[DeviceSetting] = ()
 
@@ -164,13 +164,13 @@ class Device(ABC):
 class WorldHost(Protocol):
     """What a world tells its bridge, in the event loop."""
 
-    def found(self, device: Device) -> None:
+    def found(self, device: ForeignDevice) -> None:
         """A device is there, and everything about it is known. One with the UID of another takes its place."""
 
-    def lost(self, device: Device, why: str) -> None:
+    def lost(self, device: ForeignDevice, why: str) -> None:
         """It is gone; `why` is a sentence for people."""
 
-    def news(self, device: Device) -> None:
+    def news(self, device: ForeignDevice) -> None:
         """It has reported something: whether it has stopped, or a fault."""
 
     def say(self, words: str) -> None:
@@ -189,7 +189,7 @@ class World(ABC):
             LinkDown: it cannot be opened, or has ended.
         """
 
-    def left(self, device: Device) -> None:  # noqa: B027 - few worlds keep anything
+    def left(self, device: ForeignDevice) -> None:  # noqa: B027 - few worlds keep anything
         """The bridge has ended the part of a device: forget what was kept for it unless it was in the inventory."""
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from msbot.part import Message
 from msbot.part.messages.standard import Angle, Battery, Distance, Level, Speed, Temperature
-from msbot_bridges.bridge import Device, DeviceIdentity, DeviceSetting, Input, Output, Report
+from msbot_bridges.bridge import DeviceIdentity, DeviceOutput, DeviceSetting, ForeignDevice, Input, Report
 
 NEUTRAL_DEGREES = 3.0
 """A servo is at its neutral position when it reports no more than this."""
@@ -26,10 +26,10 @@ ESC, SERVO, RANGE, BATTERY = (
     "uavcan.equipment.power.BatteryInfo",
 )
 _OUTPUTS = {
-    ESC: (Output("turns", Speed), Output("supply", Battery), Output("temperature", Temperature)),
-    SERVO: (Output("position", Angle),),
-    RANGE: (Output("distance", Distance),),
-    BATTERY: (Output("battery", Battery),),
+    ESC: (DeviceOutput("turns", Speed), DeviceOutput("supply", Battery), DeviceOutput("temperature", Temperature)),
+    SERVO: (DeviceOutput("position", Angle),),
+    RANGE: (DeviceOutput("distance", Distance),),
+    BATTERY: (DeviceOutput("battery", Battery),),
 }
 _INPUTS = {
     ESC: Input("power", Level, safe=Level(percent=0)),
@@ -39,7 +39,7 @@ KINDS = tuple(_OUTPUTS)
 """The messages that decide what a node is."""
 
 
-class NodeDevice(Device):
+class NodeDevice(ForeignDevice):
     """A node.
 
     Args:
@@ -61,7 +61,7 @@ class NodeDevice(Device):
         *,
         order: Callable[[bool], None],
         write: Callable[[int, str, object], None],
-        news: Callable[[Device], None],
+        news: Callable[[ForeignDevice], None],
     ) -> None:
         self.identity = identity
         self.node_id = node_id
@@ -83,17 +83,17 @@ class NodeDevice(Device):
         self._unconfirmed = set[str]()
 
     def begin(self, report: Report) -> None:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         self._report, self.is_driven = report, True
         self._order(False)
 
     def end(self) -> None:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         self._report, self.is_driven = None, False
         self._order(False)
 
     def act(self, port: str, message: Message) -> None:  # noqa: ARG002 - the class says which
-        """See `Device`."""
+        """See `ForeignDevice`."""
         if isinstance(message, Level):
             self.power = max(-100.0, min(100.0, message.percent))
         elif isinstance(message, Angle):
@@ -101,11 +101,11 @@ class NodeDevice(Device):
         self._order(False)
 
     def set(self, name: str, value: object) -> None:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         self._write(self.node_id, name, value)
 
     def stop(self) -> None:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         if not self.is_stopping:
             self._unconfirmed = {kind for kind in self.kinds if kind in _INPUTS}
         self.is_stopping = self.is_driven = True
@@ -113,13 +113,13 @@ class NodeDevice(Device):
         self._order(True)
 
     def go(self) -> None:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         self.is_stopping = False
         self._order(False)
 
     @property
     def not_stopped(self) -> str:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         if not self.is_stopping or not self._unconfirmed:
             return ""
         what = "that it stands still" if ESC in self._unconfirmed else "its neutral position"
@@ -127,7 +127,7 @@ class NodeDevice(Device):
 
     @property
     def fault(self) -> str:
-        """See `Device`."""
+        """See `ForeignDevice`."""
         return f"node {self.node_id} says that its health is CRITICAL" if self.critical else ""
 
     def health(self, *, critical: bool) -> None:

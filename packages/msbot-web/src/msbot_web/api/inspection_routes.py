@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 
 from msbot_web.access.sessions import Session
 from msbot_web.api.dependencies import Name, SignedIn, words_for
-from msbot_web.models.topic_models import LogLine, LogLines, TopicInfo, TopicMessages
+from msbot_web.models.topic_models import LogLineModel, LogLines, TopicInfo, TopicMessages
 from msbot_web.service import Service
 from msbot_xrce.errors import NotThere
 
@@ -53,7 +53,7 @@ def add_inspection(router: APIRouter, service: Service) -> None:
         """What happened in the robot after a line of its log; without `after` the last lines."""
         found = await _ask(service, session, "log_lines", after=after, last=last, wait=wait)
         told = [
-            LogLine(**line | {name: words_for(session, line[name]) for name in ("who", "words")})
+            LogLineModel(**line | {name: words_for(session, line[name]) for name in ("who", "words")})
             for line in found["lines"]
             if slot in (None, line["slot"])
         ]

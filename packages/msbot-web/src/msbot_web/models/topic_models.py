@@ -48,7 +48,7 @@ class TopicMessages(Model):
     samples: list[TopicMessage]
 
 
-class LogLine(Model):
+class LogLineModel(Model):
     """A line of the robot's log."""
 
     at: float = Field(description="Seconds since 1970.")
@@ -64,4 +64,4 @@ class LogLines(Model):
 
     next: int = Field(description="The number to ask for next time, as `after`.")
     missed: int = Field(description="How many were gone before they were asked for.")
-    lines: list[LogLine]
+    lines: list[LogLineModel]

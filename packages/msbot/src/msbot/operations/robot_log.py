@@ -18,7 +18,7 @@ from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.operations.table import OPERATIONS
 from msbot.pnp import PartEvent
-from msbot.pnp.model import LogLine
+from msbot.pnp.model import ProgramLogLine
 from msbot.pnp.part_log import EVIDENCE
 
 MOST_KEPT: Final = 1000
@@ -95,7 +95,7 @@ class RobotLog:
         finally:
             self._waiting -= 1
 
-    def _program_said(self, line: LogLine) -> None:
+    def _program_said(self, line: ProgramLogLine) -> None:
         self._add("program", line.part, line.slot, f"{line.part}: {line.words}", line.level.word)
 
     def _part_changed(self, event: PartEvent) -> None:

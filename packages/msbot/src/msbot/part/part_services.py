@@ -19,7 +19,7 @@ LARGEST_REPLY = LARGEST_MESSAGE - IDENTITY_OCTETS
 """Octets of a reply, which goes back with the identity of its request."""
 
 
-class NoReply(Exception):
+class CallIgnored(Exception):
     """A function that serves leaves a request without a reply, as a part does that hangs: for tests."""
 
 
@@ -203,7 +203,7 @@ class PartServices:
                     self._guard.report(
                         name, f"returned {answer!r:.60}: below @part.serves({port!r}, ...) return {wanted}(...)"
                     )
-            except NoReply:
+            except CallIgnored:
                 octets = None
             except CallError as error:
                 octets = encode_reply(ReplyStatus.REFUSED, str(error))

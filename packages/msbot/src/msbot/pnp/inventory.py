@@ -26,9 +26,9 @@ from msbot.pnp.model import (
     Claim,
     Configuration,
     LifeTiming,
-    LogLine,
     PartInfo,
     PartStore,
+    ProgramLogLine,
     SessionStatus,
     TypeDifference,
     Verdict,
@@ -281,7 +281,7 @@ class Inventory:
             self._publish(now)
         return record is not None
 
-    def lines_of(self, slot: str) -> list[LogLine]:
+    def lines_of(self, slot: str) -> list[ProgramLogLine]:
         """What the program of the part in a slot logged last, oldest first."""
         record = self._index.holders.get(slot)
         return [] if record is None else list(record.log)

@@ -10,7 +10,7 @@ from msbot.part.join.part_log import LEVEL_BITS, LEVEL_SHIFT, LineRate, LogLevel
 from msbot.part.join.pnp_messages import Nature
 from msbot.part.join.refusal import Refusal
 from msbot.pnp.life_status import Life, check_transition
-from msbot.pnp.model import Claim, Configuration, LifeTiming, LogLine, PartInfo, SelfDescription, TypeDifference
+from msbot.pnp.model import Claim, Configuration, LifeTiming, PartInfo, ProgramLogLine, SelfDescription, TypeDifference
 from msbot.pnp.part_events import Evidence, PartEvent, PartState
 from msbot_agent.text.sentence import Sentence, said
 
@@ -105,7 +105,7 @@ class InventoryRecord:
         self.trouble = ""
         """What is wrong with its hardware, as the part said before it ended."""
         self.trouble_pieces = b""
-        self.log: deque[LogLine] = deque(maxlen=LOG_LINES)
+        self.log: deque[ProgramLogLine] = deque(maxlen=LOG_LINES)
         """What its program logged last."""
         self.log_rate: LineRate | None = None
         """How many lines are taken of it."""

@@ -363,7 +363,7 @@ class MemoryStore:
 
 
 @dataclass(frozen=True, slots=True)
-class LogLine:
+class ProgramLogLine:
     """A line of a part's program."""
 
     at: float

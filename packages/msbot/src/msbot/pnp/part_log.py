@@ -10,7 +10,7 @@ from typing import Final
 
 from msbot.part.join.part_log import LineRate, LogLevel
 from msbot.pnp.inventory_record import InventoryRecord
-from msbot.pnp.model import LogLine
+from msbot.pnp.model import ProgramLogLine
 from msbot.pnp.state_changes import StateChanges
 from msbot_agent.text.sentence import said
 from msbot_xrce.counting import Tally
@@ -28,9 +28,9 @@ class PartLog:
     def __init__(self, changes: StateChanges, dropped: Tally) -> None:
         self._changes = changes
         self._dropped = dropped
-        self._handlers: list[Callable[[LogLine], object]] = []
+        self._handlers: list[Callable[[ProgramLogLine], object]] = []
 
-    def on_line(self, handler: Callable[[LogLine], object]) -> None:
+    def on_line(self, handler: Callable[[ProgramLogLine], object]) -> None:
         """Call the handler with each line."""
         self._handlers.append(handler)
 
@@ -45,7 +45,7 @@ class PartLog:
         if not record.log_rate.passes(now):
             self._dropped.count("line of a part's log that comes too fast")
             return False
-        line = LogLine(now, record.name, record.slot or "", level, words)
+        line = ProgramLogLine(now, record.name, record.slot or "", level, words)
         record.log.append(line)
         for handler in self._handlers:
             handler(line)

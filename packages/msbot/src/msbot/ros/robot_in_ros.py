@@ -21,7 +21,7 @@ from msbot.operations.dispatch import InProcessOperations
 from msbot.part import Message
 from msbot.part.join.part_log import LogLevel
 from msbot.pnp import PartEvent
-from msbot.pnp.model import LogLine
+from msbot.pnp.model import ProgramLogLine
 from msbot.ros.diagnostics import diagnostics, stamp
 from msbot.ros.parameter_server import ParameterServer, asker_from_ros
 from msbot.ros.ros_log import ERROR, INFO, WARN, RosLog
@@ -150,7 +150,7 @@ class RobotInRos:
             self._look_at(event.slot)
         self._graph.changed()
 
-    def _program_said(self, line: LogLine) -> None:
+    def _program_said(self, line: ProgramLogLine) -> None:
         if self._log is not None:
             self._log.write(self._slots.get(line.slot, self._robot), _LEVELS[line.level], line.words)
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from msbot.config import Direction, Library
 from msbot.part import Message, Part
-from msbot.part.part_services import NoReply
+from msbot.part.part_services import CallIgnored
 from msbot.part.program import Exchange
 from msbot.pnp import SlotBinding
 from msbot.sim.model_part import message_class
@@ -91,7 +91,7 @@ class ServiceStandIns:
             self.asked[name].append(request)
             answer = self._answers[name]
             if answer is None:
-                raise NoReply
+                raise CallIgnored
             if isinstance(answer, CallError):
                 raise answer
             reply = answer if isinstance(answer, Message) else answer(request)
