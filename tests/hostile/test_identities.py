@@ -77,7 +77,7 @@ def test_no_door_tells_who_a_part_is(site: Site) -> None:
     for path, calls in schema["paths"].items():
         if path == PART_PATH or "get" not in calls:
             continue
-        if path.endswith("{number}"):  # a number of a table, which no part has: what is none is refused as it is
+        if "{number}" in path:  # a number of a table, which no part has: what is none is refused as it is
             continue
         queries = [one["name"] for one in calls["get"].get("parameters", ()) if one["in"] == "query"]
         words = [("BB", "BB")] if "{" not in path and not queries else [("BB", "BB"), *secrets.items()]
