@@ -16,36 +16,19 @@ from pathlib import Path
 
 import click
 
-from msbot_agent.cli import COMMANDS, msbot
+from msbot_agent.cli import TASKS, msbot
+from msbot_agent.cli.exit_status import MEANINGS, NO_MEANS, ExitStatus
 
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "commands.md"
+STATUSES = "<!-- statuses: made by tools/commands_page.py -->\n"
+END_OF_STATUSES = "<!-- end of the statuses -->\n"
 BEGIN = "<!-- made by tools/commands_page.py -->\n"
 END = "<!-- end of what is made -->\n"
 SHARED = "## Options of many commands\n"
 
-TASKS = {
-    "Try it": ("demo", "arena", "lesson", "quiz"),
-    "Run a robot": ("init", "master", "service", "doctor", "extensions", "completion"),
-    "Run parts": ("part", "host", "bridge", "board", "hardware", "library", "key"),
-    "See what a robot does": ("parts", "why", "topic", "clients", "robots"),
-    "Change a running robot": (
-        *("adopt", "swap", "release", "block", "unblock", "simulate", "identify"),
-        *("set", "publish", "call", "bind", "unbind", "undo", "stop", "go"),
-    ),
-    "Blueprint and database": ("check", "diff", "apply", "slot", "export", "db"),
-    "A class": ("class", "user", "pupils", "fault", "mission"),
-    "Recordings and curves": ("rec", "log", "play", "plot"),
-    "The CAN bus and messages": ("bus", "explain", "idl"),
-    "Agents and several computers": ("agent", "relay", "gateway", "router"),
-}
-"""Every command in the group of tasks that somebody looks for it under."""
-
 
 def tables(shared: set[str]) -> str:
-    """A list for each group of tasks, in Markdown; options in `shared` are left out."""
-    grouped = [name for names in TASKS.values() for name in names]
-    if sorted(grouped) != sorted(COMMANDS):
-        raise ValueError(f"TASKS and COMMANDS differ: {sorted(set(grouped) ^ set(COMMANDS))}")
+    """A list for each task, in Markdown; options in `shared` are left out."""
     lines = []
     for title, names in TASKS.items():
         lines += [f"## {title}", ""]
@@ -103,11 +86,26 @@ def shared_options(page: str) -> set[str]:
 
 def with_tables(page: str) -> str:
     """The page, with tables as the commands are now."""
-    head, begin, rest = page.partition(BEGIN)
-    _old, end, tail = rest.partition(END)
+    page = _between(page, STATUSES, statuses(), END_OF_STATUSES)
+    return _between(page, BEGIN, tables(shared_options(page)), END)
+
+
+def _between(page: str, begins: str, made: str, ends: str) -> str:
+    head, begin, rest = page.partition(begins)
+    _old, end, tail = rest.partition(ends)
     if not begin or not end:
-        raise ValueError(f"{PAGE} has no place for the tables: {BEGIN.strip()} ... {END.strip()}")
-    return head + BEGIN + tables(shared_options(page)) + END + tail
+        raise ValueError(f"{PAGE} has no place for what is made: {begins.strip()} ... {ends.strip()}")
+    return head + begins + made + ends + tail
+
+
+def statuses() -> str:
+    """A list of the exit statuses, in Markdown; of NO with what it means for each command."""
+    of_same = dict[str, list[str]]()
+    for command, words in NO_MEANS.items():
+        of_same.setdefault(words, []).append(f"`{command}`")
+    no = "".join(f"\n  * {', '.join(commands)}: {words}" for words, commands in of_same.items())
+    lines = [f"* {one.value}: {words}.{no if one is ExitStatus.NO else ''}\n" for one, words in MEANINGS.items()]
+    return "".join(lines)
 
 
 def main() -> None:

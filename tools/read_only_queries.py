@@ -16,7 +16,7 @@ from sqlalchemy import BindParameter, Select, Table, bindparam, func, or_, selec
 from sqlalchemy.dialects import sqlite
 
 import msbot.registry
-from msbot.registry.database.tables import journal, parts, robots, slots
+from msbot.registry.database.tables import bindings, journal, library, parts, robots, slots
 
 REGISTRY = Path(msbot.registry.__path__[0])
 TARGET = REGISTRY / "read_only_queries.py"
@@ -52,6 +52,20 @@ def queries() -> Mapping[str, tuple[Select[Any], str]]:
         "SLOT_NAMES": (
             select(slots.c.name).where(slots.c.robot_id == robot, slots.c.in_blueprint).order_by(slots.c.position),
             "The slots of the blueprint of `robot`.",
+        ),
+        "TOPICS": (
+            select(bindings.c.topic)
+            .where(bindings.c.robot_id == robot, bindings.c.in_use)
+            .distinct()
+            .order_by(bindings.c.topic),
+            "The topics of `robot` that ports are bound to.",
+        ),
+        "SLOT_TYPES": (
+            select(slots.c.name, library.c.ports, library.c.parameters)
+            .join(library, slots.c.part_number == library.c.number)
+            .where(slots.c.robot_id == robot, slots.c.in_blueprint)
+            .order_by(slots.c.position),
+            "The slots of `robot` with the ports and parameters of their part types.",
         ),
         "PARTS": (
             select(

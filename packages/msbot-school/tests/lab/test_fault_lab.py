@@ -84,7 +84,7 @@ async def is_hidden(stage: FaultStage) -> None:
 
 async def what_makes_no_sense_is_refused(stage: FaultStage) -> None:
     for wish, words in (
-        ({"kind": "lost"}, "there is no fault 'lost'; there are unplug, late"),
+        ({"kind": "lost"}, "there is no fault 'lost'; did you mean loss?"),
         ({"kind": "loss"}, "loss is planted at a part: name its slot"),
         ({"kind": "loss", "at": "nowhere"}, "nowhere"),
         ({"kind": "babbling", "at": "fan"}, "planted at the robot as a whole: leave fan out"),

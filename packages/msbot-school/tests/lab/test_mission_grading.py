@@ -334,7 +334,11 @@ def test_each_ready_mission_is_graded_from_its_notes(name: str) -> None:
 @pytest.mark.parametrize(
     ("wrong", "right", "words"),
     [
-        ('kind = "loss"', 'kind = "los"', "x.toml, line 10, fault[0].kind: there is no fault 'los'; there are unplug"),
+        (
+            'kind = "loss"',
+            'kind = "los"',
+            "x.toml, line 10, fault[0].kind: there is no fault 'los'; did you mean loss?",
+        ),
         ('at = "fan"', "", 'x.toml, line 10, fault[0].kind: loss is planted at a part: add at = "SLOT"'),
         ('kind = "loss"', 'kind = "babbling"', "line 11, fault[0].at: babbling concerns the whole robot: remove it"),
         ('at = "fan"', 'at = "fan"\namount = 200', "line 12, fault[0].amount: is 200; it must be 0.1 to 100 %"),
@@ -374,7 +378,9 @@ def test_a_mission_without_faults_and_files_that_are_none(tmp_path: Path) -> Non
     (tmp_path / "bad.toml").write_bytes(b"\xff")
     with pytest.raises(ConfigError, match=r"bad\.toml: is no text in UTF-8; save it as UTF-8"):
         load_mission(tmp_path / "bad.toml")
-    with pytest.raises(ConfigError, match="there is no mission 'x'; there are a-bad-day"):
+    with pytest.raises(
+        ConfigError, match="there is no mission 'x'; one of your own is a file, such as x.toml; there are a-bad-day"
+    ):
         ready_mission("x")
 
 

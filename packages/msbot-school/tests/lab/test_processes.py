@@ -255,7 +255,7 @@ def test_what_a_part_said_is_replayed_in_its_place(tmp_path: Path) -> None:
     # A tenth on a quiet computer; how exactly the times are kept is tested in virtual time.
     assert said_again[-1].at_ns - said_again[0].at_ns < said[-1].at_ns - said[0].at_ns
     wrong = run("play", "first.mcap", "--slot", "XX", cwd=tmp_path, env=env)
-    assert (wrong.returncode, wrong.stderr) == (2, "msbot: first.mcap has no slot 'XX'; it has AA\n")
+    assert (wrong.returncode, wrong.stderr) == (2, "msbot: first.mcap has no slot 'XX'; there are AA\n")
 
 
 def _begun(path: Path) -> bool:

@@ -175,7 +175,7 @@ def test_a_damaged_recording_is_graded_as_far_as_it_goes_and_told(
 
 def test_the_list_and_the_check_tell_what_there_is(tmp_path: Path) -> None:
     listed = CliRunner().invoke(command, ["list"]).output
-    assert "one-silent       One of us does not answer (5 min, robot: rover)" in listed
+    assert "one-silent             5  rover  One of us does not answer" in listed
     (tmp_path / "mine.toml").write_text(MINE)
     checked = CliRunner().invoke(command, ["check", str(tmp_path / "mine.toml")]).output
     assert checked.endswith("mine.toml is right: faults: 1, things to do: 1, 60 s; slots: BB\n")

@@ -258,7 +258,7 @@ def piece_of(slot: str, number: str, port: str, type_name: str) -> ReplayExcerpt
 def test_what_is_wrong_with_the_choice_is_told(recording: Path) -> None:
     for slots, options, sentence in (
         ((), {}, "has the slots .*: say which one to replay with --slot"),
-        (("DD",), {}, "has no slot 'DD'; it has "),
+        (("DD",), {}, "has no slot 'DD'; there are "),
         (("AA",), {"from_s": 100.0}, "the part in slot AA published nothing from 100 s on"),
         (("AA",), {"to_s": 0.0}, "published nothing until 0 s"),
         (("AA",), {"from_s": 8.0, "to_s": 2.0}, "--to must not be before --from"),

@@ -11,6 +11,7 @@ from msbot.operations.blocking import known_object
 from msbot.pnp import PartInfo
 from msbot.pnp.model import ProgramLogLine
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_web.frame_ring import FrameRing
 from msbot_web.live_values import LiveValues
 from msbot_web.models.bus_models import BusFigures, FrameLine
@@ -161,8 +162,8 @@ class ModelBuilder:
         """
         blueprint = self._blueprint()
         if blueprint.slot(name) is None:
-            known = ", ".join(slot.name for slot in blueprint.slots) or "none"
-            raise NotThere(said("there is no slot {name!r}; there are {known}", name=name, known=known))
+            hint = instead_of(name, [slot.name for slot in blueprint.slots])
+            raise NotThere(said("there is no slot {name!r}; {hint}", name=name, hint=hint))
 
     def slot_held_by_simulated(self, slot: str) -> str:
         """Which slot the simulated part of a slot holds now: another one if its own was taken; empty: none."""

@@ -3,7 +3,7 @@
 import click
 import pytest
 
-from msbot_agent.cli import command_lines, help_page
+from msbot_agent.cli import help_page, task_lines
 from msbot_agent.cli.group import msbot
 
 
@@ -14,4 +14,4 @@ def test_it_is_what_click_would_print(columns: int, monkeypatch: pytest.MonkeyPa
     context = click.Context(msbot, info_name="msbot", terminal_width=None, max_content_width=None)
     context.terminal_width = max(min(columns, 80) - 2, 50)
     context.help_option_names = ["-h", "--help"]
-    assert help_page.page(command_lines(), columns) == msbot.get_help(context)
+    assert help_page.page(task_lines(), columns) == msbot.get_help(context)

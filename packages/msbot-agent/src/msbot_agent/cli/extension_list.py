@@ -11,6 +11,7 @@ from types import FunctionType
 import click
 
 from msbot_agent.cli import COMMANDS
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import json_option
 from msbot_agent.startup.extensions import GROUPS, Extension, extensions
 
@@ -41,7 +42,7 @@ def command(*, as_json: bool) -> None:
     else:
         _print(found)
     if any(why for _, why in found):
-        click.get_current_context().exit(1)
+        click.get_current_context().exit(ExitStatus.NO)
 
 
 def _load_all() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib
+import io
 import os
 import shlex
 import sys
@@ -14,11 +15,13 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, package_of
-from msbot_agent.cli.help_page import SUMMARY, leave_output
+from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, interrupts, package_of, task_lines
+from msbot_agent.cli.exit_status import ExitStatus
+from msbot_agent.cli.help_page import SUMMARY, command_list, leave_output
 from msbot_agent.startup.bytecode_cache import without_garbage_collection
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import printable, whole
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.errors import MsbotError
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -32,7 +35,7 @@ class LazyGroup(click.Group):
     """A group whose commands are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """The commands in the order in which a newcomer needs them."""
+        """The commands in the order of `msbot --help`."""
         return list(command_lines())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
@@ -56,6 +59,10 @@ class LazyGroup(click.Group):
         if name in COMMANDS and self.get_command(ctx, name) is None:
             package = package_of(name)
             raise click.UsageError(f"`msbot {name}` is in the package {package}, which is not installed here.", ctx)
+        if name and not name.startswith("-") and name not in command_lines():
+            near = [f"'{one}'" for one in nearest(name, command_lines())]
+            hint = f" D{did_you_mean(near)[1:]}" if near else ""
+            raise click.UsageError(f"No such command '{printable_name(name)}'.{hint}", ctx)
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
@@ -69,9 +76,8 @@ class LazyGroup(click.Group):
         return super().shell_complete(ctx, incomplete)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """Print the table above without importing anything."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(command_lines().items()))
+        """Print them by task without importing anything."""
+        formatter.write("\n".join([*command_list(task_lines(), formatter.width), ""]))
 
 
 @click.group(cls=LazyGroup, help=SUMMARY, context_settings={"help_option_names": ["-h", "--help"]})
@@ -82,6 +88,7 @@ def msbot() -> None:
 
 def run() -> None:
     """Run what the command line says; a mistake of the user's ends in one sentence and status 2."""
+    print_anything()
     try:
         status = msbot(prog_name="msbot", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:  # a group without a command: its commands are listed
@@ -91,9 +98,11 @@ def run() -> None:
         words = usage_words(error)
     except click.ClickException as error:
         words = error.format_message()
-    except click.Abort:
+    except click.Abort as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            interrupts.end()
         complain("broken off before it was done")
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
     except MsbotError as error:
         words = str(error)
     except OSError as error:
@@ -117,9 +126,15 @@ def run() -> None:
         words = f"the command {brought.name} of {brought.package} failed: {type(error).__name__}: {error}"
     else:
         # Where click does not end the program itself, what `ctx.exit()` was told comes back.
-        sys.exit(status if isinstance(status, int) else 0)
+        sys.exit(status if isinstance(status, int) else ExitStatus.DONE)
     complain(words)
-    sys.exit(2)
+    sys.exit(ExitStatus.MISTAKE)
+
+
+def print_anything() -> None:
+    """Print `?` for what standard output cannot encode (a terminal with cp1252, a locale C), instead of failing."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.encoding.lower().startswith("utf"):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def complain(words: str) -> None:

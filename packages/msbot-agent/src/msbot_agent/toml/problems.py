@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from datetime import date, datetime, time
-from difflib import get_close_matches
 
 from msbot_agent.text.sentence import joined, printable, said
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -19,9 +19,6 @@ MOST_TOLD = 50
 LONGEST_SENTENCE = 600
 LONGEST_STEP = 60
 """Most characters shown of a sentence, and of one key in a path."""
-MOST_COMPARED = 200
-LONGEST_COMPARED = 40
-"""Most known words, and most characters of each, that are compared with a wrong one."""
 MOST_LISTED = 12
 """How many known words are listed when none is similar."""
 
@@ -144,23 +141,6 @@ def quoted(words: Iterable[str], joint: str = ", ") -> str:
     return joint.join(f'"{word}"' for word in words)
 
 
-def nearest(word: str, known: Iterable[str], limit: int = 3) -> list[str]:
-    """The known words most similar to `word`, best first; case does not matter."""
-    if len(word) > LONGEST_COMPARED:
-        return []
-    by_folded: dict[str, list[str]] = {}
-    for candidate in known:
-        if len(candidate) <= LONGEST_COMPARED:
-            by_folded.setdefault(candidate.casefold(), []).append(candidate)
-    wanted = word.casefold()
-    candidates = list(by_folded)
-    if len(candidates) > MOST_COMPARED:
-        alike = [one for one in candidates if one[:1] == wanted[:1] and abs(len(one) - len(wanted)) <= 2]
-        candidates = alike[:MOST_COMPARED]
-    folded = get_close_matches(wanted, candidates, n=limit, cutoff=0.6)
-    return [candidate for key in folded for candidate in by_folded[key]][:limit]
-
-
 def suggestion(word: str, known: Sequence[str], *, none_known: str) -> str:
     """What would be right instead of `word`: the nearest known words, else a list of them.
 
@@ -175,11 +155,6 @@ def suggestion(word: str, known: Sequence[str], *, none_known: str) -> str:
         return did_you_mean([f'"{word}"' for word in near])
     listed = quoted(known[:MOST_LISTED]) + (", ..." if len(known) > MOST_LISTED else "")
     return said("known: {listed}", listed=listed)
-
-
-def did_you_mean(near: Sequence[str]) -> str:
-    """The question about one or several similar words, which are quoted already."""
-    return said("did you mean {words}?", words=joined(said(" or "), near))
 
 
 def toml_value_in_words(value: object) -> str:

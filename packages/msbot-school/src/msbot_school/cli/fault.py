@@ -7,13 +7,32 @@ import sys
 from collections.abc import Iterable, Mapping
 from itertools import islice
 from random import SystemRandom
+from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 
+from msbot.cli import completers
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import robot_and_json_options, robot_options
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
+from msbot_agent.cli.table import print_table
 from msbot_xrce.counting import amount
+
+if TYPE_CHECKING:
+    from msbot_school.faults.fault_kinds import FaultKind
+
+
+def _kinds(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The kinds of faults, for a shell."""
+
+    def find() -> list[str]:
+        from msbot_school.faults.fault_kinds import KINDS
+
+        return list(KINDS)
+
+    return completers.in_time(find, incomplete)
 
 
 @click.group("fault")
@@ -26,8 +45,8 @@ def fault_command() -> None:
 
 
 @fault_command.command("add")
-@click.argument("kind")
-@click.argument("at", required=False, default="", metavar="[SLOT|PART]")
+@click.argument("kind", shell_complete=_kinds)
+@click.argument("at", required=False, default="", metavar="[SLOT|PART]", shell_complete=completers.parts)
 @click.option(
     "--amount", type=FiniteRange(), metavar="NUMBER", help="How strong: percent, ms, s; see `msbot fault kinds`."
 )
@@ -109,12 +128,14 @@ def kinds(*, as_json: bool) -> None:
             )
         )
         return
-    for kind in KINDS.values():
-        where = " SLOT" if kind.at_part else ""
-        amount = kind.amount
-        strength = "" if amount is None else f"; --amount {amount.default:g} {amount.unit} {amount.words}"
-        more = "".join(f", --{option}" for option in sorted(kind.options))
-        click.echo(f"{kind.name + where:<26}{kind.words}{strength}{more}\n{'':<26}{kind.acts.value}")
+    print_table(("fault", "acts", "what goes wrong"), [_kind_row(kind) for kind in KINDS.values()])
+
+
+def _kind_row(kind: FaultKind) -> tuple[str, str, str]:
+    amount = kind.amount
+    strength = "" if amount is None else f"; --amount {amount.default:g} {amount.unit} {amount.words}"
+    more = "".join(f", --{option}" for option in sorted(kind.options))
+    return f"{kind.name}{' SLOT' if kind.at_part else ''}", kind.acts.value, f"{kind.words}{strength}{more}"
 
 
 def _lines(faults: Iterable[Mapping[str, object]]) -> Iterable[str]:
@@ -182,4 +203,4 @@ def quiz_command(*, count: int, seed: int | None, as_json: bool) -> None:
         click.echo(json.dumps({"seed": seed, "right": score, "of": count, "questions": results}))
     else:
         click.echo(f"\n{score} of {count} are right.")
-    sys.exit(0 if score == count else 1)
+    sys.exit(ExitStatus.DONE if score == count else ExitStatus.NO)

@@ -13,6 +13,7 @@ from msbot.cli.change.robot_access import database_to_read, perform, say, until_
 from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
+from msbot_agent.cli.table import print_table
 from msbot_school.cli.teaching_service import lessons_option
 from msbot_xrce.counting import amount
 
@@ -56,8 +57,10 @@ def list_lessons(lessons: tuple[Path, ...], *, as_json: bool) -> None:
             )
         )
         return
-    for one in found:
-        click.echo(f"{one.name:<18}{one.title} ({amount(one.minutes, 'minute')}, {amount(len(one.checks), 'check')})")
+    print_table(
+        ("lesson", "minutes", "checks", "title"),
+        [(one.name, str(one.minutes), str(len(one.checks)), one.title) for one in found],
+    )
     for words in wrong:
         complain(f"not read: {words}")
 
@@ -131,9 +134,11 @@ def report(db: str | None, robot: str | None, *, lessons: tuple[Path, ...], as_c
     elif as_csv:
         click.echo(csv_of(rows), nl=False)
     elif rows:
-        for row in rows:
-            done = "done" if row.is_done else f"{row.ticked} of {row.checks}"
-            click.echo(f"{row.person:<20}{row.title:<28}{done}{_shared(row)}")
+        done = ["done" if row.is_done else f"{row.ticked} of {row.checks}" for row in rows]
+        print_table(
+            ("who", "lesson", "checks"),
+            [(row.person, row.title, f"{words}{_shared(row)}") for row, words in zip(rows, done, strict=True)],
+        )
     else:
         click.echo("Nobody has begun a lesson yet.")
 

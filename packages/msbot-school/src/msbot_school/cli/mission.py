@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import WholeRange, json_option
+from msbot_agent.cli.table import print_table
 from msbot_agent.startup.extensions import extensions
 from msbot_xrce.errors import ConfigError
 
@@ -39,9 +42,10 @@ def list_missions(*, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"missions": [_json(one) for one in missions]}))
         return
-    width = max(len(one.name) for one in missions)
-    for one in missions:
-        click.echo(f"{one.name:<{width}}  {one.title} ({one.time_s / 60:g} min, robot: {one.sample or 'any'})")
+    print_table(
+        ("mission", "minutes", "robot", "title"),
+        [(one.name, f"{one.time_s / 60:g}", one.sample or "any", one.title) for one in missions],
+    )
 
 
 @command.command("check")
@@ -86,7 +90,7 @@ def stop(db: str | None, robot: str | None) -> None:
 
 @command.command("answer")
 @click.argument("kind")
-@click.argument("at", required=False, default="", metavar="[SLOT]")
+@click.argument("at", required=False, default="", metavar="[SLOT]", shell_complete=completers.slots)
 @robot_and_json_options
 def answer(kind: str, at: str, db: str | None, robot: str | None) -> None:
     """Name the fault: its KIND, and the SLOT unless it concerns the whole robot."""
@@ -95,7 +99,7 @@ def answer(kind: str, at: str, db: str | None, robot: str | None) -> None:
 
 @command.command("repair")
 @click.argument("repair")
-@click.argument("at", required=False, default="", metavar="[SLOT]")
+@click.argument("at", required=False, default="", metavar="[SLOT]", shell_complete=completers.slots)
 @robot_and_json_options
 def repair(repair: str, at: str, db: str | None, robot: str | None) -> None:
     """Repair something; the right REPAIR at the right place ends the fault."""
@@ -120,9 +124,13 @@ def repairs(*, as_json: bool) -> None:
             )
         )
         return
-    for one in REPAIRS.values():
-        where = " SLOT" if one.at_part else ""
-        click.echo(f"{one.name + where:<22}{one.words}\n{'':<22}mends {', '.join(sorted(one.mends))}")
+    print_table(
+        ("repair", "mends", "what it is"),
+        [
+            (f"{one.name}{' SLOT' if one.at_part else ''}", ", ".join(sorted(one.mends)), one.words)
+            for one in REPAIRS.values()
+        ],
+    )
 
 
 @command.command("hint")
@@ -186,7 +194,7 @@ def report(
         click.echo("\n".join(_report_lines(played)))
     if damage:
         click.echo(f"msbot: {recording} is damaged: {damage}", err=True)
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
 
 
 def _played(recording: Path, number: int | None) -> tuple[PlayedMission, str]:

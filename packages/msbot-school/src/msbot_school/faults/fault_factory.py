@@ -10,6 +10,7 @@ from msbot.sim import make_simulator
 from msbot_agent.link import Disturbance
 from msbot_agent.link.can.sim import SimBusDriver
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_school.faults.effects import (
     BabblingNode,
     BitErrors,
@@ -157,10 +158,8 @@ class FaultFactory:
             self._numbers.check(when.source)
             return
         if when.slot not in self._running.slot_names():
-            known = ", ".join(self._running.slot_names())
-            raise ConfigError(
-                said("the condition: there is no slot {slot}; there are {known}", slot=when.slot, known=known)
-            )
+            hint = instead_of(when.slot, self._running.slot_names())
+            raise ConfigError(said("the condition: there is no slot {slot}; {hint}", slot=when.slot, hint=hint))
 
     def effect(self, spec: FaultSpec) -> Effect:
         """What the fault does here.

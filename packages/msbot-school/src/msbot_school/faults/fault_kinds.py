@@ -13,6 +13,7 @@ from typing import Final, Protocol
 from msbot.pnp.part_events import PartState
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -147,7 +148,7 @@ def kind_named(name: str) -> FaultKind:
     """
     kind = KINDS.get(name)
     if kind is None:
-        raise ConfigError(said("there is no fault {name!r}; there are {kinds}", name=name, kinds=", ".join(KINDS)))
+        raise ConfigError(said("there is no fault {name!r}; {hint}", name=name, hint=instead_of(name, KINDS)))
     return kind
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from msbot.carried.carried_files import carried_folder
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_school.lessons.lesson import Lesson, LessonQuestion
 from msbot_school.lessons.lesson_reader import read_lesson
 from msbot_xrce.errors import ConfigError
@@ -73,9 +74,8 @@ class LessonCatalog:
         """
         found = self._known().get(name)
         if found is None:
-            raise ConfigError(
-                said("there is no lesson {name!r}; there are {names}", name=name, names=", ".join(self._known()))
-            )
+            hint = instead_of(name, self._known())
+            raise ConfigError(said("there is no lesson {name!r}; {hint}", name=name, hint=hint))
         if isinstance(found, ConfigError):
             raise found
         return found

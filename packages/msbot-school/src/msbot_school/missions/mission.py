@@ -11,6 +11,7 @@ from typing import Final
 
 from msbot.operations.fault_request import FaultRequest
 from msbot_agent.text.sentence import JsonSentence, from_json, said, to_json
+from msbot_agent.text.similar_names import instead_of
 from msbot_school.faults.fault_kinds import KINDS, contradiction
 from msbot_xrce.errors import ConfigError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -205,9 +206,7 @@ def repair_named(name: str) -> Repair:
     """
     repair = REPAIRS.get(name)
     if repair is None:
-        raise ConfigError(
-            said("there is no repair {name!r}; there are {repairs}", name=name, repairs=", ".join(REPAIRS))
-        )
+        raise ConfigError(said("there is no repair {name!r}; {hint}", name=name, hint=instead_of(name, REPAIRS)))
     return repair
 
 

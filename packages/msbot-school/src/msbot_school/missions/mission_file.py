@@ -11,6 +11,7 @@ from msbot.operations.fault_request import FaultRequest
 from msbot.operations.table import OPERATIONS
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_agent.text.untrusted_input import open_input_text
 from msbot_agent.toml.document import MOST_BYTES, Document, parse_document
 from msbot_agent.toml.problems import Problems
@@ -104,9 +105,9 @@ def ready_mission(name: str) -> Mission:
     if mission is None:
         raise ConfigError(
             said(
-                "there is no mission {name!r}; there are {missions}; one of your own is a file, such as {name}.toml",
+                "there is no mission {name!r}; one of your own is a file, such as {name}.toml; {hint}",
                 name=name,
-                missions=", ".join(ready_missions()),
+                hint=instead_of(name, ready_missions()),
             )
         )
     return mission
@@ -172,7 +173,7 @@ def _fault(table: Table, time_s: float) -> MissionFault:
     for position, kind in enumerate(kinds):
         if kind not in KINDS:
             table.report(
-                said("there is no fault {name!r}; there are {kinds}", name=kind, kinds=", ".join(KINDS)),
+                said("there is no fault {name!r}; {hint}", name=kind, hint=instead_of(kind, KINDS)),
                 "kind",
                 *([position] if len(kinds) > 1 else []),
             )

@@ -18,6 +18,7 @@ from typing import Final
 from msbot.operations.dispatch import InProcessOperations, PerformedOperation
 from msbot.pnp import PartEvent, PartState, StopStatus
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_school.faults.fault_kinds import Condition, read_condition
 from msbot_school.faults.fault_lab import FaultLab
 from msbot_school.missions.mission import Mission, MissionEvent, MissionEventKind, drawn
@@ -132,8 +133,8 @@ class MissionLab:
         """See `MissionControl`."""
         run = self._the_run()
         if at and at not in self._running.slot_names():
-            known = ", ".join(self._running.slot_names())
-            raise ConfigError(said("there is no slot {slot}; there are {known}", slot=at, known=known))
+            hint = instead_of(at, self._running.slot_names())
+            raise ConfigError(said("there is no slot {slot}; {hint}", slot=at, hint=hint))
         words = run.name(who, kind, at, self._running.now())
         self._look()
         return words

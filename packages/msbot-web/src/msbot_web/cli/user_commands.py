@@ -15,16 +15,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from msbot.cli.change.robot_access import perform, say
-from msbot.cli.robot_options import (
-    db_option,
-    existing_database,
-    library_option,
-    robot_and_json_options,
-    robot_options,
-    user_name,
-)
+from msbot.cli.database_place import existing_database
+from msbot.cli.robot_options import db_option, library_option, robot_and_json_options, robot_options, user_name
 from msbot.operations.rights import Role, role_named
 from msbot_agent.cli.options import json_option
+from msbot_agent.cli.table import print_table
 from msbot_agent.process.end_signals import run_to_end
 from msbot_agent.text.untrusted_input import open_input_file
 from msbot_xrce.counting import amount
@@ -68,11 +63,11 @@ def list_users(db: str | None, *, as_json: bool) -> None:
         return
     if not people:
         click.echo("Nobody may sign in yet: `msbot master` prints a link for the first administrator.")
-    width = max((len(one.name) for one in people), default=0)
-    for one in people:
-        tokens = f"   API tokens: {', '.join(one.api_tokens)}" if one.api_tokens else ""
-        tickets = f"   relays and agents: {', '.join(one.tickets)}" if one.tickets else ""
-        click.echo(f"{one.name:<{width}}  {one.role.word}{tokens}{tickets}")
+        return
+    print_table(
+        ("name", "role", "API tokens", "relays and agents"),
+        [(one.name, one.role.word, ", ".join(one.api_tokens), ", ".join(one.tickets)) for one in people],
+    )
 
 
 @user_command.command("add")

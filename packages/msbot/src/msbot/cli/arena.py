@@ -12,6 +12,7 @@ from msbot.cli.change.robot_access import perform, say
 from msbot.cli.robot_options import mistakes_told, robot_and_json_options, robot_options
 from msbot.sim.arena.world_plan import PartPlace, RobotPlan, WorldPlan
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
+from msbot_agent.cli.table import print_table
 from msbot_xrce.errors import ConfigError
 
 
@@ -30,8 +31,7 @@ def list_worlds(*, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps([{"name": name, **world_json(world)} for name, world in worlds]))
         return
-    for name, world in worlds:
-        click.echo(f"{name:<10} {world.name}: {world.description}")
+    print_table(("world", "title", "description"), [(name, world.name, world.description) for name, world in worlds])
 
 
 @command.command("check")

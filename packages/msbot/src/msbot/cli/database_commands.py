@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import json
-import re
 import sqlite3
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from shutil import get_terminal_size
-from textwrap import wrap
 from typing import TYPE_CHECKING, Protocol
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.change.robot_access import database_to_read, one_robot, perform, running_master, until_stored
-from msbot.cli.robot_options import database_here, db_option, existing_database, is_there, robot_options
+from msbot.cli.database_place import database_here, existing_database, is_there
+from msbot.cli.robot_options import db_option, robot_options
 from msbot.pnp import PartState
 from msbot.registry import JournalEntry, PartRecord, RobotRecord
 from msbot.registry.read_only_database import look_into
 from msbot_agent.cli.options import WholeRange, json_option
+from msbot_agent.cli.table import for_terminal, print_table
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, RegistryError
 
@@ -88,44 +88,18 @@ class _RegistryDatabase:
         return self._robots.journal(limit, part, robot=robot)
 
 
-# Long sentences in a terminal: they go on in the next line between two words, and never within one.
-
-
-INDENT = 4
-"""Spaces before what goes on, besides those of the sentence itself."""
-LEAST_COLUMNS = 40
-"""In a narrower terminal the terminal itself breaks the lines."""
-
-
-def for_terminal(line: str) -> str:
-    """The line as it is printed: folded in a terminal; in a pipe or a file a sentence stays one line."""
-    return folded(line, get_terminal_size().columns) if sys.stdout.isatty() else line
-
-
-def folded(line: str, columns: int) -> str:
-    """A line as lines of at most that many columns; a word that is longer than that (a path) stays whole."""
-    if len(line) <= columns or columns < LEAST_COLUMNS:
-        return line
-    before = re.match(r"( *)(?:- )?", line)  # the mark of a list never stands alone
-    assert before is not None
-    rest, further = line[before.end() :], " " * (before.end(1) + INDENT)
-    return "\n".join(
-        wrap(
-            rest,
-            columns,
-            initial_indent=before[0],
-            subsequent_indent=further,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-    )
-
-
 # `msbot parts`: what a robot's database knows about its parts.
 
 
 @click.command("parts")
-@click.option("--slot", "slots", multiple=True, metavar="SLOT", help="Of this slot; may be given several times.")
+@click.option(
+    "--slot",
+    "slots",
+    multiple=True,
+    metavar="SLOT",
+    shell_complete=completers.slots,
+    help="Of this slot; may be given several times.",
+)
 @click.option(
     "--state",
     "states",
@@ -134,7 +108,12 @@ def folded(line: str, columns: int) -> str:
     help="In this state; may be given several times.",
 )
 @click.option(
-    "--number", "numbers", multiple=True, metavar="NUMBER", help="With this part number; may be given several times."
+    "--number",
+    "numbers",
+    multiple=True,
+    metavar="NUMBER",
+    shell_complete=completers.seen_part_numbers,
+    help="With this part number; may be given several times.",
 )
 @click.option("-a", "--all", "want_all", is_flag=True, help="Also parts that are gone and belong to no slot.")
 @robot_options
@@ -188,20 +167,24 @@ def _check_slots(wanted: tuple[str, ...], known: list[str]) -> None:
     """Refuse slots that there are not; part numbers may be any."""
     for slot in wanted:
         if not _fits(slot, (*known,)):
-            raise ConfigError(f"there is no slot {slot!r}; there are {', '.join(known) or 'none'}")
+            raise ConfigError(f"there is no slot {slot!r}; {instead_of(slot, known)}")
 
 
 def _print_parts(rows: list[PartRecord], *, several: bool) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table()
-    for title in (*["robot"] * several, "part", "number", "slot", "state", "since", "reason"):
-        table.add_column(title)
-    for row in rows:
-        since = _when(datetime.fromtimestamp(row.changed_ns / 1e9), datetime.now())
-        table.add_row(*[row.robot] * several, row.name, row.part_number, row.slot or "-", row.state, since, row.reason)
-    Console().print(table)
+    now = datetime.now()
+    titles = (*["robot"] * several, "part", "number", "slot", "state", "since", "reason")
+    print_table(
+        titles,
+        [
+            (
+                *[row.robot] * several,
+                *(row.name, row.part_number, row.slot or "-", row.state),
+                _when(datetime.fromtimestamp(row.changed_ns / 1e9), now),
+                row.reason,
+            )
+            for row in rows
+        ],
+    )
 
 
 def _when(at: datetime, now: datetime) -> str:
@@ -241,18 +224,19 @@ def robots_command(db: str | None, *, as_json: bool) -> None:
     if not rows:
         click.echo("There is no robot in it yet: `msbot apply robot.toml` or `msbot master robot.toml` puts one there.")
         return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table()
-    for title in ("robot", "serial number", "master", "slots", "blueprint applied"):
-        table.add_column(title, no_wrap=True)
-    for row in rows:
-        applied = datetime.fromtimestamp(int(row["applied_at_ms"]) / 1000).strftime("%Y-%m-%d %H:%M")
-        filled = f"{row['filled']} of {row['slots']} filled" if row["running"] else str(row["slots"])
-        master = "runs" if row["running"] else "-"
-        table.add_row(str(row["name"]), str(row["serial_number"]), master, filled, applied)
-    Console().print(table)
+    print_table(
+        ("robot", "serial number", "master", "slots", "blueprint applied"),
+        [
+            (
+                str(row["name"]),
+                str(row["serial_number"]),
+                "runs" if row["running"] else "-",
+                f"{row['filled']} of {row['slots']} filled" if row["running"] else str(row["slots"]),
+                datetime.fromtimestamp(int(row["applied_at_ms"]) / 1000).strftime("%Y-%m-%d %H:%M"),
+            )
+            for row in rows
+        ],
+    )
 
 
 def _row(look: RobotDatabase, robot: RobotRecord) -> dict[str, str | int | bool]:
@@ -273,7 +257,7 @@ def _row(look: RobotDatabase, robot: RobotRecord) -> dict[str, str | int | bool]
 
 
 @click.command("why")
-@click.argument("part")
+@click.argument("part", shell_complete=completers.parts)
 @click.option("--last", type=WholeRange(min=1), default=3, show_default=True, help="How many changes to explain.")
 @robot_options
 @json_option

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.robot_options import db_option, existing_database
+from msbot.cli.database_place import existing_database
+from msbot.cli.robot_options import db_option
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import WholeRange
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
@@ -96,7 +98,7 @@ def restore(file: Path, db: str | None, *, yes: bool) -> None:
 
     What it had is kept in a copy. No master may run a robot of it meanwhile.
     """
-    from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside
+    from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
     from msbot.registry import without_password
     from msbot.registry.maintenance import database_maintenance
 
@@ -129,4 +131,4 @@ def check(db: str | None, *, as_json: bool) -> None:
             click.echo(sentence)
         click.echo(f"{words}: {amount(len(findings), 'problem')}." if findings else f"{words} is in order.")
     if findings:
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)

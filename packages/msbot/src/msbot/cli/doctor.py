@@ -10,7 +10,9 @@ from urllib.parse import urlsplit
 
 import click
 
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_here, is_there, no_database, robot_options
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_here, is_there, no_database
+from msbot.cli.robot_options import robot_options
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import json_option, space_option
 from msbot_agent.link import open_link
 from msbot_agent.log import TerminalHandler
@@ -64,7 +66,7 @@ def command(
     else:
         for line in lines(found, verbose=verbose):
             click.echo(line)
-    sys.exit(0 if found.is_well else 1)
+    sys.exit(ExitStatus.DONE if found.is_well else ExitStatus.NO)
 
 
 def _patient(addresses: tuple[str, ...], db: str | None, robot: str | None, space: SpaceAddress) -> Examined:

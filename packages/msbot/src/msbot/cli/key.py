@@ -11,12 +11,15 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.robot_options import db_option, existing_database
+from msbot.cli import completers
+from msbot.cli.database_place import existing_database
+from msbot.cli.robot_options import db_option
 from msbot.config import ParameterKind, part_number_and_name
 from msbot.part.join.part_keys import KEY_OCTETS, key_text
 from msbot.part.join.pnp_messages import UID_OCTETS
 from msbot.part.join.uid import kept_file, parse_uid, stored_uid, uid_on_board, write_for_user_alone
 from msbot.registry import KeyRecord, PartRecord, Registry, open_registry
+from msbot_agent.cli.table import print_table
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -87,7 +90,7 @@ def command() -> None:
 
 
 @command.command("new")
-@click.argument("part")
+@click.argument("part", shell_complete=completers.parts)
 @click.option("--uid", help="16 hexadecimal digits: whose key it is; else that of PART if it is known, else a new one.")
 @click.option("--name", default="", help="Local name of the part; its part number unless told otherwise.")
 @click.option("--here", is_flag=True, help="The part runs on this computer: keep UID and key where it finds them.")
@@ -171,15 +174,23 @@ def list_keys(db: str | None, *, as_json: bool) -> None:
         return
     if not rows:
         click.echo("No part has a key; `msbot key new PART` makes one.")
-    for row in rows:
-        when = datetime.fromtimestamp(row.created_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S")
-        part = parts.get(row.uid)
-        words = "(not seen yet)" if part is None else f"{part.name} of {part.robot}" if several else part.name
-        click.echo(f"{row.uid.hex()}  {when}  {words}")
+        return
+    seen = {uid: f"{part.name} of {part.robot}" if several else part.name for uid, part in parts.items()}
+    print_table(
+        ("UID", "made", "part"),
+        [
+            (
+                row.uid.hex(),
+                datetime.fromtimestamp(row.created_ns / 1e9).strftime("%Y-%m-%d %H:%M:%S"),
+                seen.get(row.uid, "(not seen yet)"),
+            )
+            for row in rows
+        ],
+    )
 
 
 @command.command("remove")
-@click.argument("part")
+@click.argument("part", shell_complete=completers.parts)
 @db_option
 def remove(part: str, db: str | None) -> None:
     """Void the key of PART; a part that is in stays until its next claim.

@@ -8,11 +8,11 @@ import re
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
-from io import StringIO
 from pathlib import Path
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.robot_options import library_here, library_option, mistakes_told, robot_and_json_options
 from msbot.config import (
     Category,
@@ -30,6 +30,8 @@ from msbot.config import (
 )
 from msbot.config.library.picture import picture_svg
 from msbot_agent.cli.options import json_option
+from msbot_agent.cli.table import columns_here, table_lines
+from msbot_agent.text.similar_names import instead_of
 from msbot_agent.text.untrusted_input import read_input_file
 from msbot_xrce.errors import ConfigError
 
@@ -68,7 +70,7 @@ def search(words: tuple[str, ...], folders: tuple[Path, ...], *, as_json: bool) 
 
 
 @command.command("show")
-@click.argument("number")
+@click.argument("number", shell_complete=completers.part_numbers)
 @click.option("--picture", metavar="FILE", type=click.Path(path_type=Path), help="Write its picture to an SVG file.")
 @library_option
 @json_option
@@ -127,7 +129,7 @@ def add(what: str, folder: Path) -> None:
 
 
 @command.command("forget")
-@click.argument("number")
+@click.argument("number", shell_complete=completers.part_numbers)
 @robot_and_json_options
 def forget(number: str, db: str | None, robot: str | None) -> None:
     """Remove the adopted part type NUMBER from a running robot's library.
@@ -258,7 +260,7 @@ def of_category(types: Iterable[PartType], category: str | None) -> list[PartTyp
     """
     known = [entry.value for entry in Category]
     if category is not None and category not in known:
-        raise ConfigError(f"there is no category {category!r}; choose {', '.join(known)}")
+        raise ConfigError(f"there is no category {category!r}; {instead_of(category, known)}")
     return [part_type for part_type in types if category in (None, part_type.category.value)]
 
 
@@ -454,31 +456,7 @@ def _between(least: float | None, most: float | None) -> str:
 
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    for title in titles:
-        table.add_column(title, overflow="fold")
-    for row in rows:
-        table.add_row(*(_plain(cell) for cell in row))
-    out = StringIO()
-    Console(file=out, width=_width()).print(table)
-    return "\n".join(line.rstrip() for line in out.getvalue().split("\n")).strip("\n")
-
-
-def _width() -> int:
-    from shutil import get_terminal_size
-
-    return max(80, get_terminal_size((120, 24)).columns)
-
-
-def _plain(cell: str) -> str:
-    """A cell whose brackets are not read as markup."""
-    from rich.markup import escape
-
-    return escape(cell)
+    return "\n".join(table_lines(titles, rows, columns_here()))
 
 
 def _as_json(part_type: PartType) -> dict[str, object]:

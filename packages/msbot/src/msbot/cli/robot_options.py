@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from msbot.registry.records import database_identity
+from msbot.cli import completers
+from msbot.cli.database_place import DEFAULT_BLUEPRINT
 from msbot.stop.socket_names import GROUP_VARIABLE, group_in
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import WholeRange
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
     from msbot.config import Library
 
-DEFAULT_BLUEPRINT = Path("robot.toml")
 DEFAULT_LINK = "udp:127.0.0.1:8888"
 
 _C = TypeVar("_C", bound=Callable[..., object])
@@ -33,7 +34,9 @@ library_option = click.option(
     type=click.Path(path_type=Path),
     help="A folder with more part types (TOML files), besides those that robot.toml names; may be given several times.",
 )
-robot_option = click.option("--robot", metavar="NAME", help="Which robot, when the database has several.")
+robot_option = click.option(
+    "--robot", metavar="NAME", shell_complete=completers.robots, help="Which robot, when the database has several."
+)
 
 db_option = click.option(
     "--db",
@@ -104,7 +107,12 @@ stop_group_option = click.option(
 
 def robot_options(function: _C) -> _C:
     """The options of every command that changes a robot: which one."""
-    robot = click.option("--robot", metavar="NAME", help="The robot's name, where several run or share a database.")
+    robot = click.option(
+        "--robot",
+        metavar="NAME",
+        shell_complete=completers.robots,
+        help="The robot's name, where several run or share a database.",
+    )
     return db_option(robot(function))
 
 
@@ -131,50 +139,6 @@ _JSON = "msbot.json"
 
 def _note_json(context: click.Context, _: click.Parameter, value: bool) -> None:
     context.meta[_JSON] = value
-
-
-def database_beside(blueprint: Path) -> str:
-    """The database that belongs to a blueprint: same folder, same name, ending .db."""
-    return str(blueprint.with_suffix(".db"))
-
-
-def database_here() -> str:
-    """The database of a command that names none: robot.db here; without a robot.toml that of the one blueprint here
-    that has a database beside it."""
-    own = database_beside(DEFAULT_BLUEPRINT)
-    if is_there(own) or DEFAULT_BLUEPRINT.exists():
-        return own
-    beside = [path for one in sorted(Path().glob("*.toml")) if (path := one.with_suffix(".db")).exists()]
-    return str(beside[0]) if len(beside) == 1 else own
-
-
-def is_there(db: str) -> bool:
-    """Whether that database exists; whether one on a server does is told when it is opened."""
-    where = database_identity(db) if "://" in db else db
-    return "://" in where or Path(where).exists()
-
-
-def no_database(db: str) -> str:
-    """What is said of a database that does not exist, wherever one is not made on purpose."""
-    others = sorted(str(file) for file in Path(db).parent.glob("*.db")) if "://" not in db else []
-    if others:
-        return f"there is no database {db}; name the one that is meant: --db {' or --db '.join(others[:3])}"
-    return (
-        f"there is no database {db}: `msbot master robot.toml` or `msbot apply robot.toml` makes one; "
-        "name another one with --db"
-    )
-
-
-def existing_database(db: str | None) -> str:
-    """The database of a command that does not mean to make one.
-
-    Raises:
-        ConfigError: there is none yet.
-    """
-    path = db or database_here()
-    if not is_there(path):
-        raise ConfigError(no_database(path))
-    return path
 
 
 def library_here(folders: Sequence[Path]) -> Library:
@@ -206,7 +170,7 @@ def mistakes_told(*, as_json: bool, **beside: object) -> Iterator[None]:
         if not as_json:
             raise
         click.echo(json.dumps({"problems": problems_json(found), **beside}))
-        sys.exit(2)
+        sys.exit(ExitStatus.MISTAKE)
 
 
 def user_name() -> str:

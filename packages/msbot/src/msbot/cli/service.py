@@ -13,8 +13,10 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, DEFAULT_LINK, database_beside
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
+from msbot.cli.robot_options import DEFAULT_LINK
 from msbot.stop.socket_folders import PREFIX as STOP_FOLDERS
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import WholeRange
 from msbot_agent.process.user_folders import settings_folder
 from msbot_xrce.errors import ConfigError
@@ -472,7 +474,7 @@ def status(blueprint: Path, *, for_all: bool, as_json: bool) -> None:
         for line in _words(facts):
             click.echo(line)
     if not facts["running"]:
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
 
 
 def _words(facts: Mapping[str, object]) -> list[str]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import string
 from collections.abc import Callable, Iterable, Sequence
-from difflib import get_close_matches
 
 from msbot.pnp import PartInfo, PartState
 from msbot_agent.text.sentence import joined, said
+from msbot_agent.text.similar_names import did_you_mean, instead_of, nearest
 from msbot_xrce.errors import ConfigError, NotThere
 
 UID_DIGITS = 16
@@ -57,7 +57,10 @@ def one_part(
     known = {info.part: info.part != info.address for info in here}
     shown = (name if is_name else said("{address}", address=name) for name, is_name in known.items())
     names = joined(", ", shown)
-    raise NotThere(said("no part is known as {word!r}; there are {names}", word=word, names=names or said("none yet")))
+    words = {info.slot for info in here if info.slot} | {info.part_number for info in here if info.part_number}
+    near = nearest(word, [*(name for name, is_name in known.items() if is_name), *sorted(words - known.keys())])
+    hint = did_you_mean(near) if near else said("there are {known}", known=names or said("none yet"))
+    raise NotThere(said("no part is known as {word!r}; {hint}", word=word, hint=hint))
 
 
 def one_slot(name: str, names: Iterable[str]) -> str:
@@ -72,13 +75,7 @@ def one_slot(name: str, names: Iterable[str]) -> str:
     alike = [one for one in known if one.casefold() == name.casefold()]
     if len(alike) == 1:
         return alike[0]
-    close = get_close_matches(name, known)
-    hint = (
-        said("did you mean {close}?", close=" or ".join(close))
-        if close
-        else said("there are {known}", known=", ".join(known) or said("none"))
-    )
-    raise NotThere(said("the robot has no slot {name!r}; {hint}", name=name, hint=hint))
+    raise NotThere(said("the robot has no slot {name!r}; {hint}", name=name, hint=instead_of(name, known)))
 
 
 def describe(info: PartInfo) -> str:

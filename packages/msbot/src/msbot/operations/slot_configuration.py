@@ -11,6 +11,7 @@ from msbot.operations.running_robot import ChangeableRobot, endpoint_of, slot_of
 from msbot.registry import ValueRecord
 from msbot.registry.edits import slot_values, wires
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 
 
@@ -94,10 +95,10 @@ class SlotSettings:
         if name not in known:
             raise ConfigError(
                 said(
-                    "slot {slot} has no parameter {name!r}; it has {known}",
+                    "slot {slot} has no parameter {name!r}; {hint}",
                     slot=slot,
                     name=name,
-                    known=", ".join(known) or said("none"),
+                    hint=instead_of(name, known),
                 )
             )
         return known[name]

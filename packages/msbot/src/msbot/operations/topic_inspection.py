@@ -29,6 +29,7 @@ from msbot.service_types import request_topic, service_type
 from msbot_agent.agent import client_key_of
 from msbot_agent.space import Guid, Qos, Reader, Sample, Topic, Writer
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError, NotThere, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
 
@@ -225,8 +226,8 @@ class TopicInspection:
                 if not type_name:
                     raise ConfigError(said("{topic} is a free topic, of any type: say which type is meant", topic=name))
                 return name, type_name
-        listed = ", ".join((*known, *blueprint.options.free_topics)) or "it has none"
-        raise NotThere(said("this robot has no topic {topic!r}; there are {known}", topic=topic, known=listed))
+        hint = instead_of(topic, (*known, *blueprint.options.free_topics))
+        raise NotThere(said("this robot has no topic {topic!r}; {hint}", topic=topic, hint=hint))
 
     def _watch(self, meant: tuple[str, str]) -> _WatchedTopic:
         watched = self._watched.get(meant)

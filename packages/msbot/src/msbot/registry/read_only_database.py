@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from msbot.pnp.part_events import PartEvent, PartState
-from msbot.registry.read_only_queries import JOURNAL, PARTS, ROBOTS, SCHEMA, SLOT_NAMES
+from msbot.registry.read_only_queries import JOURNAL, PARTS, ROBOTS, SCHEMA, SLOT_NAMES, SLOT_TYPES, TOPICS
 from msbot.registry.records import JournalEntry, PartRecord, RobotRecord
 from msbot_agent.text.sentence import from_json
 
@@ -60,6 +60,17 @@ class ReadOnlyDatabase:
     def slot_names(self, robot: RobotRecord) -> list[str]:
         """The slots of a robot's blueprint, in its order."""
         return [name for (name,) in self._connection.execute(SLOT_NAMES, {"robot": robot.id})]
+
+    def topics(self, robot: RobotRecord) -> list[str]:
+        """The topics that ports of a robot are bound to."""
+        return [name for (name,) in self._connection.execute(TOPICS, {"robot": robot.id})]
+
+    def slot_types(self, robot: RobotRecord) -> list[tuple[str, list[str], list[str]]]:
+        """The slots of a robot with the names of the ports and parameters of what fits there."""
+        return [
+            (slot, *([one["name"] for one in json.loads(listed)] for listed in lists))
+            for slot, *lists in self._connection.execute(SLOT_TYPES, {"robot": robot.id})
+        ]
 
     def parts(self, robot: RobotRecord | None = None) -> list[PartRecord]:
         """As `Registry.robots.parts`: all parts that were ever seen, those in slots first."""

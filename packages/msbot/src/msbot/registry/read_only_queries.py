@@ -18,6 +18,16 @@ SLOT_NAMES: Final = """
 SELECT slots.name FROM slots WHERE slots.robot_id = :robot AND slots.in_blueprint = 1 ORDER BY slots.position
 """
 """The slots of the blueprint of `robot`."""
+TOPICS: Final = """
+SELECT DISTINCT bindings.topic FROM bindings WHERE bindings.robot_id = :robot AND bindings.in_use = 1 ORDER BY
+bindings.topic
+"""
+"""The topics of `robot` that ports are bound to."""
+SLOT_TYPES: Final = """
+SELECT slots.name, library.ports, library.parameters FROM slots JOIN library ON slots.part_number = library.number
+WHERE slots.robot_id = :robot AND slots.in_blueprint = 1 ORDER BY slots.position
+"""
+"""The slots of `robot` with the ports and parameters of their part types."""
 PARTS: Final = """
 SELECT parts.uid, parts.part_number, parts.local_name, slots.name AS slot, parts.state, parts.reason, parts.address,
 parts.first_seen_ns, parts.changed_ns FROM parts LEFT OUTER JOIN slots ON parts.slot_id = slots.id WHERE

@@ -47,6 +47,7 @@ from msbot.ros2.forms import MOST_BEHIND
 from msbot_agent.ros.graph import EVERYBODY
 from msbot_agent.ros.node_names import NodeName
 from msbot_agent.space import Guid, Owner, Qos, Reader, Sample, Space, Topic, Writer
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.counting import Tally
 from msbot_xrce.errors import ConfigError, MsbotError, RemoteProtocolError
 from msbot_xrce.lazy import dataclass
@@ -386,8 +387,7 @@ class ParameterServer:
         values = await self._values(slot)
         record = values.get(wanted.name)
         if record is None:
-            known = ", ".join(values) or "none"
-            raise ConfigError(f"slot {slot} has no parameter {wanted.name!r}; it has {known}")
+            raise ConfigError(f"slot {slot} has no parameter {wanted.name!r}; {instead_of(wanted.name, values)}")
         return wanted_text(record, wanted.value)
 
 

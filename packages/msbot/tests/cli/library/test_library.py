@@ -40,12 +40,12 @@ def folder(tmp_path: Path) -> Path:
 
 def test_the_list_has_every_part_of_a_category(folder: Path) -> None:
     text = said("list", "--category", "display")
-    assert "SSD1306   OLED display, 128 x 64 dots" in text
+    assert "SSD1306  OLED display, 128 x 64 dots" in text
     assert "SG90" not in text
     everything = json.loads(said("list", "--json", "--library", folder))
     assert len(everything) > 40
     assert "LUX-1" in [entry["number"] for entry in everything]
-    assert complaint("list", "--category", "motor").startswith("there is no category 'motor'; choose sensor, input")
+    assert complaint("list", "--category", "motor").startswith("there is no category 'motor'; there are sensor, input")
 
 
 def test_a_search_prints_the_best_or_says_what_to_do(folder: Path) -> None:
@@ -64,10 +64,10 @@ def test_a_page_shows_ports_settings_pins_and_the_simulator() -> None:
     for line in (
         "supply         5 V, at most 15 mA",
         "fits slots for HC-SR04",
-        "publishes   Distance",
-        "offset_m   0.0 m     -1 to 1",
-        "2     TRIG   signal   10 us high",
-        "obstacle   0.02 to 10 m   1.0",
+        "publishes  Distance",
+        "offset_m  0.0 m    -1 to 1",
+        "  2  TRIG  signal  10 us high",
+        "obstacle  0.02 to 10 m       1.0",
         "in_range",
     ):
         assert line in text
@@ -103,7 +103,7 @@ def test_a_type_about_which_little_is_said_has_a_short_page(folder: Path) -> Non
     (folder / "lux.toml").write_text('number = "LUX-1"\nname = "lux"\n')
     assert "Ports" not in said("show", "LUX-1", "--library", folder)
     (folder / "lux.toml").write_text(LUX.replace("Level", "Text").replace("subscribe", "publish"))
-    assert "lamp      any text" in said("show", "LUX-1", "--library", folder)
+    assert "lamp     any text" in said("show", "LUX-1", "--library", folder)
 
 
 def test_a_picture_is_written(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from msbot.cli.database_commands import folded, why_command
+from msbot.cli.database_commands import why_command
 from msbot.config import load_blueprint, load_library, write_sample
 from msbot.part.join import pnp_messages, thesis_messages
 from msbot.part.join.part_keys import prove
@@ -21,6 +21,7 @@ from msbot.pnp import Claim, Inventory, Refusal
 from msbot.pnp.key_proof import UNANSWERED_S, Keys
 from msbot.pnp.requests import RequestHandler
 from msbot.registry import Registry, RobotRecord, RobotStore, open_registry
+from msbot_agent.cli.table import folded
 from msbot_xrce.errors import ConfigError, RegistryError
 from tests.operations.stage import Stage, play, put_database
 from tests.registry.hand import Hand

@@ -49,7 +49,7 @@ def test_roles_passwords_and_removal() -> None:
     assert ask("role", "bob", "teacher").output == "bob is a teacher now\n"
     assert "bob has another password: " in ask("passwd", "bob", "--generate").output
     assert people() == {"ann": "administrator", "bob": "teacher"}
-    assert "bob  teacher" in ask("list").output
+    assert "bob   teacher" in ask("list").output
     assert ask("remove", "bob").output == "bob can no longer sign in\n"
     assert people() == {"ann": "administrator"}
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from msbot_agent.toml.problems import FileLocation, Problems, nearest, path_words, suggestion
+from msbot_agent.text.similar_names import nearest
+from msbot_agent.toml.problems import FileLocation, Problems, path_words, suggestion
 from msbot_xrce.errors import ConfigError
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 
 import click
-from rich.console import Console
-from rich.table import Table
 
 from msbot_agent.agent import AgentStatus, ClientView, StreamView, read_statuses
+from msbot_agent.cli.table import for_terminal, print_table
 from msbot_agent.log import TerminalHandler
+from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
 
 
@@ -37,21 +37,14 @@ def command(*, as_json: bool) -> None:
 # Agents and their clients as tables, and as JSON.
 
 
-PIPE_WIDTH = 1000
-"""Columns when the output is not a terminal, so that nothing is cut or wrapped that a program may look for."""
-
-
-def show(statuses: Iterable[AgentStatus], console: Console | None = None) -> None:
+def show(statuses: Iterable[AgentStatus]) -> None:
     """Print a table for each agent."""
-    console = console or Console()
-    if not console.is_terminal:
-        console.width = max(console.width, PIPE_WIDTH)
     for status in statuses:
-        console.print(headline(status), markup=False, highlight=False)
+        click.echo(headline(status))
         if status.clients:
-            console.print(_table(status))
-        for line in footlines(status):
-            console.print(line, markup=False, highlight=False)
+            print_table(TITLES, [_row(view) for view in status.clients])
+        for line in (*(line for view in status.clients for line in _more(view)), *footlines(status)):
+            click.echo(for_terminal(printable(line)))
 
 
 def headline(status: AgentStatus) -> str:
@@ -195,29 +188,32 @@ def _stream_id(stream: StreamView) -> int:
     return stream.stream_id
 
 
-def _table(status: AgentStatus) -> Table:
-    table = Table()
-    for title in ("client", "session", "link", "address", "age", "heard", "objects", "streams"):
-        table.add_column(title, overflow="fold")
-    for title in ("published", "delivered", "packets in", "out", "resent"):
-        table.add_column(title, justify="right")
-    table.add_column("dropped", overflow="fold")
-    for view in status.clients:
-        heard = f"{duration(view.silent_s)} ago" if view.gone is None else view.gone
-        table.add_row(
-            f"{view.key:08X}",
-            f"{view.session_id:02X}",
-            view.link,
-            view.address,
-            duration(view.age_s),
-            heard,
-            objects_words(view),
-            streams_words(view.streams),
-            str(view.published),
-            str(view.delivered),
-            str(view.packets_in),
-            str(view.packets_out),
-            str(view.resent),
-            dropped_words(view),
-        )
-    return table
+TITLES = (
+    *("client", "session", "link", "address", "age", "heard"),
+    *("published", "delivered", "in", "out", "resent"),
+)
+"""Of the table; `in` and `out` are packets."""
+
+
+def _row(view: ClientView) -> tuple[str, ...]:
+    heard = f"{duration(view.silent_s)} ago" if view.gone is None else view.gone
+    numbers = (view.published, view.delivered, view.packets_in, view.packets_out, view.resent)
+    return (
+        f"{view.key:08X}",
+        f"{view.session_id:02X}",
+        view.link,
+        view.address,
+        duration(view.age_s),
+        heard,
+        *map(str, numbers),
+    )
+
+
+def _more(view: ClientView) -> Iterator[str]:
+    """What has no room in the table."""
+    about = {
+        "objects": objects_words(view),
+        "streams": streams_words(view.streams),
+        "dropped": dropped_words(view),
+    }
+    return (f"{view.key:08X}  {name}: {words}" for name, words in about.items() if words)

@@ -11,18 +11,13 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.stop_commands import LOOK_S, PATIENCE_S, silent_words
-from msbot.cli.robot_options import (
-    database_here,
-    db_option,
-    existing_database,
-    library_option,
-    stop_group_option,
-    user_name,
-)
+from msbot.cli.database_place import database_here, existing_database
+from msbot.cli.robot_options import db_option, library_option, stop_group_option, user_name
 from msbot.stop.socket_folders import IS_THERE
 from msbot.stop.socket_names import group_to_stop
 from msbot.stop.stop_request import SilentMaster, ask_masters
 from msbot_agent.cli.options import json_option
+from msbot_agent.cli.table import print_table
 from msbot_agent.startup.extensions import own_version
 from msbot_school.classroom.class_robots import ClassRobot, class_robots
 from msbot_school.classroom.remote_access import RemoteAccess, RemoteAccessFile
@@ -74,17 +69,15 @@ def list_robots(words: tuple[str, ...], db: str | None, *, as_json: bool) -> Non
             "no access to a robot elsewhere (`msbot class join`)."
         )
         return
-    width, version, mark = (
-        max(len(text) for text in texts)
-        for texts in zip(*((robot.describe, robot.version, robot.blueprint) for robot in robots), strict=True)
-    )
-    for robot in robots:
-        page = "" if robot.far is not None else robot.page
-        other = f"  MsBOT {robot.msbot}" if robot.msbot not in ("", own_version()) else ""
-        words_of = f"{robot.describe:{width}}  {robot.version:{version}}  {robot.blueprint:{mark}}  {robot.state}"
-        words_of += f"  STOP group {robot.stop_group}" if robot.stop_group else ""
-        click.echo(f"{words_of}{other}  {page}".rstrip())
+    print_table(("robot", "version", "blueprint", "state", "page"), [_row(robot) for robot in robots])
     click.echo(_sum(robots))
+
+
+def _row(robot: ClassRobot) -> tuple[str, ...]:
+    state = robot.state + (f", STOP group {robot.stop_group}" if robot.stop_group else "")
+    state += f", MsBOT {robot.msbot}" if robot.msbot not in ("", own_version()) else ""
+    page = "" if robot.far is not None else robot.page
+    return robot.describe, robot.version, robot.blueprint, state, page
 
 
 def _sum(robots: list[ClassRobot]) -> str:

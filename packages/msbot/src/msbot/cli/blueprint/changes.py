@@ -9,21 +9,15 @@ from pathlib import Path
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.blueprint.differences_view import as_json as differences_json
 from msbot.cli.blueprint.differences_view import empty_like, plan_lines
 from msbot.cli.change.robot_access import say
-from msbot.cli.robot_options import (
-    DEFAULT_BLUEPRINT,
-    database_beside,
-    db_option,
-    existing_database,
-    is_there,
-    library_option,
-    robot_and_json_options,
-    user_name,
-)
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside, existing_database, is_there
+from msbot.cli.robot_options import db_option, library_option, robot_and_json_options, user_name
 from msbot.config import Blueprint, Difference, Library, Slot, differences, open_blueprint, parse_blueprint, slot_toml
 from msbot.registry import Registry, open_registry, without_password
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import json_option
 from msbot_xrce.errors import ConfigError
 
@@ -49,7 +43,7 @@ def diff_command(blueprint: Path, folders: tuple[Path, ...], db: str | None, *, 
         for line in _words(blueprint, words, to_apply, by_hand, is_new=is_new):
             click.echo(line)
     if to_apply or is_new:
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
 
 
 def _compare(
@@ -176,7 +170,7 @@ def slot_command() -> None:
 
 @slot_command.command("add")
 @click.argument("name")
-@click.argument("part")
+@click.argument("part", shell_complete=completers.part_numbers)
 @click.option("--description", default="", help="What it is for, in words.")
 @click.option("--local-name", default="", metavar="LOCAL", help="Only the part that shows this local name asks for it.")
 @click.option(
@@ -227,7 +221,7 @@ def add(
 
 
 @slot_command.command("remove")
-@click.argument("slot")
+@click.argument("slot", shell_complete=completers.slots)
 @robot_and_json_options
 def remove(slot: str, db: str | None, robot: str | None) -> None:
     """Remove SLOT and its wires from a running robot; its part is delisted.

@@ -8,14 +8,8 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import one_robot
-from msbot.cli.robot_options import (
-    DEFAULT_BLUEPRINT,
-    db_option,
-    existing_database,
-    library_option,
-    mistakes_told,
-    robot_option,
-)
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, existing_database
+from msbot.cli.robot_options import db_option, library_option, mistakes_told, robot_option
 from msbot.config import Blueprint, Library, blueprint_toml, open_blueprint, write_sample
 from msbot.registry import open_registry
 from msbot_xrce.counting import amount

@@ -19,7 +19,9 @@ import click
 
 from msbot.carried.carried_files import FOLDER, OF_GENERIC_BOARDS, package_files
 from msbot.cli.board.board_connection import NEEDED, Board, BoardFacts, BoardFile, choose, ports
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import json_option
+from msbot_agent.cli.table import print_table
 from msbot_agent.text.untrusted_input import read_input_file, read_json
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
@@ -57,11 +59,14 @@ def list_command(*, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps([asdict(port) for port in found]))
         return
-    for port in found:
-        name = port.name or ("a USB device without a name" if port.usb else "not USB")
-        click.echo(f"{port.port}  {name}" + (f" ({port.usb})" if port.usb else ""))
     if not found:
         click.echo("There is no serial port: plug a board in, with a cable that carries data.")
+        return
+    nameless = {True: "a USB device without a name", False: "not USB"}
+    print_table(
+        ("port", "USB", "device"),
+        [(port.port, port.usb or "-", port.name or nameless[bool(port.usb)]) for port in found],
+    )
 
 
 @command.command("install")
@@ -110,7 +115,7 @@ def run_command(file: Path, port: str | None, link: str | None, wifi: str | None
             traceback = ready.board.run(program.starter.decode(), out)
     if traceback and (sentence := error_sentence(traceback, program.name)):
         click.echo(f"msbot: {sentence}", err=True)
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
 
 
 @command.command("shell")

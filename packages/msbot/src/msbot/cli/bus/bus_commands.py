@@ -11,8 +11,10 @@ import click
 from msbot.cli.bus.dump import FilterType, FrameFilter
 from msbot.cli.bus.frame_log import FrameReader
 from msbot.cli.bus.frame_words import WordsFormat, tell_unknown, told_lines
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, library_option
+from msbot.cli.database_place import DEFAULT_BLUEPRINT
+from msbot.cli.robot_options import library_option
 from msbot.pnp import FrameListener
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_agent.link.can.sim import DEFAULT_NAME
@@ -289,7 +291,7 @@ def selftest(bitrate: int, frames: int, *, as_json: bool) -> None:
     from msbot.cli.bus.selftest import run_selftest
 
     if not run_selftest(bitrate, frames, click.echo, as_json=as_json):
-        raise SystemExit(1)
+        raise SystemExit(ExitStatus.NO)
 
 
 # What the frames of a log say: `msbot bus decode`.

@@ -8,7 +8,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT
+from msbot.cli.database_place import DEFAULT_BLUEPRINT
 from msbot.pnp import KNOWN_TYPES, FrameListener, FrameWords, SessionListener
 from msbot_agent.link.can.protocol import LogLine, format_frame, show_frame
 from msbot_agent.text.untrusted_input import open_input_file

@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.change.stop_commands import ChosenRobots, say_go
 from msbot.cli.robot_options import robot_and_json_options, robot_options, stop_group_option, wants_json
@@ -21,6 +22,8 @@ from msbot.config import scalar_text
 from msbot.operations.operation import Argument, ArgumentKind, Operation
 from msbot.operations.table import OPERATIONS
 from msbot_agent.cli.options import FiniteRange, WholeRange
+from msbot_agent.cli.table import print_table
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 
 
@@ -52,10 +55,15 @@ def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, o
 
 
 def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[..., object]]:
+    complete = completers.BY_METAVAR.get(argument.shown_as)
     if not argument.option:
         count = -1 if argument.kind is ArgumentKind.TEXTS else 1
         return click.argument(
-            argument.passed_as, required=argument.is_needed, metavar=argument.shown_as or None, nargs=count
+            argument.passed_as,
+            required=argument.is_needed,
+            metavar=argument.shown_as or None,
+            nargs=count,
+            shell_complete=complete,
         )
     if argument.kind is ArgumentKind.FLAG:
         return click.option(argument.option, argument.passed_as, is_flag=True, help=argument.help)
@@ -65,6 +73,7 @@ def _decorate(argument: Argument) -> Callable[[Callable[..., object]], Callable[
         argument.passed_as,
         required=argument.is_needed,
         metavar=argument.shown_as or None,
+        shell_complete=complete,
         multiple=argument.kind is ArgumentKind.TEXTS,
         default=() if argument.kind is ArgumentKind.TEXTS else default,
         help=argument.help,
@@ -85,8 +94,13 @@ WINDOW_S = 60.0
 
 
 @click.command("adopt")
-@click.argument("part", required=False)
-@click.option("--slot", metavar="SLOT", help="The slot it goes into; else the one empty slot that fits.")
+@click.argument("part", required=False, shell_complete=completers.parts)
+@click.option(
+    "--slot",
+    metavar="SLOT",
+    shell_complete=completers.slots,
+    help="The slot it goes into; else the one empty slot that fits.",
+)
 @click.option(
     "--window",
     type=FiniteRange(),
@@ -144,8 +158,8 @@ def go_command(db: str | None, robot: str | None, *, number: int | None, as_json
 
 
 @click.command("set")
-@click.argument("slot")
-@click.argument("name", required=False)
+@click.argument("slot", shell_complete=completers.slots)
+@click.argument("name", required=False, shell_complete=completers.parameters)
 @click.argument("value", required=False)
 @click.option("--reset", is_flag=True, help="Take back what was set by hand: blueprint or library hold again.")
 @robot_and_json_options
@@ -171,18 +185,20 @@ def _show(db: str | None, robot: str | None, slot: str, name: str | None) -> Non
     assert isinstance(values, list)
     shown = [value for value in values if name in (None, value["name"])]
     if not shown and name is not None:
-        known = ", ".join(value["name"] for value in values) or "none"
-        raise ConfigError(f"slot {slot} has no parameter {name!r}; it has {known}")
+        hint = instead_of(name, [value["name"] for value in values])
+        raise ConfigError(f"slot {slot} has no parameter {name!r}; {hint}")
     if wants_json():
         click.echo(json.dumps(shown))
         return
     if not shown:
         click.echo(f"slot {slot} has no parameters")
-    for value in shown:
-        unit = f" {value['unit']}" if value["unit"] else ""
-        origin = f"by hand, {value['who']}" if value["origin"] == "hand" else value["origin"]
-        words = f"{value['name']} = {scalar_text(value['value'])}{unit}  ({origin})  {value['description']}"
-        click.echo(words.rstrip())
+        return
+    print_table(("parameter", "value", "unit", "from", "what it does"), [_value_row(value) for value in shown])
+
+
+def _value_row(value: dict[str, Any]) -> tuple[str, ...]:
+    origin = f"hand, {value['who']}" if value["origin"] == "hand" else value["origin"]
+    return value["name"], scalar_text(value["value"]), value["unit"], origin, value["description"]
 
 
 # `msbot undo`: undo a change.
@@ -203,9 +219,18 @@ def undo_command(number: int | None, last: int, db: str | None, robot: str | Non
     if wants_json():
         click.echo(json.dumps(edits[::-1]))
         return
-    for edit in reversed(edits):
-        when = datetime.fromtimestamp(edit["at_ns"] / 1e9).strftime("%Y-%m-%d %H:%M:%S")
-        undone = "  (taken back)" if edit["undone"] else ""
-        click.echo(f"{edit['id']:>5}  {when}  {edit['who']}: {edit['words']}{undone}")
     if not edits:
         click.echo("Nothing was changed yet.")
+        return
+    print_table(
+        ("change", "when", "who", "what"),
+        [
+            (
+                str(edit["id"]),
+                datetime.fromtimestamp(edit["at_ns"] / 1e9).strftime("%Y-%m-%d %H:%M:%S"),
+                edit["who"],
+                f"{edit['words']}{' (taken back)' if edit['undone'] else ''}",
+            )
+            for edit in reversed(edits)
+        ],
+    )

@@ -9,19 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from msbot.cli.robot_options import (
-    database_here,
-    existing_database,
-    is_there,
-    no_database,
-    user_name,
-    wants_json,
-)
+from msbot.cli.database_place import database_here, existing_database, is_there, no_database
+from msbot.cli.robot_options import user_name, wants_json
 from msbot.registry.records import database_identity
 from msbot_agent.agent import MASTER, RunningProcess, running_processes
 from msbot_agent.log import TerminalHandler
 from msbot_agent.process.user_folders import running_folder
 from msbot_agent.startup.extensions import own_version
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -225,7 +220,9 @@ def one_robot(database: str, robots: Sequence[RobotRecord], name: str | None) ->
     found = [robot for robot in robots if name is None or name in (robot.name, robot.serial_number)]
     known = ", ".join(f"{robot.name} ({robot.serial_number})" for robot in robots)
     if not found:
-        raise ConfigError(f"the database {database} has no robot {name!r}; there are {known}")
+        near = nearest(name or "", [word for robot in robots for word in (robot.name, robot.serial_number)])
+        hint = did_you_mean(near) if near else f"there are {known}"
+        raise ConfigError(f"the database {database} has no robot {name!r}; {hint}")
     if len(found) > 1:
         raise ConfigError(f"the database {database} has several robots: say which with --robot; {known}")
     return found[0]

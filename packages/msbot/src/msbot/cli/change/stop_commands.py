@@ -13,7 +13,8 @@ from pathlib import Path
 
 import click
 
-from msbot.cli.robot_options import DEFAULT_BLUEPRINT, database_beside, robot_options, stop_group_option, user_name
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
+from msbot.cli.robot_options import robot_options, stop_group_option, user_name
 from msbot.registry.records import database_identity
 from msbot.stop.socket_folders import IS_THERE, own_user
 from msbot.stop.socket_names import group_to_stop

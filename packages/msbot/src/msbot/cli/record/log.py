@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.robot_options import robot_options
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange, WholeRange
 from msbot_agent.text.sentence import as_cell, printable
 from msbot_xrce.counting import amount
@@ -147,7 +149,7 @@ def _choice(function: _C) -> _C:
     return function
 
 
-_file = click.argument("file", type=click.Path(path_type=Path))
+_file = click.argument("file", shell_complete=completers.recordings, type=click.Path(path_type=Path))
 
 
 @command.command("show")
@@ -245,8 +247,8 @@ def filter_(  # noqa: PLR0917 - what the command was given
 
 
 @command.command("diff")
-@click.argument("before", type=click.Path(path_type=Path))
-@click.argument("after", type=click.Path(path_type=Path))
+@click.argument("before", shell_complete=completers.recordings, type=click.Path(path_type=Path))
+@click.argument("after", shell_complete=completers.recordings, type=click.Path(path_type=Path))
 def diff(before: Path, after: Path) -> None:
     """Show what parts and people did in only one of two recordings, and compare the topics.
 
@@ -262,7 +264,7 @@ def diff(before: Path, after: Path) -> None:
     if not lines:
         click.echo("The same happened in both.")
     _tell_rest((), (*_damage_of(first), *_damage_of(second)))
-    sys.exit(1 if lines else 0)
+    sys.exit(ExitStatus.NO if lines else ExitStatus.DONE)
 
 
 @command.command("export")
@@ -382,7 +384,7 @@ def _tell_rest(mistakes: Iterable[str], damages: Sequence[str]) -> None:
     for sentence in told:
         click.echo(f"msbot: {sentence}", err=True)
     if told:
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
 
 
 def _chosen(reader: RecordingReader, wish: _Wish) -> Iterator[tuple[float, RecordedMessage]]:

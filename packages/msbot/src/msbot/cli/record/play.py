@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.robot_options import link_option, robot_options
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange
 from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
@@ -29,7 +31,7 @@ NOTICEABLE_S = 0.1
 
 
 @click.command("play")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", shell_complete=completers.recordings, type=click.Path(path_type=Path))
 @click.option(
     "--slot",
     "slots",
@@ -115,7 +117,7 @@ def command(
         for line in replay.outcome():
             click.echo(line)
     if damage:
-        sys.exit(1)
+        sys.exit(ExitStatus.NO)
 
 
 class _Replay:

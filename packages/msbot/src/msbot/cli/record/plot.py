@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.change.robot_access import perform
 from msbot.cli.record.log import SUFFIX
 from msbot.cli.robot_options import library_option, robot_options
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange, WholeRange
 from msbot_agent.text.sentence import as_cell, printable
+from msbot_agent.text.similar_names import did_you_mean
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError, LocalProtocolError
 from msbot_xrce.lazy import dataclass
@@ -44,7 +47,7 @@ class _Wish:
 
 
 @click.command("plot")
-@click.argument("what", nargs=-1, metavar="[FILE.mcap] [CURVE]...")
+@click.argument("what", nargs=-1, shell_complete=completers.recordings, metavar="[FILE.mcap] [CURVE]...")
 @click.option(
     "--seconds",
     type=FiniteRange(min=1),
@@ -124,7 +127,7 @@ def command(
         read, zero_s = _read(wish, folder, unit_of)
         _show(read, zero_s, wish, out)
         if folder is None and read.damages:  # the newest file of a ring has no end yet
-            sys.exit(1)
+            sys.exit(ExitStatus.NO)
         return
     with suppress(KeyboardInterrupt):
         while True:
@@ -205,7 +208,7 @@ def _check_name(name: str, read: ReadCurves, folder: Path | None) -> None:
     if any(is_wanted(one, [name]) for one in read.known):
         raise ConfigError(f"{name} has no value in that time: choose a longer one")
     close = close_names(name, read.known)
-    hint = f"do you mean {' or '.join(close)}?" if close else "`msbot plot` without a name lists what there is"
+    hint = did_you_mean(close) if close else "`msbot plot` without a name lists what there is"
     place = "in that time of the robot" if folder is not None else "in the recording"
     raise ConfigError(f"there is no curve {name!r} {place}; {hint}")
 

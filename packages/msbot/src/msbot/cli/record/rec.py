@@ -13,11 +13,13 @@ from typing import Any
 import click
 
 from msbot.cli.change.robot_access import perform, running_master
+from msbot.cli.database_place import database_here, is_there, no_database
 from msbot.cli.record.log import recording_name
-from msbot.cli.robot_options import database_here, is_there, no_database, robot_options
+from msbot.cli.robot_options import robot_options
 from msbot.cli.run.ring_folders import find_ring_folders
 from msbot.registry.records import database_identity
 from msbot_agent.cli.options import FiniteRange, json_option
+from msbot_agent.cli.table import print_table
 from msbot_agent.text.sentence import printable
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
@@ -173,8 +175,11 @@ def _wait_until_begun(path: Path, db: str | None, robot: str | None) -> None:
 def _show_ring(folder: str, files: list[dict[str, Any]]) -> None:
     octets = sum(one["octets"] for one in files)
     click.echo(f"The ring is in {folder}: {amount(len(files), 'file')}, {octets / 1e6:.1f} MB.")
-    for one in files:
-        click.echo(f"  {one['name']}  {one['octets'] / 1e6:8.2f} MB  written {one['changed']}")
+    if files:
+        print_table(
+            ("file", "MB", "written"),
+            [(one["name"], f"{one['octets'] / 1e6:.2f}", one["changed"]) for one in files],
+        )
 
 
 def _list_left(db: str | None, robot: str | None, *, as_json: bool) -> None:

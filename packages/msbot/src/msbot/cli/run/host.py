@@ -19,6 +19,7 @@ from msbot.part import Part
 from msbot.part.join.part_keys import given_key
 from msbot.part.join.uid import parse_uid, stored_uid
 from msbot.part.run import CAN
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.group import complain
 from msbot_agent.cli.options import json_option
 from msbot_agent.link import Link, open_link
@@ -120,7 +121,7 @@ def scan_command(folders: tuple[Path, ...], *, as_json: bool) -> None:
             complain(fault)
         if not result.found and not result.faults:
             click.echo("Nothing is plugged in that can be found: parts at plain pins do not answer.")
-    sys.exit(1 if result.faults else 0)
+    sys.exit(ExitStatus.NO if result.faults else ExitStatus.DONE)
 
 
 # How a command runs parts that are wired to this computer: links, UIDs, keys, signals.

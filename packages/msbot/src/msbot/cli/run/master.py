@@ -13,15 +13,8 @@ from pathlib import Path
 import click
 
 from msbot.cli.change.robot_access import master_details
-from msbot.cli.robot_options import (
-    DEFAULT_BLUEPRINT,
-    DEFAULT_LINK,
-    StopGroupType,
-    database_beside,
-    db_option,
-    library_option,
-    metrics_option,
-)
+from msbot.cli.database_place import DEFAULT_BLUEPRINT, database_beside
+from msbot.cli.robot_options import DEFAULT_LINK, StopGroupType, db_option, library_option, metrics_option
 from msbot.cli.run.master_services import (
     MasterCommand,
     MasterContext,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.robot_options import library_here, library_option, link_option
 from msbot.cli.run.world_options import WorldOptions, place_option, put_into_world, remote_world, world_option
 from msbot.config import Reading, Scalar, scalar_text
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @click.command("part")
-@click.argument("name")
+@click.argument("name", shell_complete=completers.part_numbers)
 @click.option(
     "--set",
     "settings",
@@ -120,7 +121,7 @@ def _stand_in(
     name: str, local_name: str | None, uid: str | None, folders: tuple[Path, ...], *, quiet: bool
 ) -> tuple[str, str, str]:
     """Part number, local name and UID of a simulated part for a slot of the robot.toml here, or for a part number."""
-    from msbot.cli.robot_options import DEFAULT_BLUEPRINT
+    from msbot.cli.database_place import DEFAULT_BLUEPRINT
     from msbot.config import open_blueprint
     from msbot.part.join.uid import stored_uid
 

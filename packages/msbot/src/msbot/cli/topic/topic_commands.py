@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 import sys
@@ -12,12 +11,16 @@ from typing import Any
 
 import click
 
+from msbot.cli import completers
 from msbot.cli.change.robot_access import MasterConnection
 from msbot.cli.robot_options import robot_options
 from msbot.cli.topic.message_output import MessageOutput, TimeForm
 from msbot.cli.topic.rates import MessageWindow
+from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
+from msbot_agent.cli.table import print_table
 from msbot_agent.text.sentence import printable
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
 
@@ -55,8 +58,8 @@ class RobotTopics(MasterConnection):
         for word in (name, name.lstrip("/")):
             if word in known:
                 return known[word]
-        close = difflib.get_close_matches(name.lstrip("/"), known)
-        hint = f"do you mean {' or '.join(close)}?" if close else "`msbot topic list` lists them"
+        near = nearest(name.lstrip("/"), known)
+        hint = did_you_mean(near) if near else "`msbot topic list` lists them"
         raise ConfigError(f"this robot has no topic {name!r}; {hint}")
 
 
@@ -79,7 +82,7 @@ def _answers(
         time.sleep(max(0.0, began + PAUSE_S - time.monotonic()))
 
 
-_topic_argument = click.argument("topic")
+_topic_argument = click.argument("topic", shell_complete=completers.topics)
 _type_argument = click.argument("type_name", required=False, metavar="[TYPE]")
 
 
@@ -101,18 +104,17 @@ def list_(
         click.echo(json.dumps(topics))
     elif count_topics:
         click.echo(str(len(topics)))
+    elif verbose:
+        print_table(("topic", "type", "messages", "publishers", "subscribers"), [_row(one) for one in topics])
     else:
         for one in topics:
-            click.echo(_line(one, show_types=show_types, verbose=verbose))
+            name = printable(one["topic"])
+            click.echo(f"{name} [{one['type'] or 'free'}]" if show_types else name)
 
 
-def _line(topic: Mapping[str, Any], *, show_types: bool, verbose: bool) -> str:
-    name = printable(topic["topic"])
-    kind = topic["type"] or "free"
-    if verbose:
-        ends = f"{_ends(topic['publishers'])} -> {_ends(topic['subscribers'])}"
-        return f"{name} [{kind}]  {ends}  {amount(topic['published'], 'message')}"
-    return f"{name} [{kind}]" if show_types else name
+def _row(topic: Mapping[str, Any]) -> tuple[str, ...]:
+    ends = _ends(topic["publishers"]), _ends(topic["subscribers"])
+    return topic["topic"], topic["type"] or "free", str(topic["published"]), *ends
 
 
 def _ends(ends: list[dict[str, str]]) -> str:
@@ -206,7 +208,7 @@ def echo(
                     return
             if timeout is not None and time.monotonic() - heard_at >= timeout:
                 click.echo(f"msbot: no message on {meant['topic']} for {timeout:g} s", err=True)
-                sys.exit(1)
+                sys.exit(ExitStatus.NO)
     except KeyboardInterrupt:
         lost = f", {missed} missed" if missed else ""
         click.echo(f"\n{meant['topic']}: {amount(shown, 'message')}{lost}", err=True)

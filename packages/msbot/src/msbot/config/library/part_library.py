@@ -34,8 +34,9 @@ from msbot.config.library.search import PartSearch
 from msbot.config.library.versions import split_number
 from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_agent.toml.document import Document, packaged_document, read_document
-from msbot_agent.toml.problems import MOST_LISTED, FileLocation, Problems, did_you_mean, nearest, quoted
+from msbot_agent.toml.problems import MOST_LISTED, FileLocation, Problems, quoted
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 

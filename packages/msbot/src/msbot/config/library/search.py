@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 
 from msbot.config.library.part_types import PartType
-from msbot_agent.toml.problems import nearest
+from msbot_agent.text.similar_names import nearest
 
 _WORD = re.compile(r"[^\W_]+")
 _WHOLE, _BEGINNING, _NEAR = 4.0, 2.0, 1.0

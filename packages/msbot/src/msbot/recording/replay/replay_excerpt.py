@@ -13,6 +13,7 @@ from msbot.recording.recorder.batch import OWN_TOPICS
 from msbot.recording.recorder.recording_file import ENCAPSULATION
 from msbot.recording.recordings.mcap_reader import OWN, RecordedMessage, RecordingReader
 from msbot.recording.recordings.summary import named_topics
+from msbot_agent.text.similar_names import instead_of
 from msbot_agent.text.untrusted_input import read_json
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
@@ -161,7 +162,7 @@ def _chosen(file: str, known: dict[str, RecordedSlot], wanted: Sequence[str]) ->
         return tuple(known.values())
     for name in wanted:
         if name not in known:
-            raise ConfigError(f"{file} has no slot {name!r}; it has {there}")
+            raise ConfigError(f"{file} has no slot {name!r}; {instead_of(name, known)}")
     return tuple(known[name] for name in dict.fromkeys(wanted))
 
 

@@ -15,6 +15,7 @@ from msbot.registry.database.tables import library, settings, slots
 from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.records import EditKind, EditRecord, ValueRecord
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -92,8 +93,8 @@ def find_slot(connection: Connection, robot_id: int, name: str) -> tuple[int, st
         order = (
             select(slots.c.name).where(slots.c.robot_id == robot_id, slots.c.in_blueprint).order_by(slots.c.position)
         )
-        known = connection.execute(order.limit(12)).scalars().all()
-        raise ConfigError(said("there is no slot {name!r}; there are {known}", name=name, known=", ".join(known)))
+        known = connection.execute(order).scalars().all()
+        raise ConfigError(said("there is no slot {name!r}; {hint}", name=name, hint=instead_of(name, known)))
     return row.id, row.part_number
 
 
@@ -151,8 +152,8 @@ def check_value(connection: Connection, robot_id: int, slot: str, name: str, val
     known = {record.name: record for record in read_values(connection, robot_id, slot)}
     record = known.get(name)
     if record is None:
-        have = said("it has {known}", known=", ".join(known)) if known else said("it has none")
-        raise ConfigError(said("slot {slot} has no parameter {name!r}; {have}", slot=slot, name=name, have=have))
+        hint = instead_of(name, known)
+        raise ConfigError(said("slot {slot} has no parameter {name!r}; {hint}", slot=slot, name=name, hint=hint))
     if value is None:
         if record.origin != HAND:
             raise ConfigError(

@@ -20,6 +20,7 @@ from msbot.registry.edits.edit_log import Author, record
 from msbot.registry.edits.slot_values import find_slot, read_parameters
 from msbot.registry.records import EditKind, EditRecord
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -188,9 +189,9 @@ def unbind(connection: Connection, author: Author, topic: str, endpoint: SlotPor
         known = sorted(connection.execute(query).scalars())
         raise ConfigError(
             said(
-                "no port is bound to topic {topic!r}; topics: {known}",
+                "no port is bound to topic {topic!r}; {hint}",
                 topic=topic,
-                known=", ".join(known) or said("none"),
+                hint=instead_of(topic, known),
             )
         )
     if not gone:

@@ -21,6 +21,7 @@ from msbot.sim.arena.gripper import Grippers
 from msbot.sim.arena.sensors import SensorModel
 from msbot.sim.arena.wheels import GRAVITY, SENSE_STEPS, STEP_S, step_wheels
 from msbot.sim.arena.world_plan import Box, Colour, Point, RobotPlan, WorldPlan
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 from msbot_xrce.lazy import dataclass
 
@@ -99,7 +100,7 @@ class Arena:
         """
         robot = self.robots.get(name)
         if robot is None:
-            raise ConfigError(f'the world has no robot "{name}"; it has {", ".join(self.robots)}')
+            raise ConfigError(f'the world has no robot "{name}"; {instead_of(name, self.robots)}')
         return robot
 
     def reset(self) -> None:

@@ -26,6 +26,7 @@ from msbot.sim.arena.world_plan import (
     Wall,
     WorldPlan,
 )
+from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_agent.toml.document import Document, parse_document, read_document
 from msbot_agent.toml.problems import Problems, suggestion, toml_value_in_words
 from msbot_agent.toml.table import Table
@@ -155,7 +156,9 @@ def open_world(name: str) -> WorldPlan:
     names = shipped_worlds()
     path = SHIPPED / f"{name}.toml" if name in names else Path(name)
     problems = Problems()
-    document = read_document(path, problems, if_missing=f"write a file, or one of {', '.join(names)}")
+    near = nearest(str(path), names)
+    right = did_you_mean(near) if near else f"write a file, or one of {', '.join(names)}"
+    document = read_document(path, problems, if_missing=right)
     return _read(document, problems)
 
 

@@ -1,0 +1,47 @@
+"""Ctrl-C ends a command without a traceback, wherever it comes: in an import, in a callback, at the very end.
+
+Python prints an interrupt in two places besides `except`: where nothing catches it, and where nothing can, as in the
+callback of a weak reference (each import has some). There it would be lost, too, so that it is raised again.
+"""
+
+from __future__ import annotations
+
+import _thread
+import sys
+from contextlib import suppress
+from types import TracebackType
+from typing import NoReturn
+
+from msbot_agent.cli.exit_status import ExitStatus
+
+
+def without_traceback() -> None:
+    """From now on; who has set hooks of their own (pytest has) keeps them."""
+    if sys.excepthook is sys.__excepthook__:
+        sys.excepthook = _uncaught
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _unraisable
+
+
+def end() -> NoReturn:
+    """End the program because of Ctrl-C."""
+    complain("broken off before it was done")
+    sys.exit(ExitStatus.INTERRUPTED)
+
+
+def complain(words: str) -> None:
+    """Say on standard error what is wrong, where there is somebody to hear it."""
+    with suppress(OSError):
+        print(f"msbot: {words}", file=sys.stderr, flush=True)
+
+
+def _uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    if not issubclass(kind, KeyboardInterrupt):  # of one, Python tells the shell by how it ends
+        sys.__excepthook__(kind, error, trace)
+
+
+def _unraisable(lost: sys.UnraisableHookArgs) -> None:
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+    elif not sys.is_finalizing():
+        _thread.interrupt_main()
