@@ -378,9 +378,7 @@ def test_a_mission_without_faults_and_files_that_are_none(tmp_path: Path) -> Non
     (tmp_path / "bad.toml").write_bytes(b"\xff")
     with pytest.raises(ConfigError, match=r"bad\.toml: is no text in UTF-8; save it as UTF-8"):
         load_mission(tmp_path / "bad.toml")
-    with pytest.raises(
-        ConfigError, match="there is no mission 'x'; one of your own is a file, such as x.toml; there are a-bad-day"
-    ):
+    with pytest.raises(ConfigError, match=r"there is no mission 'x'; .*; there are a-bad-day"):
         ready_mission("x")
 
 

@@ -164,7 +164,7 @@ async def what_cannot_begin_changes_nothing(played: Played) -> None:
         ({"mission": "x.toml", "toml": OWN + '[[do]]\nwords = "w"\nuntil = "nose is active"'}, "no slot nose"),
         (
             {"mission": "nothing"},
-            "there is no mission 'nothing'; one of your own is a file, such as nothing.toml; there are a-bad-day",
+            "one of your own is a file, such as nothing.toml; there are a-bad-day",
         ),
         ({"mission": "x.toml", "toml": "[mission]"}, "x.toml"),
         ({"mission": "x.toml", "toml": OWN.replace("unplug", "wrong-key")}, "asks no part for a key"),
