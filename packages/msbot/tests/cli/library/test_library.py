@@ -45,7 +45,7 @@ def test_the_list_has_every_part_of_a_category(folder: Path) -> None:
     everything = json.loads(said("list", "--json", "--library", folder))
     assert len(everything) > 40
     assert "LUX-1" in [entry["number"] for entry in everything]
-    assert complaint("list", "--category", "motor").startswith("there is no category 'motor'; there are sensor, input")
+    assert complaint("list", "--category", "motor").startswith("there is no category 'motor'; did you mean other?")
 
 
 def test_a_search_prints_the_best_or_says_what_to_do(folder: Path) -> None:

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from msbot.config import Binding, Blueprint, InDds, Library, RosOptions, Scalar, Slot, SlotPort, binding_faults
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 
 ORDER = ("library", "blueprint", "hand")
@@ -165,8 +166,7 @@ class PlainRobot:
             one.name: one for one in (part_type.parameters if part_type else ()) if one.name in self.in_force(slot)
         }
         if name not in known:
-            have = f"it has {', '.join(known)}" if known else "it has none"
-            raise ConfigError(f"slot {slot} has no parameter {name!r}; {have}")
+            raise ConfigError(f"slot {slot} has no parameter {name!r}; {instead_of(name, known)}")
         old, origin, *_ = self.in_force(slot)[name]
         if value is None and origin != "hand":
             raise ConfigError(f"{name} of slot {slot} is not set by hand: its value is the {origin}'s already")
@@ -267,8 +267,8 @@ class PlainRobot:
         before = self._ends(topic)
         bound = [end for end in before if end.in_use]
         if not bound:
-            known = ", ".join(sorted({wire.topic for wire in self.wires if wire.in_use})) or "none"
-            raise ConfigError(f"no port is bound to topic {topic!r}; topics: {known}")
+            known = sorted({wire.topic for wire in self.wires if wire.in_use})
+            raise ConfigError(f"no port is bound to topic {topic!r}; {instead_of(topic, known)}")
         gone = {end.at for end in bound if port is None or (end.slot, end.port) == (port.slot, port.port)}
         if not gone:
             names = ", ".join(sorted({f"{end.slot}.{end.port}" for end in bound}))

@@ -90,8 +90,8 @@ def test_a_value_set_by_hand_survives_the_next_start(registry: Registry, robot: 
     ("slot", "name", "value", "sentence"),
     [
         ("nose", "period_s", 1, "there is no slot 'nose'; there are left, right, leg"),
-        ("left", "colour", 1, "slot left has no parameter 'colour'; it has period_s, invert"),
-        ("leg", "period_s", 1, "slot leg has no parameter 'period_s'; it has none"),
+        ("left", "colour", 1, "slot left has no parameter 'colour'; there are period_s, invert"),
+        ("leg", "period_s", 1, "slot leg has no parameter 'period_s'; there are none"),
         ("left", "period_s", 90, "period_s of slot left: is 90; it must be 0.01 to 60 s"),
         ("left", "invert", 1, "invert of slot left: must be true or false, for example 'false'; it is the number 1"),
         ("left", "period_s", None, "period_s of slot left is not set by hand: its value is the blueprint's already"),
@@ -361,7 +361,7 @@ def test_a_wire_that_cannot_be(
 
 def test_a_wire_that_is_not_there(registry: Registry, robot: RobotRecord) -> None:
     assert _refused(Hand(registry).unbind, robot, "heat", None, "Ann") == (
-        "no port is bound to topic 'heat'; topics: brightness"
+        "no port is bound to topic 'heat'; there are brightness"
     )
     assert _refused(Hand(registry).unbind, robot, "brightness", SlotPort("right", "light"), "Ann") == (
         "right.light is not bound to topic 'brightness'; left.light, leg.goal are"
