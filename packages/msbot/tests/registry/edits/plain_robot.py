@@ -463,7 +463,7 @@ class PlainRobot:
 
     def _slot(self, name: str) -> None:
         if name not in self.in_blueprint():
-            raise ConfigError(f"there is no slot {name!r}; there are {', '.join(self.in_blueprint()[:12])}")
+            raise ConfigError(f"there is no slot {name!r}; {instead_of(name, self.in_blueprint())}")
 
     def _known(self, uid: str) -> None:
         if not uid:
