@@ -59,7 +59,7 @@ def test_a_setting_reaches_its_part_at_once_and_its_origin_is_shown(tmp_path: Pa
 @pytest.mark.parametrize(
     ("slot", "name", "value", "words"),
     [
-        ("AA", "perod_s", "1", "slot AA has no parameter 'perod_s'; it has"),
+        ("AA", "perod_s", "1", "slot AA has no parameter 'perod_s'; did you mean period_s?"),
         ("AA", "period_s", "soon", "period_s: must be a number"),
         ("AA", "period_s", "-1", "it must be"),
         ("XX", "period_s", "1", "the robot has no slot 'XX'"),

@@ -165,7 +165,7 @@ def test_setting_a_parameter_is_msbot_set(tmp_path: Path) -> None:
         assert [(one.successful, one.reason) for one in results] == [
             (True, ""),
             (False, "period_s: is 99.0; it must be 0.1 to 10 s"),
-            (False, "slot AA has no parameter 'x'; it has period_s"),
+            (False, "slot AA has no parameter 'x'; there are period_s"),
             (False, "period_s is a double, not a string"),
         ]
         await asyncio.sleep(0.1)

@@ -178,7 +178,7 @@ def test_put_stays_in_the_world_and_reset_begins_anew_with_the_same_parts() -> N
     world.drive("robot", "wheels", {"motor.left": 80.0, "motor.right": 80.0})
     world.step(100)
     assert world.robot("robot").pose.x > 1.02
-    with pytest.raises(ConfigError, match='no robot "rival"; it has robot'):
+    with pytest.raises(ConfigError, match='no robot "rival"; there are robot'):
         world.put("rival", (1, 1))
 
 

@@ -70,7 +70,7 @@ async def test_a_world_without_a_free_place_says_so() -> None:
         living.seat("robot", "eyes", ["distance"], _Nobody())
         with pytest.raises(ConfigError, match="each robot of the world is somebody's already: robot"):
             await RemoteWorldConnection("127.0.0.1", server.port, password=PASSWORD, say=print).run()
-        with pytest.raises(ConfigError, match='no robot "third"; it has robot'):
+        with pytest.raises(ConfigError, match='no robot "third"; there are robot'):
             await RemoteWorldConnection("127.0.0.1", server.port, "third", password=PASSWORD, say=print).run()
 
 

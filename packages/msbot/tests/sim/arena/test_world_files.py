@@ -74,7 +74,7 @@ def test_names_in_a_world_cannot_break_its_picture() -> None:
 
 def test_the_command_lists_checks_and_shows(tmp_path: Path) -> None:
     run = CliRunner()
-    assert run.invoke(msbot, ["arena", "list"]).output.count("\n") == 6
+    assert run.invoke(msbot, ["arena", "list"]).output.count("\n") == 7  # the titles, and six worlds
     shown = run.invoke(msbot, ["arena", "show", "warehouse", "--svg", str(tmp_path / "w.svg")])
     assert "robot second: differential" in shown.output
     assert (tmp_path / "w.svg").read_text().startswith("<svg")
