@@ -86,7 +86,7 @@ def test_who_still_says_stop_is_known_until_another_beat_or_none() -> None:
     stop.fall_silent(b"CC")
     assert not stop.sayers
     stop.handle_beat(*AA, 0)
-    stop.leave(b"AA")
+    stop.part_left(b"AA")
     assert not stop.sayers
 
 

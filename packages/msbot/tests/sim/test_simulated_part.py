@@ -29,8 +29,8 @@ def test_a_part_may_show_its_version() -> None:
 
 
 def test_names_and_uid_are_those_that_were_given() -> None:
-    unit = make_simulator("SG90", uid=b"8 bytes", local_name="left arm", random=Random(1))
-    assert (unit.part.part_number, unit.part.local_name, unit.part.uid) == ("SG90", "left arm", b"8 bytes")
+    unit = make_simulator("SG90", uid=b"8 octets", local_name="left arm", random=Random(1))
+    assert (unit.part.part_number, unit.part.local_name, unit.part.uid) == ("SG90", "left arm", b"8 octets")
 
 
 WRONG: list[tuple[str, Scalar, str]] = [

@@ -300,7 +300,7 @@ def test_deflate_gives_no_more_than_a_packet_can_be() -> None:
 
 @pytest.mark.parametrize("code", [0x00, 0x12, 0x14, 0x17])
 def test_no_submessage_is_longer_than_its_length_can_say(code: int) -> None:
-    with pytest.raises(RemoteProtocolError, match="octets"):
+    with pytest.raises(RemoteProtocolError, match="bytes"):
         decompress(bytes((code,)) + bytes(LARGEST + 3))
 
 

@@ -77,7 +77,7 @@ def test_pictures_are_pictures(file: Path, tmp_path: Path, form: str) -> None:
 
 
 def test_what_is_wrong_is_said(file: Path, tmp_path: Path) -> None:
-    assert "do you mean @late?" in refusal(file, "@lat")
+    assert "did you mean @late?" in refusal(file, "@lat")
     assert "has no value in that time" in refusal(file, "@late", "--from", "50")
     assert "choose" in refusal(file, "@late", "--out", "a.gif") or ".png" in refusal(file, "@late", "--out", "a.gif")
     assert "say which curves" in refusal(file, "--out", tmp_path / "a.png")
