@@ -31,7 +31,7 @@ def test_topics_of_a_running_robot(tmp_path: Path) -> None:
         assert "AA.out  (no part in the slot)" in topic("info", "-v", TOPIC)[1]
         status, _, words = topic("echo", "HelloWorldTopic_1_to_9")
         assert status == 2
-        assert TOPIC in words.partition("do you mean")[2]
+        assert TOPIC in words.partition("did you mean")[2]
         assert topic("echo", TOPIC, "--timeout", "0.2")[0] == 1
         with running("topic", "echo", f"/{TOPIC}", "--json", cwd=tmp_path, env=env) as echo:
             while not echo.waiting():  # whether it listens already, nobody tells

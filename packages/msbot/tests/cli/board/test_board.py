@@ -338,7 +338,13 @@ def test_ports_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
         SerialPort("/dev/ttyS0", "", "", ""),
     ]
     monkeypatch.setattr(commands, "ports", lambda: found)
-    assert call("list") == (0, "/dev/ttyACM0  MicroPython Board in FS mode (2e8a:0005)\n/dev/ttyS0  not USB\n")
+    status, shown = call("list")
+    assert status == 0
+    assert [line.split(maxsplit=2) for line in shown.splitlines()] == [
+        ["port", "USB", "device"],
+        ["/dev/ttyACM0", "2e8a:0005", "MicroPython Board in FS mode"],
+        ["/dev/ttyS0", "-", "not USB"],
+    ]
     answer = json.loads(call("list", "--json")[1])
     assert answer[0] == {
         "port": "/dev/ttyACM0",

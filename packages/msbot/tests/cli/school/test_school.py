@@ -115,8 +115,9 @@ def test_robots_are_listed_searched_and_told_apart(school: School) -> None:
     assert len(versions) == 1
     assert "" not in versions
     lines = ask("list", "runs", "x2")[1].splitlines()
-    assert "X2" in lines[0]
-    assert f"runs at {school.page}, 0 of 3 slots active" in lines[0]
+    assert lines[0].split() == ["robot", "version", "blueprint", "state", "page"]
+    assert "X2" in lines[1]
+    assert f"runs at {school.page}, 0 of 3 slots active" in lines[1]
     assert lines[-1] == "1 robot, 0 of them run here, 1 on other computers."
     assert f"does not answer: {school.away}: Connection refused" in ask("list", "X4")[1]
     assert ask("list", "nobody")[1] == "No robot fits.\n"
