@@ -149,8 +149,8 @@ def test_a_master_runs_without_page_and_lessons(tmp_path: Path) -> None:
 
 def test_an_agent_runs_alone(tmp_path: Path) -> None:
     env = without(tmp_path, "msbot.agent_services", "msbot.services", "msbot.commands", "msbot.loaders")
-    listed = re.findall(r"^  ([a-z]+)  ", told("--help", env=env).partition("Commands:")[2], re.MULTILINE)
-    assert listed == [*BUILT_IN]
+    listed = re.findall(r"^  ([a-z]+)  ", told("--help", env=env).partition("Options:")[2], re.MULTILINE)
+    assert sorted(listed) == sorted(BUILT_IN)
     for command, package in (("part", "msbot"), ("lesson", "msbot-school"), ("demo", "msbot-web")):
         done = run(command, env=env)
         assert done.returncode == 2
