@@ -125,7 +125,11 @@ def test_no_deed_finds_a_part_by_them(site: Site) -> None:
                         name: value.replace("{}", one) if isinstance(value, str) else value
                         for name, value in given.items()
                     }
-                    answer = site.ask(method, path.replace("{}", one), role=role, json=body)
+                    # The test may be quicker than a person may: what comes too soon is asked again.
+                    while (
+                        answer := site.ask(method, path.replace("{}", one), role=role, json=body)
+                    ).status_code == 429:
+                        continue
                     answers.append((answer.status_code, answer.text.replace(one, "?")))
                 if answers[0] != answers[1]:
                     wrong.append((role, method, path, word, answers))
