@@ -72,7 +72,8 @@ MISTAKES = {
         "program.py:3: the part does not run: publish in a function below @part.every or @part.on",
     ),
     "publish in another thread before run": (
-        "import threading\n" + HEAD
+        "import threading\n"
+        + HEAD
         + "thread = threading.Thread(target=lambda: part.publish('out', HelloWorld(index=1, message='x')))\n"
         "thread.start()\nthread.join()\nimport os\nos._exit(0)\n",
         "program.py:4 in <lambda>: the part does not run: publish in a function below @part.every or @part.on",
@@ -94,7 +95,7 @@ MISTAKES = {
         HEAD + "HelloWorld(index=-1, message='x')\npart.run()\n",
         "program.py:3: HelloWorld.index cannot be -1: uint32 needs a whole number from 0 to 4294967295",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("program", "told"), MISTAKES.values(), ids=MISTAKES.keys())

@@ -83,8 +83,10 @@ def test_the_robot_shows_what_a_program_logs(tmp_path: Path) -> None:
             ("AA", "error", "AA: the fan is stuck"),
         ]
         assert [line.words for line in stage.master.inventory.lines_of("AA")] == [
-            "it is warm", "too hot: 81 °C", "the fan is stuck",
-        ]  # fmt: skip
+            "it is warm",
+            "too hot: 81 °C",
+            "the fan is stuck",
+        ]
         assert "its program says: too hot: 81 °C" in stage.master.why("AA")
         noted = [event.reason for event in stage.events if event.part == "AA"]
         assert noted.count("its program says: the fan is stuck") == 1, "the journal has the error, once"

@@ -154,9 +154,11 @@ def test_a_part_asks_a_node(tmp_path: Path) -> None:
 
         async def call() -> object:
             part.call(
-                "ask", HelloWorld(index=1, message="x"), timeout=1.0,
+                "ask",
+                HelloWorld(index=1, message="x"),
+                timeout=1.0,
                 on_reply=lambda reply, error: heard.append(error or reply),
-            )  # fmt: skip
+            )
             await asyncio.sleep(1.5)
             return heard.pop()
 

@@ -88,8 +88,11 @@ def test_a_test_stands_in_for_what_a_part_calls() -> None:
         robot.answer("look", None)
         robot.advance(2)
         assert [one.partition(": is the part")[0] for one in told[1:]] == [
-            "a wall", "a door at 2", "call of look: refused: it is dark", "call of look: no reply within 1 s",
-        ]  # fmt: skip
+            "a wall",
+            "a door at 2",
+            "call of look: refused: it is dark",
+            "call of look: no reply within 1 s",
+        ]
         assert robot.asked("look") == [Angle(degrees=number) for number in range(5)]
         robot.clear()
         assert robot.asked("look") == []

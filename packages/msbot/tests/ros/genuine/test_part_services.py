@@ -156,9 +156,13 @@ async def test_a_node_lists_and_calls_the_service_of_a_part(tmp_path: Path, node
 
 async def test_a_type_that_msbot_does_not_know_has_the_fields_of_ours(tmp_path: Path, node: Node) -> None:
     wished = {
-        "bool_value": True, "int8_value": -8, "uint16_value": 65535, "int64_value": -(2**62), "float64_value": 0.1,
+        "bool_value": True,
+        "int8_value": -8,
+        "uint16_value": 65535,
+        "int64_value": -(2**62),
+        "float64_value": 0.1,
         "string_value": "grün",
-    }  # fmt: skip
+    }
     async with lamp(tmp_path):
         told = await node.does("call", type="test_msgs/srv/BasicTypes", name="/ROVER/mix", request=wished)
         assert {name: told["response"][name] for name in wished} == wished
