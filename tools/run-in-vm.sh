@@ -112,8 +112,9 @@ build_modules() {  # build_modules NAME VERSION: modules that Debian's kernel la
     b=$(mktemp -d "$CACHE/tmp.XXXXXX"); say "building $1 for $2"
     (exec >"$CACHE/$1.log" 2>&1
     common=$(echo "$2" | sed 's/-amd64$/-common/'); v=$(sed -n 's/^Version: //p' "$CACHE/linux/control")
-    for p in "linux-headers-$2" "linux-headers-$common" linux-kbuild-6.1; do
-        fetch "$p=$v" "headers-$p"; cp -r "$CACHE/headers-$p/usr" "$b/"; rm -rf "$CACHE/headers-$p"
+    # Debian may publish a newer linux-kbuild before the signed kernel that belongs to it; its programs serve both.
+    for p in "linux-headers-$2=$v" "linux-headers-$common=$v" linux-kbuild-6.1; do
+        fetch "$p" "headers-$p"; cp -r "$CACHE/headers-$p/usr" "$b/"; rm -rf "$CACHE/headers-$p"
     done
     sed -i "s#/usr/src/#$b/usr/src/#" "$b/usr/src/linux-headers-$2/Makefile"
     "source_of_$1"; [ -e "$b/source" ]
