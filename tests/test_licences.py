@@ -21,6 +21,7 @@ ALLOWED = {
     "psycopg-binary": "LGPL: as psycopg",
     "python-can": "LGPL: used as it is, and can be exchanged: the extra `can` installs it",
     "zeroconf": "LGPL: used as it is, and can be exchanged: the extra `announce` installs it",
+    "paho-mqtt": "EPL-2.0 or EDL (BSD-3-Clause): the latter",
     "cyclonedds": "EPL-2.0 or EDL (BSD): the latter",
     "eclipse-zenoh": "EPL-2.0 or Apache-2.0: the latter",
     "docutils": "public domain and BSD; of its files only an Emacs mode, which nobody imports, has the GPL",
