@@ -1,4 +1,4 @@
-"""Writes the lists of distributions and rooms in docs/reference/rooms.md from the linter's contracts and the rooms.
+"""Writes the lists of distributions and rooms in packages/README.md from the linter's contracts and the rooms.
 
     python tools/room_table.py           writes them
     python tools/room_table.py --check   says whether they are up to date (status 1 if not); a test does the same
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tools.sources import PACKAGES, ROOT
 
-PAGE = ROOT / "docs/reference/rooms.md"
+PAGE = ROOT / "packages/README.md"
 BEGIN = "<!-- made by tools/room_table.py from pyproject.toml -->\n"
 END = "<!-- end of what is made -->\n"
 OWN = {package.name for package in PACKAGES}
@@ -90,5 +90,5 @@ if __name__ == "__main__":
     wanted = page()
     if wanted != PAGE.read_text("utf-8"):
         if "--check" in sys.argv[1:]:
-            sys.exit("docs/reference/rooms.md is not up to date: run `python tools/room_table.py`")
+            sys.exit("packages/README.md is not up to date: run `python tools/room_table.py`")
         PAGE.write_text(wanted, "utf-8")
