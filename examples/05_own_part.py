@@ -1,6 +1,6 @@
 from msbot import Message, Part, float32
 
-part = Part("LUX-1", local_name="left eye")  # a kind of your own: docs/tutorial/first_part.md shows its library file
+part = Part("LUX-1", local_name="left eye")  # a kind of your own: docs/howto/add_a_part_type.md shows its library file
 
 
 class Light(Message):

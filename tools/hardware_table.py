@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 from msbot.config import BOARD_DRIVERS, BusKind, PartType, load_library, scalar_text
@@ -22,8 +21,6 @@ PICTURES = ROOT / "docs/reference/wiring"
 BEGIN = "<!-- made by tools/hardware_table.py -->\n"
 BEGIN_BOARDS = "<!-- the drivers of boards; made by tools/hardware_table.py -->\n"
 END = "<!-- end of what is made -->\n"
-DIVIDER = " of 1 and 2 kilo-ohms when it has 5 V: a Raspberry Pi takes 3.3 V"
-"""What the page of wiring says once."""
 SAID_ONCE = ("pull", "active_low", "frequency_hz", "full_v", "min_pulse_ms", "max_pulse_ms")
 """Options that the page's head explains."""
 TESTS = ("packages/msbot/tests/hardware", "tests/socketcan")
@@ -64,19 +61,11 @@ def wiring() -> str:
         driver = part_type.driver
         if not driver.entry_point:
             continue
-        supply = next(
-            (f" ({words})" for name, words in pins(part_type) if name == "VCC" and words == _supply(part_type)), ""
-        )
-        lines = [f"## {part_type.number}", "", f"{part_type.name}{supply}. `{example(part_type)}`", ""]
-        lines += [f"![{part_type.number}](wiring/{part_type.number}.svg)", ""]
-        named: dict[str, list[str]] = {}
-        for name, words in pins(part_type):
-            named.setdefault(words, []).append(name)
-        if supply:
-            named[_supply(part_type)].remove("VCC")
-        lines += [f"* {', '.join(names)}{': ' if words else ''}{words}" for words, names in named.items() if names]
-        lines += options(part_type)
-        sections.append("\n".join(lines).rstrip() + "\n")
+        words = _supply(part_type)
+        supply = f" ({words})" if any(pin.name == "VCC" and pin.kind.value == "power" for pin in part_type.pins) else ""
+        lines = [f"## {part_type.number}", "", f"{part_type.name}{supply}. `{example(part_type)}`{options(part_type)}"]
+        lines += ["", f"![{part_type.number}](wiring/{part_type.number}.svg)"]
+        sections.append("\n".join(lines) + "\n")
     return "\n".join(sections)
 
 
@@ -84,28 +73,14 @@ def _supply(part_type: PartType) -> str:
     return str(part_type.supply or "supply").replace("at most ", "")
 
 
-def pins(part_type: PartType) -> Iterator[tuple[str, str]]:
-    """Name and words of each pin that the command and the page's head leave something to say about."""
-    wires = {wire.pin: wire for wire in part_type.driver.pins}
-    supply = _supply(part_type)
-    for pin in part_type.pins:
-        goes, called = {"ground": "ground", "power": supply}.get(pin.kind.value, ""), ""
-        if pin.name in wires:
-            wire = wires[pin.name]
-            goes = wire.description.removesuffix(DIVIDER) if wire.description else ""
-            called = "" if wire.name.casefold() == pin.name.casefold() else f" (`{wire.name}`)"
-        said = "" if pin.kind.value == "bus" else pin.description
-        if said or called or (goes and goes != "ground"):
-            words = "; ".join(filter(None, (goes, said)))
-            yield f"{pin.name}{called}", words
-
-
-def options(part_type: PartType) -> Iterator[str]:
-    """A line for each option with its default."""
+def options(part_type: PartType) -> str:
+    """The options with their defaults."""
+    said = []
     for option in part_type.driver.options:
         unit = f" {option.unit}" if option.unit else ""
-        words = "" if option.name in SAID_ONCE else f": {option.description}"
-        yield f"* `{option.name}={scalar_text(option.default)}`{unit}{words}"
+        words = "" if option.name in SAID_ONCE else f" ({option.description})"
+        said.append(f"`{option.name}={scalar_text(option.default)}`{unit}{words}")
+    return f". Options: {', '.join(said)}" if said else ""
 
 
 def example(part_type: PartType) -> str:

@@ -100,7 +100,7 @@ def test_the_page_shows_what_a_message_costs() -> None:
         SECTION.partition("Cost on classic CAN")[2].partition("|---|---|---|---|---|---|---|\n")[2].partition("\n\n")[0]
     )
     shown = table.splitlines()
-    assert len(shown) > 10
+    assert len(shown) > 5
     assert [row for row in shown if row not in map(line, ROWS)] == []
 
 

@@ -42,15 +42,15 @@ def test_the_tutorial_shows_the_example_as_it_is(name: str) -> None:
 
 def test_the_tutorials_own_kinds_of_part_are_right(tmp_path: Path) -> None:
     blocks = [textwrap.dedent(block) for block in re.findall(r"```toml\n(.*?)```", TUTORIAL, re.DOTALL)]
-    fan_slots, eye, library_line, eye_slot, lamp, dial, lamp_slots = blocks
+    fan_slots, lamp, dial, library_line, lamp_slots = blocks
     (tmp_path / "library").mkdir()
-    for name, text in (("lux-1", eye), ("lamp-1", lamp), ("dial-1", dial)):
+    for name, text in (("lamp-1", lamp), ("dial-1", dial)):
         (tmp_path / f"library/{name}.toml").write_text(text)
     path = tmp_path / "robot.toml"
     write_sample(path)
-    path.write_text(library_line + path.read_text() + fan_slots + eye_slot + lamp_slots)
+    path.write_text(library_line + path.read_text() + fan_slots + lamp_slots)
     blueprint, library = open_blueprint(path)
-    assert [slot.name for slot in blueprint.slots][3:] == ["fan", "knob", "eye", "lamp", "dial"]
+    assert [slot.name for slot in blueprint.slots][3:] == ["fan", "knob", "lamp", "dial"]
     port = library.require("LAMP-1").port("dim")
     assert port is not None
     assert port.safe == {"percent": 0.0}
