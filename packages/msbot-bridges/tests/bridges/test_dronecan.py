@@ -19,7 +19,8 @@ class Servo:
     """A node of the genuine library, in a thread."""
 
     def __init__(self, bus: str) -> None:
-        from msbot_bridges.dronecan.can_driver import PythonCanDriver, open_bus
+        from msbot_bridges.canbus import open_bus
+        from msbot_bridges.dronecan.can_driver import PythonCanDriver
 
         uavcan = dronecan.uavcan
         info = uavcan.protocol.GetNodeInfo.Response()

@@ -178,8 +178,11 @@ class BridgedPart:
     def _be_safe(self) -> None:
         if not self._may_be_told():
             return
+        if not self.part.stopped:
+            self.device.rest()
+            return
         self.device.stop()
-        if self.part.stopped and (why := self.device.not_stopped):
+        if why := self.device.not_stopped:
             if self._again is None:
                 self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._stop_again)
             raise NotSafeYet(why)

@@ -140,6 +140,13 @@ class ForeignDevice(ABC):
     def stop(self) -> None:
         """Do what is safest for this device. Called again while `not_stopped` says that it is not done."""
 
+    def rest(self) -> None:
+        """Nobody is in command, and no STOP holds: a port's partner or the master is gone. Obey the next `act` again.
+
+        The safe values of the ports concerned have come by `act` before. Does what `stop` does, unless told otherwise.
+        """
+        self.stop()
+
     @abstractmethod
     def go(self) -> None:
         """STOP is over: obey `act` again."""

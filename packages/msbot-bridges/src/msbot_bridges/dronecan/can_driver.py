@@ -6,14 +6,11 @@ Its own driver takes frames with 11-bit identifiers for its own, and waits for a
 from __future__ import annotations
 
 import time
-from typing import Any
 
 from dronecan.driver.common import AbstractDriver, CANFrame, DriverError
 
 import can
-
-SEND_S = 0.02
-"""Longest wait for room in the controller."""
+from msbot_bridges.canbus import send_frame
 
 
 class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has no types
@@ -55,10 +52,9 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
         """
         message = can.Message(arbitration_id=frame.id, is_extended_id=frame.extended, data=frame.data)
         try:
-            self._bus.send(message, SEND_S)
-        except can.CanTimeoutError:
-            self.unsent += 1
-            return
+            if not send_frame(self._bus, message):
+                self.unsent += 1
+                return
         except can.CanError as error:
             raise DriverError(str(error)) from error
         frame.ts_monotonic, frame.ts_real = time.monotonic(), time.time()
@@ -67,12 +63,3 @@ class PythonCanDriver(AbstractDriver):  # type: ignore[misc]  # the library has 
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()
-
-
-def open_bus(address: str) -> can.BusABC:
-    """Open `INTERFACE:CHANNEL[?bitrate=N]` of python-can."""
-    path, _, query = address.partition("?")
-    interface, _, channel = path.partition(":")
-    bitrate = dict(pair.partition("=")[::2] for pair in query.split("&") if pair).get("bitrate")
-    settings: dict[str, Any] = {"bitrate": int(bitrate)} if bitrate else {}
-    return can.Bus(channel or None, interface, ignore_config=True, **settings)

@@ -21,7 +21,8 @@ from dronecan.driver.common import DriverError
 
 import can
 from msbot_bridges.bridge import DeviceIdentity, DeviceSetting, World, WorldHost, WorldThread
-from msbot_bridges.dronecan.can_driver import PythonCanDriver, open_bus
+from msbot_bridges.canbus import open_bus
+from msbot_bridges.dronecan.can_driver import PythonCanDriver
 from msbot_bridges.dronecan.node_device import KINDS, NodeDevice
 from msbot_xrce.errors import LinkDown
 
@@ -73,10 +74,7 @@ class DronecanWorld(World):
     # In the thread
 
     def _main(self) -> None:
-        try:
-            bus = open_bus(self._address)
-        except Exception as error:  # an adapter's library may raise anything
-            raise LinkDown(f"{self._address} cannot be opened: {error}") from error
+        bus = open_bus(self._address)
         info = uavcan.protocol.GetNodeInfo.Response()
         info.name = "org.msbot.bridge"
         node = self._node = dronecan.node.Node(

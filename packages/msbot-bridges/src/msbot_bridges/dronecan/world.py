@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from msbot_bridges.bridge import BridgeLink, World, WorldKind
+from msbot_bridges.canbus import check_address
 from msbot_xrce.errors import ConfigError
 
 
@@ -16,8 +17,7 @@ def open_world(link: BridgeLink) -> World:
         from msbot_bridges.dronecan.dronecan_world import DronecanWorld
     except ModuleNotFoundError as error:
         raise ConfigError(f"DroneCAN takes the library {error.name}: pip install 'msbot-bridges[dronecan]'") from error
-    if not all(link.address.partition("?")[0].partition(":")[::2]):
-        raise ConfigError(f"--link {link.address}: write INTERFACE:CHANNEL, for example socketcan:can0")
+    check_address(link.address)
     return DronecanWorld(link.address)
 
 

@@ -1,0 +1,266 @@
+"""The bridge's place on a CANopen bus: frames in, PDOs and NMT out in one thread, questions by SDO in another.
+
+A question waits for its answer, an order does not wait for questions: so they have a thread each. The library's own
+notifier reads the bus.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Container, Sequence
+from functools import partial
+from typing import Final
+
+import canopen
+from canopen.network import MessageListener
+from canopen.sdo import SdoAbortedError, SdoCommunicationError
+
+import can
+from msbot_bridges.bridge import WorldThread
+from msbot_bridges.canbus import open_bus, send_frame
+from msbot_bridges.canopen.canopen_device import OPERATIONAL, OWN_ID, CanopenDevice
+from msbot_bridges.canopen.eds_folder import EdsFolder
+from msbot_bridges.canopen.node_description import NodeDescription, ask_node
+from msbot_bridges.canopen.objects import Entry
+from msbot_bridges.canopen.pdo_layout import PdoLayout
+from msbot_bridges.canopen.sdo_requests import Refused, SdoRequests
+from msbot_xrce.errors import ConfigError, LinkDown
+
+BEAT_S: Final = 0.25
+"""Period of the bridge's own heartbeat."""
+CHECK_S: Final = 0.05
+_NMT: Final = 0x000
+_SDO_ANSWER, SDO_REQUEST, HEARTBEAT, EMERGENCY = 0x580, 0x600, 0x700, 0x080
+_REPORTS: Final = frozenset({EMERGENCY, 0x180, 0x280, 0x380, 0x480, _SDO_ANSWER, HEARTBEAT})
+"""What nodes send with the node's id in the identifier."""
+_WHO_ARE_YOU: Final = b"\x40\x00\x10\x00\0\0\0\0"
+logging.getLogger("canopen").setLevel(logging.CRITICAL)  # the bridge says what is wrong itself
+_log = logging.getLogger("msbot.part")
+
+
+class BridgeNetwork(canopen.Network):  # type: ignore[misc]  # the library has no types
+    """The library's network; it does not wait for room in the controller, and leaves frames of others alone.
+
+    Args:
+        bus: it is closed with this.
+        heard: called in the notifier's thread, with the identifier and data of each frame of a node.
+    """
+
+    NOTIFIER_CYCLE = 0.1
+
+    def __init__(self, bus: can.BusABC, heard: Callable[[int, bytes], None]) -> None:
+        super().__init__(bus)
+        self.unsent = 0
+        """Frames for which the controller had no room."""
+        self.listeners = [_Listener(self, heard)]
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """See the library."""
+        message = can.Message(is_extended_id=False, arbitration_id=can_id, data=data, is_remote_frame=remote)
+        with self.send_lock:
+            if self.bus is None:
+                raise can.CanOperationError("the bus was left")
+            self.unsent += not send_frame(self.bus, message)
+
+
+class _Listener(MessageListener):  # type: ignore[misc]
+    def __init__(self, network: BridgeNetwork, heard: Callable[[int, bytes], None]) -> None:
+        super().__init__(network)
+        self._heard = heard
+
+    def on_message_received(self, msg: can.Message) -> None:
+        if msg.is_extended_id:
+            return  # 29 bits: DroneCAN, Cyphal, MsBOT's own
+        super().on_message_received(msg)
+        if not (msg.is_error_frame or msg.is_remote_frame):
+            self._heard(msg.arbitration_id, bytes(msg.data))
+
+
+class CanopenBus:
+    """See the module's docstring; implements `NodeBus`.
+
+    Args:
+        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+        folder: EDS files.
+        heard: called in the event loop with the identifier and data of each frame of a node.
+    """
+
+    def __init__(self, address: str, folder: EdsFolder, heard: Callable[[int, bytes], None]) -> None:
+        self._address, self._folder, self._heard_in_loop = address, folder, heard
+        self._network: BridgeNetwork | None = None
+        self._reading = dict[int, CanopenDevice]()
+        self._orders = WorldThread(f"CANopen on {address}")
+        self._questions = WorldThread(f"questions on {address}")
+        self._is_open = asyncio.Event()
+
+    async def run(self) -> None:
+        """Be on the bus until cancelled.
+
+        Raises:
+            LinkDown: the bus cannot be opened, or has ended.
+        """
+        sending = asyncio.create_task(self._orders.run(self._main))
+        asking = asyncio.create_task(self._questions.run(self._ask))
+        try:
+            await asyncio.wait([sending, asking], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            asking.cancel()
+            await asyncio.wait([asking])
+            sending.cancel()
+            await asyncio.wait([sending])
+        for task in (sending, asking):
+            if not task.cancelled() and (error := task.exception()) is not None:
+                raise error
+
+    async def opened(self) -> None:
+        """Wait until frames can be sent."""
+        await self._is_open.wait()
+
+    # Orders, from the event loop
+
+    def send(self, layout: PdoLayout, data: bytes, *, urgent: bool = False) -> None:
+        """See `NodeBus`."""
+        self._post(layout.cob_id, data, urgent=urgent)
+
+    def command(self, node_id: int, command: int, *, urgent: bool = False) -> None:
+        """See `NodeBus`."""
+        self._post(_NMT, bytes([command, node_id]), urgent=urgent)
+
+    def search(self, known: Container[int]) -> None:
+        """Ask all node ids who they are, but those that are known: nodes that send no heartbeat answer."""
+        unknown = iter([node_id for node_id in range(1, OWN_ID) if node_id not in known])
+
+        def ask_next() -> None:
+            network, node_id = self._network, next(unknown, None)
+            if network is None or node_id is None:
+                return
+            unsent = network.unsent
+            network.send_message(SDO_REQUEST + node_id, _WHO_ARE_YOU)
+            if network.unsent == unsent:  # otherwise nobody else is on the bus
+                self._orders.post(ask_next)
+
+        self._orders.post(ask_next)
+
+    # Questions, from the event loop
+
+    def describe(self, node_id: int, then: Callable[[NodeDescription | str], None]) -> None:
+        """Ask a node who it is; a text says why no part can be made of it now."""
+
+        def ask() -> None:
+            try:
+                found = ask_node(self._node(node_id), self._folder)
+            except (SdoCommunicationError, SdoAbortedError, Refused, ConfigError, can.CanError) as error:
+                found = f"node {node_id} cannot be asked who it is: {error}"
+            self._questions.tell(partial(then, found))
+
+        self._questions.post(ask)
+
+    def forget(self, node_id: int) -> None:
+        """A node is gone."""
+
+        def forget() -> None:
+            if self._network is not None and node_id in self._network:
+                del self._network[node_id]
+
+        self._questions.post(forget)
+
+    def set_up(self, device: CanopenDevice) -> None:
+        """See `NodeBus`."""
+
+        def configure() -> None:
+            try:
+                set_up = device.configure(SdoRequests(self._node(device.node_id)))
+            except (SdoCommunicationError, Refused, can.CanError) as error:
+                words = f"node {device.node_id} cannot be set up: {error}"
+                self._questions.tell(partial(device.failed, words))
+            else:
+                self._questions.tell(partial(device.configured, set_up))
+
+        self._questions.post(configure)
+
+    def read(self, device: CanopenDevice, entries: Sequence[Entry]) -> None:
+        """See `NodeBus`."""
+        if not entries or device.node_id in self._reading:
+            return
+        self._reading[device.node_id] = device
+
+        def read() -> None:
+            values = dict[Entry, int]()
+            try:
+                ask = SdoRequests(self._node(device.node_id))
+                values = {entry: value for entry in entries if (value := ask.number(entry)) is not None}
+            except (SdoCommunicationError, Refused, can.CanError) as error:
+                _log.debug("%s: %s", self._address, error)  # it is asked again, or found to be lost
+            self._questions.tell(partial(self._has_read, device, values))
+
+        self._questions.post(read, urgent=True)
+
+    def write(self, device: CanopenDevice, entry: Entry, value: int) -> None:
+        """See `NodeBus`."""
+
+        def write() -> None:
+            try:
+                SdoRequests(self._node(device.node_id)).write(entry, value)
+            except (SdoCommunicationError, Refused) as error:
+                _log.warning("%s: %s was not written: %s", self._address, entry.where, error)
+
+        self._questions.post(write)
+
+    def _has_read(self, device: CanopenDevice, values: dict[Entry, int]) -> None:
+        self._reading.pop(device.node_id, None)
+        if values:
+            device.reported(values)
+
+    # In the threads
+
+    def _main(self) -> None:
+        bus = open_bus(self._address)
+        network = BridgeNetwork(bus, self._hear)
+        try:
+            network.connect()
+            self._network = network
+            self._orders.tell(self._is_open.set)
+            beat_at = time.monotonic()
+            while not self._orders.is_ended:
+                self._orders.work()
+                if time.monotonic() >= beat_at:
+                    beat_at = time.monotonic() + BEAT_S
+                    network.send_message(HEARTBEAT + OWN_ID, bytes([OPERATIONAL]))
+                network.check()
+                self._orders.wait(CHECK_S)
+            self._orders.work()  # what makes devices safe at the end
+        except can.CanError as error:
+            raise LinkDown(f"{self._address}: {error}") from error
+        finally:
+            network.disconnect()
+
+    def _ask(self) -> None:
+        while not self._questions.is_ended:
+            self._questions.work()
+            self._questions.wait(1.0)
+
+    def _hear(self, can_id: int, data: bytes) -> None:
+        if can_id & 0x780 in _REPORTS and can_id & 0x7F not in (0, OWN_ID):
+            self._orders.tell(partial(self._heard_in_loop, can_id, data))
+
+    def _post(self, can_id: int, data: bytes, *, urgent: bool = False) -> None:
+        def send() -> None:
+            if self._network is not None:
+                self._network.send_message(can_id, data)
+
+        self._orders.post(send, urgent=urgent)
+
+    def _node(self, node_id: int) -> canopen.RemoteNode:
+        """The library's node for SDO.
+
+        Raises:
+            CanError: the bus is not open.
+        """
+        network = self._network
+        if network is None or network.bus is None:
+            raise can.CanOperationError(f"{self._address} is not open")
+        if node_id not in network:
+            network.add_node(canopen.RemoteNode(node_id, canopen.ObjectDictionary()))
+        return network[node_id]

@@ -1,0 +1,142 @@
+"""All nodes of one CANopen bus: found by what they send, and by asking all node ids; missed when they fall silent."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import partial
+from typing import Final
+
+from msbot_bridges.bridge import World, WorldHost
+from msbot_bridges.canopen import objects
+from msbot_bridges.canopen.canopen_bus import EMERGENCY, HEARTBEAT, CanopenBus
+from msbot_bridges.canopen.canopen_device import CanopenDevice
+from msbot_bridges.canopen.channel_device import ChannelDevice
+from msbot_bridges.canopen.drive_device import DriveDevice
+from msbot_bridges.canopen.eds_folder import EdsFolder
+from msbot_bridges.canopen.node_description import NodeDescription
+
+LOOK_S: Final = 0.1
+SEARCH_S: Final = 10.0
+"""So often all node ids are asked."""
+ASK_AGAIN_S: Final = 5.0
+"""Time after which a node that could not be asked, or of which no part can be made, is asked again."""
+BEATS: Final = 3
+"""Heartbeats that may be missing."""
+LEAST_SILENCE_S: Final = 1.0
+POLL_S: Final = 1.0
+"""A node that sends no heartbeat is asked so often."""
+BOOT_UP: Final = 0
+
+
+class _Node:
+    """What is known of one node id."""
+
+    def __init__(self, node_id: int, now: float) -> None:
+        self.node_id = node_id
+        self.heard_at = now
+        self.ask_at: float | None = now
+        """None: it is being asked, or is known."""
+        self.poll_at = now
+        self.device: CanopenDevice | None = None
+        self.told = ""
+        """Why no part is made of it, as was said."""
+
+    @property
+    def beat_s(self) -> float:
+        """Period of its heartbeat; 0: it sends none."""
+        return 0.0 if self.device is None else self.device.heartbeat_ms / 1000
+
+
+class CanopenWorld(World):
+    """See the module's docstring.
+
+    Args:
+        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+        folder: EDS files.
+    """
+
+    def __init__(self, address: str, folder: EdsFolder) -> None:
+        self._address, self._folder = address, folder
+        self._nodes: dict[int, _Node] = {}
+
+    async def run(self, host: WorldHost) -> None:
+        """See `World`."""
+        self._host, self._loop = host, asyncio.get_running_loop()
+        bus = self._bus = CanopenBus(self._address, self._folder, self._heard)
+        watching = asyncio.create_task(self._watch())
+        running = asyncio.create_task(bus.run())
+        try:
+            await asyncio.wait([watching, running], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (watching, running):
+                task.cancel()
+            await asyncio.wait([watching, running])
+        for task in (running, watching):
+            if not task.cancelled() and (error := task.exception()) is not None:
+                raise error
+
+    async def _watch(self) -> None:
+        await self._bus.opened()
+        search_at = self._loop.time()
+        while True:
+            now = self._loop.time()
+            if now >= search_at:
+                search_at = now + SEARCH_S
+                self._bus.search(set(self._nodes))
+            for node in list(self._nodes.values()):
+                self._look(node, now)
+            await asyncio.sleep(LOOK_S)
+
+    def _look(self, node: _Node, now: float) -> None:
+        silence = max(LEAST_SILENCE_S, BEATS * (node.beat_s or POLL_S))
+        if now - node.heard_at > silence:
+            what = "no heartbeat" if node.beat_s else "no answer"
+            self._lose(node, f"node {node.node_id} has sent {what} for {silence:g} s")
+        elif node.ask_at is not None and now >= node.ask_at:
+            node.ask_at = None
+            self._bus.describe(node.node_id, partial(self._described, node))
+        elif node.device is not None and not node.beat_s and now >= node.poll_at:
+            node.poll_at = now + POLL_S
+            self._bus.read(node.device, [objects.ERROR_REGISTER])
+
+    def _heard(self, can_id: int, data: bytes) -> None:
+        now, node_id = self._loop.time(), can_id & 0x7F
+        node = self._nodes.get(node_id)
+        if node is None:
+            node = self._nodes[node_id] = _Node(node_id, now)
+        node.heard_at = now
+        service = can_id & 0x780
+        if service == HEARTBEAT and data:
+            state = data[0] & 0x7F  # the other bit is of node guarding
+            if state == BOOT_UP:
+                if node.device is not None:
+                    self._lose(node, f"node {node_id} has started anew")
+                    self._nodes[node_id] = _Node(node_id, now)
+            elif node.device is not None:
+                node.device.heartbeat(state)
+        elif service == EMERGENCY and len(data) >= 3:
+            if node.device is not None:
+                node.device.emergency(int.from_bytes(data[:2], "little"), data[2])
+        elif node.device is not None:
+            node.device.received(can_id, data)
+
+    def _described(self, node: _Node, found: NodeDescription | str) -> None:
+        if self._nodes.get(node.node_id) is not node:
+            return
+        if isinstance(found, str):
+            node.ask_at = self._loop.time() + ASK_AGAIN_S
+            if found != node.told:
+                node.told = found
+                self._host.say(found)
+            return
+        make = ChannelDevice if found.drive is None else DriveDevice
+        node.device = make(found, self._bus, self._host.news)
+        if found.left_out:
+            self._host.say(f"node {node.node_id}: {found.left_out} of its ports left out for want of room")
+        self._host.found(node.device)
+
+    def _lose(self, node: _Node, why: str) -> None:
+        del self._nodes[node.node_id]
+        self._bus.forget(node.node_id)
+        if node.device is not None:
+            self._host.lost(node.device, why)

@@ -1,0 +1,97 @@
+"""Numbers of a device as messages of a robot, and back. Pure."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from msbot.part import Message
+from msbot.part.messages.standard import (
+    Angle,
+    Count,
+    Distance,
+    Level,
+    Light,
+    Number,
+    Pressure,
+    Speed,
+    Switch,
+    Temperature,
+    Weight,
+)
+from msbot_bridges.canopen.objects import Entry
+from msbot_xrce.lazy import dataclass
+
+_BY_UNIT: Final[dict[str, tuple[type[Message], str]]] = {
+    "%": (Level, "percent"),
+    "°": (Angle, "degrees"),
+    "deg": (Angle, "degrees"),
+    "rpm": (Speed, "rpm"),
+    "1/min": (Speed, "rpm"),
+    "°C": (Temperature, "celsius"),
+    "degC": (Temperature, "celsius"),
+    "m": (Distance, "metres"),
+    "hPa": (Pressure, "hectopascal"),
+    "mbar": (Pressure, "hectopascal"),
+    "lx": (Light, "lux"),
+    "g": (Weight, "grams"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One port, and the number that it stands for."""
+
+    port: str
+    entry: Entry
+    message: type[Message]
+    field: str
+    factor: float = 1.0
+    """The value of the field for one unit of the entry."""
+    bit: int | None = None
+    """Only this bit of the entry."""
+
+    def to_message(self, value: int) -> Message:
+        """What the device has reported."""
+        if self.message is Switch:
+            return Switch(on=bool(value if self.bit is None else value >> self.bit & 1))
+        if self.message is Count:
+            return Count(value=value)
+        if self.message is Distance:
+            return Distance(metres=value * self.factor, in_range=True)
+        return self.message(**{self.field: value * self.factor})
+
+    def to_value(self, message: Message, before: int) -> int:
+        """What the device is to have; `before` is what the entry has, of which a bit may be another port's."""
+        told = getattr(message, self.field)
+        if self.bit is not None:
+            return before | 1 << self.bit if told else before & ~(1 << self.bit)
+        return int(told) if self.message in (Switch, Count) else round(told / self.factor)
+
+    @property
+    def safe(self) -> Message | None:
+        """What is safest as far as one can know without the device: off, or no power."""
+        if self.message is Switch:
+            return Switch(on=False)
+        return Level(percent=0) if self.message is Level else None
+
+
+def bits_of(port: str, entry: Entry, first: int) -> list[Channel]:
+    """Eight ports for the bits of an entry; the first has the number `first`."""
+    return [Channel(f"{port}_{first + bit}", entry, Switch, "on", bit=bit) for bit in range(8)]
+
+
+def analogue(port: str, entry: Entry) -> Channel:
+    """An analogue value, of which only its share of the most is known."""
+    return Channel(port, entry, Level, "percent", 100 / entry.most)
+
+
+def by_unit(port: str, entry: Entry, unit: str, factor: float, *, is_truth: bool) -> Channel:
+    """A port whose message follows from the unit that an EDS names."""
+    if is_truth:
+        return Channel(port, entry, Switch, "on")
+    if unit in _BY_UNIT:
+        message, field = _BY_UNIT[unit]
+        return Channel(port, entry, message, field, factor)
+    if factor == 1 and entry.bits <= 32 and (entry.signed or entry.bits < 32):
+        return Channel(port, entry, Count, "value")
+    return Channel(port, entry, Number, "value", factor)

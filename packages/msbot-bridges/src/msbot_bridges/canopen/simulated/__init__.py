@@ -1,0 +1,1 @@
+"""Simulated CANopen devices, made with the library's `LocalNode`"""

@@ -1,0 +1,203 @@
+"""What simulated devices share: a node of the library with an object dictionary, PDOs that it sends, boot-up."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import canopen
+from canopen.objectdictionary import (
+    INTEGER8,
+    INTEGER16,
+    INTEGER32,
+    UNSIGNED8,
+    UNSIGNED16,
+    UNSIGNED32,
+    VISIBLE_STRING,
+    ObjectDictionary,
+    ODArray,
+    ODRecord,
+    ODVariable,
+)
+
+import can
+from msbot_bridges.canbus import open_bus
+from msbot_bridges.canopen.canopen_bus import BridgeNetwork
+from msbot_bridges.canopen.objects import Entry
+from msbot_xrce.errors import LinkDown
+
+STEP_S: Final = 0.01
+OPERATIONAL: Final = 5
+_KINDS: Final = {
+    (8, False): UNSIGNED8,
+    (16, False): UNSIGNED16,
+    (32, False): UNSIGNED32,
+    (8, True): INTEGER8,
+    (16, True): INTEGER16,
+    (32, True): INTEGER32,
+}
+
+
+def add(dictionary: ObjectDictionary, name: str, entry: Entry, value: int, *, is_writable: bool = True) -> None:
+    """Add a number with a value of its own; a subindex makes it a member of a record."""
+    one = ODVariable(name, entry.index, entry.subindex)
+    one.data_type = _KINDS[entry.bits, entry.signed]
+    one.access_type = "rw" if is_writable else "ro"
+    one.default = value
+    if entry.subindex == 0:
+        dictionary.add_object(one)
+        return
+    record = dictionary.get(entry.index)
+    if not isinstance(record, ODRecord):
+        record = ODRecord(name.partition(" ")[0], entry.index)
+        count = ODVariable("Number of entries", entry.index, 0)
+        count.data_type, count.access_type, count.default = UNSIGNED8, "rw", 0
+        record.add_member(count)
+        dictionary.add_object(record)
+    record.add_member(one)
+    record[0].default = max(record[0].default, entry.subindex)
+
+
+def add_text(dictionary: ObjectDictionary, name: str, index: int, text: str) -> None:
+    """Add a text."""
+    one = ODVariable(name, index)
+    one.data_type, one.access_type, one.default = VISIBLE_STRING, "const", text
+    dictionary.add_object(one)
+
+
+def add_pdos(dictionary: ObjectDictionary, node_id: int, sent: Sequence[int], received: Sequence[int]) -> None:
+    """Add PDOs, each with room for eight entries and none mapped; the numbers count from 1."""
+    for communication, mapping, base, numbers in (
+        (0x1800, 0x1A00, 0x180, sent),
+        (0x1400, 0x1600, 0x200, received),
+    ):
+        for number in numbers:
+            at = communication + number - 1
+            cob_id = 1 << 31 | base + 0x100 * (number - 1) + node_id
+            add(dictionary, f"PDO{at:x} identifier", Entry(at, 1, 32), cob_id)
+            add(dictionary, f"PDO{at:x} transmission type", Entry(at, 2, 8), 255)
+            if communication == 0x1800:
+                add(dictionary, f"PDO{at:x} inhibit time", Entry(at, 3, 16), 0)
+                add(dictionary, f"PDO{at:x} event timer", Entry(at, 5, 16), 0)
+            array = ODArray(f"Mapping{at:x}", mapping + number - 1)
+            for subindex in range(9):
+                one = ODVariable(f"Entry {subindex}", mapping + number - 1, subindex)
+                one.data_type, one.default = UNSIGNED32 if subindex else UNSIGNED8, 0
+                array.add_member(one)
+            dictionary.add_object(array)
+
+
+class LocalDevice(ABC):
+    """A simulated device.
+
+    Args:
+        address: `INTERFACE:CHANNEL[?bitrate=N]` of python-can.
+        node_id: where it is on its bus.
+        dictionary: its objects.
+    """
+
+    def __init__(self, address: str, node_id: int, dictionary: ObjectDictionary) -> None:
+        self.node = canopen.LocalNode(node_id, dictionary)
+        self._address = address
+        self._ended = threading.Event()
+        self._sent_at = dict[int, float]()
+        self._sent = dict[int, bytes]()
+        self._state = 0
+
+    async def run(self) -> None:
+        """See `SimulatedDevice`."""
+        running = asyncio.create_task(asyncio.to_thread(self.run_in_thread))
+        try:
+            await asyncio.shield(running)
+        finally:
+            self.end()
+            await asyncio.wait([running])
+
+    def end(self) -> None:
+        """Pull it off its bus."""
+        self._ended.set()
+
+    def run_in_thread(self) -> None:
+        """Run until `end`.
+
+        Raises:
+            LinkDown: the bus cannot be opened, or has ended.
+        """
+        network = BridgeNetwork(open_bus(self._address), lambda _id, _data: None)
+        try:
+            network.connect()
+            network.add_node(self.node)
+            while not self._ended.is_set():
+                network.check()
+                self._live()
+                time.sleep(STEP_S)
+        except can.CanError as error:
+            raise LinkDown(f"{self._address}: {error}") from error
+        finally:
+            self.node.nmt.stop_heartbeat()
+            network.disconnect()
+
+    # For the kinds
+
+    @abstractmethod
+    def step(self, seconds: float) -> None:
+        """Live for a moment."""
+
+    @abstractmethod
+    def received(self, values: Mapping[tuple[int, int], int]) -> None:
+        """A PDO has brought values, by index and subindex."""
+
+    def get(self, entry: Entry) -> int:
+        """A value of its dictionary."""
+        return entry.decode(self.node.get_data(entry.index, entry.subindex))
+
+    def put(self, entry: Entry, value: int) -> None:
+        """Change a value of its dictionary."""
+        self.node.set_data(entry.index, entry.subindex, entry.encode(value))
+
+    @property
+    def is_operational(self) -> bool:
+        """Whether its PDOs are in use."""
+        return self._state == OPERATIONAL
+
+    # Inside
+
+    def _live(self) -> None:
+        nmt = self.node.nmt
+        if nmt.state == "INITIALISING":
+            nmt.state = "INITIALISING"  # says boot-up
+            nmt.state = "PRE-OPERATIONAL"
+        before, self._state = self._state, OPERATIONAL if nmt.state == "OPERATIONAL" else 0
+        if self.is_operational and before != OPERATIONAL:
+            self._use_pdos()
+        self.step(STEP_S)
+        if self.is_operational:
+            self._send_pdos(time.monotonic())
+
+    def _use_pdos(self) -> None:
+        self.node.tpdo.read()
+        self.node.rpdo.read()
+        for pdo in self.node.rpdo.values():
+            if pdo.enabled and not pdo.callbacks:
+                pdo.add_callback(self._take)
+        self._sent_at.clear()
+
+    def _take(self, pdo: Any) -> None:  # noqa: ANN401 - the library has no types
+        if self.is_operational:
+            self.received({(variable.index, variable.subindex): variable.raw for variable in pdo})
+
+    def _send_pdos(self, now: float) -> None:
+        for number, pdo in self.node.tpdo.items():
+            if not pdo.enabled or not len(pdo):
+                continue
+            for variable in pdo:
+                variable.set_data(self.node.get_data(variable.index, variable.subindex))
+            data, period = bytes(pdo.data), (pdo.event_timer or 0) / 1000
+            is_due = now - self._sent_at.get(number, 0.0) >= period if period else False
+            if is_due or (not period and data != self._sent.get(number)) or number not in self._sent_at:
+                self._sent_at[number], self._sent[number] = now, data
+                pdo.transmit()

@@ -1,0 +1,65 @@
+"""The world of CANopen: finds nodes by heartbeat, boot-up and SDO; is the master of their NMT states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from msbot_bridges.bridge import BridgeLink, SimulatedDevice, World, WorldKind
+from msbot_bridges.canbus import check_address
+from msbot_xrce.errors import ConfigError
+
+
+def open_world(link: BridgeLink) -> World:
+    """Make a world; the library is loaded here.
+
+    Raises:
+        ConfigError: the library is missing, or address or options make no sense.
+    """
+    check_address(link.address)
+    try:
+        from msbot_bridges.canopen.canopen_world import CanopenWorld
+        from msbot_bridges.canopen.eds_folder import EdsFolder
+    except ModuleNotFoundError as error:
+        raise _missing(error) from error
+    folder = link.option("eds")
+    return CanopenWorld(link.address, EdsFolder(Path(folder) if folder else None))
+
+
+def _drive(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
+    check_address(link.address)
+    try:
+        from msbot_bridges.canopen.simulated.drive import SimulatedDrive
+    except ModuleNotFoundError as error:
+        raise _missing(error) from error
+    return SimulatedDrive(link.address, _node_id(options, 5))
+
+
+def _io(link: BridgeLink, options: Mapping[str, Any]) -> SimulatedDevice:
+    check_address(link.address)
+    try:
+        from msbot_bridges.canopen.simulated.io_module import SimulatedIo
+    except ModuleNotFoundError as error:
+        raise _missing(error) from error
+    return SimulatedIo(link.address, _node_id(options, 6))
+
+
+def _node_id(options: Mapping[str, Any], otherwise: int) -> int:
+    text = str(options.get("node", otherwise))
+    if set(options) - {"node"} or not text.isdecimal() or not 1 <= int(text) <= 126:
+        raise ConfigError("a simulated node takes --option node=N, from 1 to 126, and no other")
+    return int(text)
+
+
+def _missing(error: ModuleNotFoundError) -> ConfigError:
+    return ConfigError(f"CANopen takes the library {error.name}: pip install 'msbot-bridges[canopen]'")
+
+
+WORLD = WorldKind(
+    "CANopen drives (CiA 402), inputs and outputs (CiA 401), devices with an EDS",
+    "socketcan:can0?bitrate=500000",
+    open_world,
+    options={"eds": "a folder with EDS files"},
+    simulated={"drive": _drive, "io": _io},
+)
