@@ -52,7 +52,7 @@ from msbot.config.library.part_library import (
     scalar_text,
 )
 from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
-from msbot.config.library.simulator_reader import format_text
+from msbot.config.library.simulator_reader import format_text, sources_in
 from msbot.config.library.versions import VersionRange, parse_versions, split_number
 from msbot_agent.toml.problems import InvalidFileError, problems_json
 from msbot_agent.toml.table import Scalar
@@ -131,6 +131,7 @@ __all__ = [
     "read_description",
     "scalar_text",
     "slot_toml",
+    "sources_in",
     "split_number",
     "standard_message_types",
     "type_from_words",

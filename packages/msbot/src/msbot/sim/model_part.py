@@ -192,9 +192,9 @@ class ModelPart:
 
         def take(message: Message) -> None:
             self._take_settings()
-            self._world.receive(port.name, leaves_of(message), self._time())
-            self._world.note_changes()
-            self._resume()
+            if self._world.receive(port.name, leaves_of(message), self._time()):
+                self._world.note_changes()
+                self._resume()
             self._moved()
 
         self.part.on(port.name, message_type, optional=True)(take)

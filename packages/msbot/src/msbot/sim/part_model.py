@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from random import Random
 
@@ -21,6 +21,7 @@ from msbot.config import (
     Scalar,
     Simulator,
     format_text,
+    sources_in,
 )
 from msbot.part.messages.wire_types import FLOAT32_MAX
 from msbot.sim.simulated_reading import SimulatedReading, as_number, number
@@ -60,32 +61,32 @@ class PartModel:
         readings = [replace(reading, noise=0.0, lag_s=0.0) if ideal else reading for reading in simulator.readings]
         self._gauges = [SimulatedReading(reading, random) for reading in readings]
         self._moves = any(gauge.moves for gauge in self._gauges)
-        self._is_timeless = all(gauge.is_timeless for gauge in self._gauges)
-        self._comes_to_rest = all(gauge.comes_to_rest for gauge in self._gauges)
-        """Its values stay what they are as soon as nothing moves any more."""
-        self._is_moving = self._moves
-        """The last step has changed what moves; if not, nothing does until something else changes."""
-        self._reports_changes = any(output.on_change for output in simulator.outputs)
+        self._is_restless = any(gauge.is_restless for gauge in self._gauges)
+        """Something changes for ever by itself."""
+        self._is_moving = self._is_under_way = True
+        """Something moves; something will change by itself, once or for a while."""
         self._is_changed = True
         """Something has changed of which the readings do not know yet."""
         self._came_at: dict[str, float] = {}
         self._now: float | None = None
-        self._mouths = [_OutputState(output, self._ports[output.port]) for output in simulator.outputs]
+        self._mouths = [_OutputState(output, self._ports[output.port], self._gauges) for output in simulator.outputs]
+        named = set().union(*(gauge.sources() for gauge in self._gauges), *(mouth.sources() for mouth in self._mouths))
+        self._counted = frozenset(name for name in named if name.startswith("#"))
+        """The numbers of messages that something depends on."""
+        self._expiring = frozenset(gauge.port for gauge in self._gauges if gauge.reading.lasts)
+        """Ports of which something depends on when their message came."""
         self._evaluate(0.0, 0.0, final=True)
 
     def advance(self, now: float) -> None:
         """Let time pass until `now`."""
         if self._now is None:
             self._now = now
-        if not self._is_changed and (self._is_timeless or now == self._now):
+        if not self._is_changed and (now == self._now or not (self._is_restless or self._is_under_way)):
             self._now = now
             return
         passed_s = max(0.0, now - self._now)
-        steps = (
-            min(MOST_STEPS, math.ceil(passed_s / STEP_S))
-            if self._is_moving or (self._moves and self._is_changed)
-            else 1
-        )
+        moves = self._is_moving or (self._moves and self._is_changed)
+        steps = min(MOST_STEPS, math.ceil(passed_s / STEP_S)) if moves else 1
         for step in range(1, steps + 1):
             self._evaluate(self._now + passed_s * step / steps, passed_s / steps, final=step == steps)
         if steps == 0:
@@ -121,15 +122,28 @@ class PartModel:
         self.advance(now)
         self._evaluate(now, math.inf, final=True)
 
-    def receive(self, port: str, fields: Mapping[str, Scalar], now: float, *, counts: bool = True) -> None:
-        """Take a message at a subscribing port; `counts` is False for a safe value, which nobody has sent."""
+    def receive(self, port: str, fields: Mapping[str, Scalar], now: float, *, counts: bool = True) -> bool:
+        """Take a message at a subscribing port; False: it says what is known, and changes nothing.
+
+        `counts` is False for a safe value, which nobody has sent.
+        """
         self.advance(now)
-        self._values |= {f"{port}.{name}": value for name, value in fields.items()}
+        values, count = self._values, f"#{port}"
+        told = {f"{port}.{name}": value for name, value in fields.items()}
+        is_news = (
+            port not in self._came_at
+            or port in self._expiring
+            or count in self._counted
+            or any(values[name] != value or type(values[name]) is not type(value) for name, value in told.items())
+        )
+        values |= told
         if counts:
-            self._values[f"#{port}"] = int(as_number(self._values[f"#{port}"])) + 1
+            values[count] = int(as_number(values[count])) + 1
         self._came_at[port] = now
-        self._is_changed = True
-        self.advance(now)
+        if is_news:
+            self._is_changed = True
+            self.advance(now)
+        return is_news
 
     def readings(self) -> dict[str, Scalar]:
         """What one would see, by name."""
@@ -157,15 +171,16 @@ class PartModel:
         self.note_changes()
         said = []
         for mouth in self._mouths:
+            count = f"#{mouth.output.port}"
             for fields in mouth.due(self._values, now):
                 said.append((mouth.output.port, fields))
-                self._values[f"#{mouth.output.port}"] = int(as_number(self._values[f"#{mouth.output.port}"])) + 1
-                self._is_changed = True
+                self._values[count] = int(as_number(self._values[count])) + 1
+                self._is_changed = self._is_changed or count in self._counted
         return said
 
     def quiet_until(self, now: float) -> float:
         """When `say` may have something next, if nothing comes from outside before; `now`: it must be asked often."""
-        if self._reports_changes and (self._is_changed or self._is_moving or not self._comes_to_rest):
+        if any(mouth.output.on_change and (self._is_changed or mouth.may_change(self._values)) for mouth in self._mouths):
             return now
         at = min((output.next_at(self._values) for output in self._mouths), default=math.inf)
         # What moves is computed in steps of limited number: a longer rest would make them coarser.
@@ -173,30 +188,53 @@ class PartModel:
 
     def _evaluate(self, now: float, step_s: float, *, final: bool) -> None:
         values, measured, came_at = self._values, self._measured, self._came_at
-        self._is_moving = False
+        self._is_moving = self._is_under_way = False
         for gauge in self._gauges:
             name = gauge.reading.name
             if name in measured:
                 values[name] = measured[name]
+                gauge.is_under_way = False
             else:
-                before = gauge.state
                 values[name] = gauge.update(values, now, step_s, came_at.get(gauge.port), final=final)
-                if gauge.moves and gauge.state != before:
-                    self._is_moving = True
-        if step_s == 0 and self._moves:
-            self._is_moving = True  # nothing has had time to move
+            if gauge.is_under_way:
+                self._is_under_way = True
+                self._is_moving = self._is_moving or gauge.moves
         self._is_changed = False
 
 
 class _OutputState:
     """One output: what it published last and when it publishes again."""
 
-    def __init__(self, output: Output, port: Port) -> None:
+    def __init__(self, output: Output, port: Port, gauges: Sequence[SimulatedReading]) -> None:
         self.output = output
         self._kinds = port.message.leaves if port.message is not None else {}
         self._said: dict[str, Scalar] | None = None
         self._next_at = 0.0
         self._waiting: deque[dict[str, Scalar]] = deque(maxlen=MOST_WAITING)
+        # What it depends on, directly or not: a reading follows only those before it.
+        sources, self._gauges = self.sources(), list[SimulatedReading]()
+        for gauge in reversed(gauges):
+            if gauge.reading.name in sources:
+                self._gauges.append(gauge)
+                sources |= gauge.sources()
+        passed_on = set().union(*(gauge.sources() for gauge in self._gauges)) | self._conditions()
+        self._noisy = [gauge for gauge in self._gauges if gauge.is_restless]
+        self._is_restless = any(
+            gauge.reading.random_every is not None or gauge.reading.name in passed_on for gauge in self._noisy
+        )
+        """A noise may change it in other ways than by its size."""
+
+    def _conditions(self) -> set[str]:
+        """The sources that its fields do not say as they are."""
+        output = self.output
+        texts = [text for text in output.fields.values() if isinstance(text, str) and "{" in text]
+        return {output.only_if} | set().union(*map(sources_in, texts))
+
+    def sources(self) -> set[str]:
+        """The names of what its messages depend on."""
+        output = self.output
+        plain = {source for source in output.fields.values() if isinstance(source, str)}
+        return plain | self._conditions() | {word for word in (output.every, output.change) if isinstance(word, str)}
 
     def begin(self, now: float) -> None:
         """Publish at the next opportunity."""
@@ -215,6 +253,26 @@ class _OutputState:
         full = len(self._waiting) == MOST_WAITING
         self._waiting.append(fields)
         return not full
+
+    def may_change(self, values: Mapping[str, Scalar]) -> bool:
+        """Whether it may have a change to publish though nothing comes from outside."""
+        if self._is_restless or any(gauge.is_under_way for gauge in self._gauges):
+            return True
+        if not self._noisy or self._is_silent(values):
+            return False
+        return any(self._noise_differs(field, source, values) for field, source in self.output.fields.items())
+
+    def _noise_differs(self, field: str, source: Scalar, values: Mapping[str, Scalar]) -> bool:
+        """Whether the noise of what a field says may count as a change."""
+        gauge = next((gauge for gauge in self._noisy if gauge.reading.name == source), None)
+        if gauge is None:
+            return False
+        before, farthest = None if self._said is None else self._said[field], gauge.farthest(values)
+        if farthest is None or not isinstance(before, float):
+            return True
+        value, off = farthest
+        # A little less, because a field may have fewer digits.
+        return abs(value - before) + off >= number(self.output.change, values) * (1 - 1e-6)
 
     def next_at(self, values: Mapping[str, Scalar]) -> float:
         """When it publishes next, if nothing changes; inf: not by the clock."""

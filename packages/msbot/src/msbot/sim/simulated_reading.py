@@ -10,13 +10,33 @@ import re
 from collections.abc import Mapping
 from random import Random
 
-from msbot.config import Operand, Reading, Scalar, format_text
+from msbot.config import Operand, Reading, Scalar, format_text, sources_in
 
 Values = Mapping[str, Scalar]
 """Every source by its name."""
 
 
 _FUNCTIONS = {"sin": math.sin, "cos": math.cos}
+
+LARGEST_NOISE = 4.0
+"""No measurement is further off than so many standard deviations."""
+
+_OPERANDS = (
+    "random_every",
+    "lasts",
+    "above",
+    "scale",
+    "offset",
+    "divide_by",
+    "wrap",
+    "least",
+    "most",
+    "lag_s",
+    "slew_per_s",
+    "noise",
+    "step",
+)
+"""The fields of a reading that may name a source instead of having a number."""
 
 
 class SimulatedReading:
@@ -26,10 +46,10 @@ class SimulatedReading:
         self.reading = reading
         self.moves = bool(reading.integrate or reading.lag_s or reading.slew_per_s)
         """Whether its value depends on the time between two updates."""
-        self.is_timeless = not (self.moves or reading.noise or reading.lasts or reading.random_every is not None)
-        """Whether it stays what it is as long as its sources do."""
-        self.comes_to_rest = not (reading.noise or reading.lasts or reading.random_every is not None)
-        """Whether it stays what it is as soon as it has followed its sources."""
+        self.is_restless = bool(reading.noise) or reading.random_every is not None
+        """Whether it changes for ever by itself."""
+        self.is_under_way = self.moves
+        """It will change without a change of its sources: it has not followed them yet, or its message expires."""
         self.port = reading.follows.partition(".")[0].removeprefix("#")
         """The port that it follows, if it follows one."""
         self._waits = reading.start is not None and "." in reading.follows
@@ -45,6 +65,19 @@ class SimulatedReading:
         self._found: str | None = None
         self._drawn_at: float | None = None
 
+    def sources(self) -> set[str]:
+        """The names of all sources that its value depends on."""
+        reading = self.reading
+        operands = {operand for name in _OPERANDS if isinstance(operand := getattr(reading, name), str)}
+        return {reading.follows, reading.negate} - {""} | operands | sources_in(reading.text)
+
+    def farthest(self, values: Values) -> tuple[float, float] | None:
+        """The value without noise, and how far off a measurement may be; None: nothing has been measured."""
+        if self.state is None:
+            return None
+        noise, step = number(self.reading.noise, values), number(self.reading.step, values)
+        return self.state, LARGEST_NOISE * abs(noise) + abs(step) / 2
+
     def update(self, values: Values, now: float, step_s: float, came_at: float | None, *, final: bool) -> Scalar:
         """The reading's value now.
 
@@ -56,6 +89,7 @@ class SimulatedReading:
             final: False: an intermediate step, in which noise is left out.
         """
         reading = self.reading
+        self.is_under_way = False
         if reading.text:
             return self._shown(format_text(reading.text, values))
         if reading.random_every is not None:
@@ -78,6 +112,7 @@ class SimulatedReading:
         lasts_s = number(reading.lasts, values)
         if lasts_s > 0 and (came_at is None or now - came_at >= lasts_s):
             return type(value)() if reading.start is None else reading.start
+        self.is_under_way = lasts_s > 0
         if self._waits and came_at is None and reading.start is not None:
             return reading.start
         return value
@@ -104,6 +139,7 @@ class SimulatedReading:
         if self._is_scaled and (divisor := number(reading.divide_by, values)) != 0:
             value /= divisor
         if reading.integrate:
+            self.is_under_way = self.is_under_way or value != 0
             value = (self.state or 0.0) + value * step_s
         if reading.wrap is not None and (wrap := number(reading.wrap, values)) > 0:
             value %= wrap
@@ -115,7 +151,8 @@ class SimulatedReading:
             value = self.state or 0.0  # numbers too large to be multiplied: keep the last valid one
         self.state = value
         if final and reading.noise and (noise := number(reading.noise, values)):
-            value = self._limited(value + self._random.gauss(0.0, noise), values)
+            off = max(-LARGEST_NOISE, min(LARGEST_NOISE, self._random.gauss(0.0, 1.0)))
+            value = self._limited(value + noise * off, values)
         return _stepped(value, number(reading.step, values)) if reading.step else value
 
     def _followed(self, value: float, values: Values, step_s: float) -> float:
@@ -124,13 +161,15 @@ class SimulatedReading:
             if self.reading.start is None:
                 return value
             self.state = as_number(self.reading.start)
-        before = self.state
+        before, target = self.state, value
         lag_s, slew = number(self.reading.lag_s, values), number(self.reading.slew_per_s, values)
         if lag_s > 0:
             value = value + (before - value) * math.exp(-step_s / lag_s)
         if slew > 0:
             most = slew * step_s
             value = before + min(most, max(-most, value - before))
+        if value != target:
+            self.is_under_way = True
         return value
 
     def _limited(self, value: float, values: Values) -> float:

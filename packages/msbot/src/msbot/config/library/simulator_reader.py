@@ -49,6 +49,11 @@ def format_text(text: str, values: Mapping[str, Scalar]) -> str:
     return PLACEHOLDER.sub(fill, text)
 
 
+def sources_in(text: str) -> set[str]:
+    """The names of the sources in a text."""
+    return {found[1] for found in PLACEHOLDER.finditer(text)}
+
+
 def can_format(value: Scalar, form: str) -> bool:
     """Whether a value of this kind can be written in that form."""
     try:
@@ -315,9 +320,8 @@ class SimulatorReader:
 
     def _missing_readings(self, readings: Sequence[Reading]) -> list[Reading]:
         """A reading for each field of a subscribing port that nothing refers to."""
-        followed = {reading.follows for reading in readings} | {
-            found[1] for reading in readings for found in PLACEHOLDER.finditer(reading.text)
-        }
+        followed = {reading.follows for reading in readings}
+        followed |= {source for reading in readings for source in sources_in(reading.text)}
         ports = [port for port in self._ports if port.direction is Direction.SUBSCRIBE and port.message is not None]
         return [
             Reading(name, (port.message.units if port.message else {}).get(field, ""), follows=f"{port.name}.{field}")
