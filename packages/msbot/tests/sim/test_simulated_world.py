@@ -182,3 +182,67 @@ def test_a_part_without_a_simulator_is_a_quiet_world() -> None:
     found.advance(1.0)
     assert found.readings() == {}
     assert found.due_messages(1.0) == []
+
+
+def test_a_noise_that_is_too_small_to_be_said_lets_the_part_rest() -> None:
+    measured = Reading("measured", follows="knob", noise=0.05, step=0.1)
+    for change, is_quiet in ((0.5, True), (0.3, False)):
+        found = world(
+            Output("out", {"percent": "measured"}, every=1.0, on_change=True, change=change), readings=(measured,)
+        )
+        found.join(0.0)
+        assert len(said(found, 0.0)) == 1
+        assert found.quiet_until(0.0) == (1.0 if is_quiet else 0.0)
+    found.set("knob", 50.0, 0.5)
+    assert len(said(found, 0.5)) == 1, "a change is said at once"
+
+
+def test_what_an_output_does_not_depend_on_keeps_no_part_awake() -> None:
+    heard = Reading("heard", follows="knob", noise=5.0, lag_s=1.0)
+    loud = Reading("loud", follows="knob", above=50.0)
+    found = world(
+        Output("loud", {"on": "loud"}, on_change=True),
+        ports=(Port("loud", Direction.PUBLISH, "Switch", message=SWITCH), IN),
+        readings=(heard, loud),
+    )
+    found.join(0.0)
+    assert said(found, 0.0) == [False]
+    assert found.quiet_until(0.0) == float("inf") or found.quiet_until(0.0) > 1.0
+    found.set("knob", 80.0, 1.0)
+    assert said(found, 1.0) == [True]
+
+
+def test_what_moves_keeps_its_part_awake_until_it_is_there() -> None:
+    opening = Reading("opening", follows="in.percent", start=0.0, slew_per_s=10.0)
+    far = Reading("far", follows="opening", above=4.5)
+    found = world(
+        Output("far", {"on": "far"}, on_change=True),
+        ports=(Port("far", Direction.PUBLISH, "Switch", message=SWITCH), IN),
+        readings=(opening, far),
+    )
+    found.join(0.0)
+    assert said(found, 0.0) == [False]
+    assert found.receive("in", {"percent": 5.0}, 0.0)
+    assert said(found, 0.25) == []
+    assert found.quiet_until(0.25) == 0.25
+    assert said(found, 0.5) == [True]
+    assert found.quiet_until(0.5) == float("inf")
+
+
+def test_a_message_that_says_what_is_known_changes_nothing() -> None:
+    shown = Reading("shown", follows="in.percent")
+    found = world(readings=(shown,))
+    assert found.receive("in", {"percent": 7.0}, 0.0)
+    assert not found.receive("in", {"percent": 7.0}, 1.0)
+    assert found.receive("in", {"percent": 8.0}, 2.0)
+    assert found.values["#in"] == 3
+    expiring = world(readings=(Reading("shown", follows="in.percent", start=0.0, lasts=1.5),))
+    for at in (0.0, 1.0):
+        assert expiring.receive("in", {"percent": 7.0}, at), "it lasts longer now"
+    expiring.advance(2.0)
+    assert expiring.readings() == {"shown": 7.0}
+    expiring.advance(2.6)
+    assert expiring.readings() == {"shown": 0.0}
+    counting = world(readings=(Reading("number", follows="#in"),))
+    for _ in range(2):
+        assert counting.receive("in", {"percent": 7.0}, 0.0)

@@ -180,7 +180,9 @@ class PartModel:
 
     def quiet_until(self, now: float) -> float:
         """When `say` may have something next, if nothing comes from outside before; `now`: it must be asked often."""
-        if any(mouth.output.on_change and (self._is_changed or mouth.may_change(self._values)) for mouth in self._mouths):
+        if any(
+            mouth.output.on_change and (self._is_changed or mouth.may_change(self._values)) for mouth in self._mouths
+        ):
             return now
         at = min((output.next_at(self._values) for output in self._mouths), default=math.inf)
         # What moves is computed in steps of limited number: a longer rest would make them coarser.

@@ -96,3 +96,21 @@ def test_waiters_look_again_at_news_and_give_up_in_words() -> None:
             await news.until(lambda: False, 0.5, "it did not happen")
 
     run_virtual(main())
+
+
+def test_a_timer_that_is_put_off_again_and_again_comes_once_at_the_last_time_given() -> None:
+    async def main() -> list[float]:
+        done: list[float] = []
+        turn = WorkScheduler(done.append)
+        turn.start(asyncio.get_running_loop())
+        await asyncio.sleep(0)
+        done.clear()
+        for later in range(5):
+            turn.set_timer(10.0 + later, None)
+        await asyncio.sleep(20.0)
+        turn.set_timer(30.0)
+        turn.set_timer(None)
+        await asyncio.sleep(20.0)
+        return done
+
+    assert run_virtual(main()) == [14.0]

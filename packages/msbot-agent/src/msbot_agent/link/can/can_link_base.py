@@ -43,7 +43,7 @@ class CanEnd(BaseLink, ABC):
     def on_frame(self, tap: FrameTap) -> None:
         """Call `tap`, too, with every frame that this end sends or receives."""
         earlier = self._port.frame_tap
-        self._port.frame_tap = tap if earlier is None else _both(earlier, tap)
+        self._port.tap(tap if earlier is None else _both(earlier, tap))
 
     @property
     def bus_info(self) -> CanBusInfo:

@@ -6,9 +6,9 @@ link, where they can be interleaved, overtaken by STOP, and counted.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_xrce.lazy import dataclass
@@ -47,6 +47,14 @@ StateHandler = Callable[[BusState, str, float], None]
 
 RoomHandler = Callable[[float], None]
 """`(now)`: a frame has left the controller."""
+
+
+@runtime_checkable
+class SelectiveCanBus(Protocol):
+    """A controller that can be told later which frames its owner ignores, as those on a simulated bus."""
+
+    def ignore(self, ids: Collection[int]) -> None:
+        """Data frames with these 11-bit identifiers need not be passed on from now on; empty: all are."""
 
 
 class CanBus(Protocol):

@@ -6,9 +6,10 @@ An end (`CanMasterLink`, `CanPartLink`) owns a `CanPort` and is its `PortOwner`.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 from typing import Final, Protocol
 
-from msbot_agent.link.can.controller import BusState, CanBus, FrameTap
+from msbot_agent.link.can.controller import BusState, CanBus, FrameTap, SelectiveCanBus
 from msbot_agent.link.can.protocol.frame_queue import QUEUE_FRAMES, FrameQueue
 from msbot_agent.link.can.protocol.frames import Frame
 from msbot_agent.link.can.protocol.ids import CanIds, read_stop, stop_frame
@@ -67,6 +68,7 @@ class CanPort:
         """State of the controller, as last reported."""
         self.frame_tap: FrameTap | None = None
         """If set, called with every frame that is handed over or comes in; None costs nothing."""
+        self._ignored: Collection[int] = ()
         self._owner = owner
         self._ids = ids
         self._stop_id = ids.stop
@@ -77,6 +79,17 @@ class CanPort:
         self._restart: asyncio.TimerHandle | None = None
         self._last_stop: tuple[int, float] | None = None
         bus.attach(frame=self._frame, room=self._room, state=self._state)
+
+    def tap(self, tap: FrameTap) -> None:
+        """Set `frame_tap`; from now on every frame is wanted."""
+        self.frame_tap = tap
+        self.ignore(self._ignored)
+
+    def ignore(self, ids: Collection[int]) -> None:
+        """The owner does nothing with data frames of these 11-bit identifiers: they need not be passed on."""
+        self._ignored = ids
+        if isinstance(self.bus, SelectiveCanBus):
+            self.bus.ignore(ids if self.frame_tap is None else ())
 
     def pump(self, now: float) -> None:
         """Hand frames to the controller as long as it has room."""

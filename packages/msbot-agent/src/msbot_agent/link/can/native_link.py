@@ -328,6 +328,7 @@ class CanPartLink(NativeEnd):
         self._to_master: PeerFraming | None = None
         self._own_id = -1
         self._other_ids = frozenset(base + n for base in (ids.up, ids.down) for n in range(1, NODES + 1))
+        self._port.ignore(self._other_ids)
 
     @property
     def node_id(self) -> int:
@@ -393,6 +394,7 @@ class CanPartLink(NativeEnd):
         elif event is not None:
             node_id = event.node_id
             self._own_id = self._ids.down + node_id
+            self._port.ignore(self._other_ids - {self._own_id})
             self._to_master = self._new_wire(self._ids.up + node_id, event.use)
             self._signal_handler(Signal.LINK_UP, MASTER, f"CAN node {node_id}", now)
             self._room_handler(None)
@@ -401,4 +403,5 @@ class CanPartLink(NativeEnd):
     def _forget_master(self) -> None:
         self._to_master = None
         self._own_id = -1
+        self._port.ignore(self._other_ids)
         self._forget_waiting(MASTER)

@@ -235,3 +235,20 @@ def test_a_bus_that_falls_behind_lets_the_others_have_their_turn() -> None:
         assert turns >= 3000 / 256 - 1
 
     run_virtual(main())
+
+
+def test_ignored_identifiers_are_not_passed_on_and_others_are() -> None:
+    async def main() -> list[int]:
+        driver = SimBusDriver(SimBus(RATE))
+        sender, node = driver.attach("A"), driver.attach("B")
+        heard: list[int] = []
+        node.attach(frame=lambda frame, _: heard.append(frame.can_id))
+        for ignored in ((0x101, 0x102), ()):
+            node.ignore(ignored)
+            for frame in (Frame(0x101), Frame(0x103), Frame(0x102, extended=True)):
+                sender.send(frame)
+            await asyncio.sleep(0.01)
+        return heard
+
+    heard = run_virtual(main())
+    assert (sorted(heard[:2]), sorted(heard[2:])) == ([0x102, 0x103], [0x101, 0x102, 0x103])

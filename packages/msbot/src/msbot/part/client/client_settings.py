@@ -122,6 +122,7 @@ class WorkScheduler:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._booked = False
         self._timer: asyncio.TimerHandle | None = None
+        self._due_at: float | None = None
 
     @property
     def is_running(self) -> bool:
@@ -150,16 +151,26 @@ class WorkScheduler:
 
     def set_timer(self, *times: float | None) -> None:
         """Have the work done at the earliest of these times, None = never; replaces the previous timer."""
-        due_at = min((time for time in times if time is not None), default=None)
-        if self._timer is not None and not self._timer.cancelled() and self._timer.when() == due_at:
-            return
-        self._cancel_timer()
-        if due_at is not None and self._loop is not None:
-            self._timer = self._loop.call_at(due_at, self._timer_due)
+        self._due_at = due_at = min((time for time in times if time is not None), default=None)
+        if due_at is None:
+            self._cancel_timer()
+        elif self._timer is None or self._timer.when() > due_at:
+            self._cancel_timer()
+            self._arm(due_at)
+        # Else the timer comes too early and is set again then: most are put off with each packet that comes.
 
-    def _timer_due(self) -> None:
+    def _arm(self, due_at: float) -> None:
+        if self._loop is not None:
+            self._timer = self._loop.call_at(due_at, self._timer_due, due_at)
+
+    def _timer_due(self, at: float) -> None:
         self._timer = None
-        self._do()
+        if self._due_at is None:
+            return
+        if self._due_at > at:
+            self._arm(self._due_at)
+        else:
+            self._do()
 
     def _do(self) -> None:
         self._booked = False

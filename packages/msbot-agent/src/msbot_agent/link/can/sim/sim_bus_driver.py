@@ -8,6 +8,7 @@ fires 2 ms late delays no node on the bus. A frame submitted outside a handler c
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 from typing import Final
 
 from msbot_agent.link.can.controller import BusState, CanBusInfo, FrameHandler, FrameTap, RoomHandler, StateHandler
@@ -49,6 +50,8 @@ class SimBusDriver:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at: float | None = None
         self._logical: float | None = None
+        self._ears: dict[int, list[SimCanBus]] = {}
+        """Who takes data frames of an 11-bit identifier, in the order in which they were attached."""
 
     def attach(self, name: str, *, fd: bool | None = None) -> SimCanBus:
         """Add a controller to the bus, plugged in.
@@ -68,6 +71,7 @@ class SimBusDriver:
         fast = bus.data_bitrate if with_fd else None
         info = CanBusInfo(f"sim:{self._name or bus.bitrate}", bus.bitrate, fast, with_fd)
         port = self._ports[node] = self._by_name[name] = SimCanBus(self, node, name, info)
+        self.forget_ears()
         return port
 
     def detach(self, name: str) -> None:
@@ -84,6 +88,7 @@ class SimBusDriver:
         if self._ports.pop(port.node, None) is not None:
             del self._by_name[port.name]
             port.is_attached = False
+            self.forget_ears()
             self.bus.detach(port.node, self.now())
             self.arm()
 
@@ -153,6 +158,28 @@ class SimBusDriver:
         self._timer_at = at
         self._timer = None if at is None else asyncio.get_running_loop().call_at(at, self._wake, at)
 
+    def forget_ears(self) -> None:
+        """Somebody listens to other frames than before, or in another way."""
+        self._ears.clear()
+
+    def _deliver(self, event: Delivered) -> None:
+        nodes, frame, at, ports = event.nodes, event.frame, event.at, self._ports
+        if frame.extended or frame.remote or frame.error:
+            for node in nodes:
+                if node in ports:  # otherwise the handler of another node has removed it
+                    ports[node].frame_handler(frame, at)
+            return
+        ears = self._ears.get(frame.can_id)
+        if ears is None:
+            ears = self._ears[frame.can_id] = [
+                port
+                for port in ports.values()
+                if port.frame_handler is not _ignore_frame and frame.can_id not in port.ignored
+            ]
+        for port in ears:
+            if port.node in nodes and port.is_attached:
+                port.frame_handler(frame, at)
+
     def _wake(self, at: float) -> None:
         due = max(asyncio.get_running_loop().time(), at)
         self._timer = self._timer_at = None
@@ -169,24 +196,21 @@ class SimBusDriver:
             self.arm()
 
     def _tell(self, event: BusEvent) -> None:
-        ports = self._ports
         if isinstance(event, Delivered):
-            for node in event.nodes:
-                if node in ports:  # otherwise the handler of another node has removed it
-                    ports[node].frame_handler(event.frame, event.at)
+            self._deliver(event)
             return
-        port = ports.get(event.node)
-        if port is None:
+        sender = self._ports.get(event.node)
+        if sender is None:
             return
         if isinstance(event, Sent):
             if self.tap is not None:
-                self.tap(event.at, port.name, event.frame)
+                self.tap(event.at, sender.name, event.frame)
             for listener in self.listeners:
-                listener(event.at, port.name, event.frame)
-            port.sent_handler(event.frame, event.at)
-            port.room_handler(event.at)
+                listener(event.at, sender.name, event.frame)
+            sender.sent_handler(event.frame, event.at)
+            sender.room_handler(event.at)
         else:
-            port.state_handler(event.state, _STATE_WORDS[event.state], event.at)
+            sender.state_handler(event.state, _STATE_WORDS[event.state], event.at)
 
 
 class SimCanBus:
@@ -198,6 +222,8 @@ class SimCanBus:
         self.node = node
         self.name = name
         self.is_attached = True
+        self.ignored: Collection[int] = ()
+        """11-bit identifiers of the frames that its owner does not want."""
         self.frame_handler: FrameHandler = _ignore_frame
         self.sent_handler: FrameHandler = _ignore_frame
         self.room_handler: RoomHandler = _ignore_room
@@ -217,6 +243,12 @@ class SimCanBus:
         self.room_handler = room or self.room_handler
         self.state_handler = state or self.state_handler
         self.sent_handler = sent or self.sent_handler
+        self._driver.forget_ears()
+
+    def ignore(self, ids: Collection[int]) -> None:
+        """See `SelectiveCanBus`."""
+        self.ignored = ids
+        self._driver.forget_ears()
 
     def has_room(self) -> bool:
         """See `CanBus`."""

@@ -77,10 +77,15 @@ class SimNode:
 
     def ready(self) -> float:
         """When it can begin to send, apart from the bus; it must hold a frame."""
+        if len(self.mailboxes) == 1:
+            return max(self.ready_at, self.mailboxes[0].ready_at)
         return max(self.ready_at, min(mail.ready_at for mail in self.mailboxes))
 
     def choose(self, by: float) -> QueuedFrame:
         """Choose among the frames ready before `by`: the lowest identifier wins, and of equal ones the oldest frame."""
+        if len(self.mailboxes) == 1:
+            self.choice = self.mailboxes[0]
+            return self.choice
         self.choice = min((mail for mail in self.mailboxes if mail.ready_at < by), key=lambda mail: mail.rank)
         return self.choice
 
@@ -166,6 +171,9 @@ def arbitrate(rivals: Sequence[SimNode], closed_at: float) -> list[SimNode]:
 
     More than one node wins when they send the same identifier; they meet again in the bits that follow.
     """
+    if len(rivals) == 1:
+        rivals[0].choose(closed_at)
+        return list(rivals)
     ranks = [node.choose(closed_at).rank for node in rivals]
     best = min(ranks)
     return [node for node, rank in zip(rivals, ranks, strict=True) if rank == best]
@@ -181,15 +189,19 @@ def plan_attempt(start: float, senders: list[SimNode], listeners: list[SimNode],
         rates: bit times.
         noise: where the bus is disturbed.
     """
-    frames = [node.outgoing() for node in senders]
-    if any(frame != frames[0] for frame in frames):
+    frame = senders[0].outgoing()
+    if len(senders) > 1 and any(node.outgoing() != frame for node in senders):
         return _plan_conflict(start, senders, listeners, rates, noise)
-    frame = frames[0]
-    refusing = [node for node in listeners if frame.fd and not node.fd]
-    attempt = Attempt(start, frame, senders, [node for node in listeners if node not in refusing])
+    refusing = [node for node in listeners if not node.fd] if frame.fd else []
+    attempt = Attempt(
+        start, frame, senders, [node for node in listeners if node not in refusing] if refusing else listeners
+    )
     length = frame_bits(frame)
     total = sum(length)
     disturbed = noise(total)
+    if disturbed is None and not refusing and listeners:
+        _succeed(attempt, length, rates)
+        return attempt
     destroying = [node for node in refusing if node.counters.active]
     if destroying:
         wire = wire_bits(frame)

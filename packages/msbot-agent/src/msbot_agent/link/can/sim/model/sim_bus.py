@@ -82,6 +82,10 @@ class SimBus:
         self._recovering: list[SimNode] = []
         self._hearing: list[SimNode] | None = None
         """Nodes that are plugged in and not bus-off; None = to be determined again."""
+        self._plugged_at = float("-inf")
+        """When the last of them was plugged in."""
+        self._audience: dict[int, list[SimNode]] = {}
+        """Who hears a node, by its number, if all of those have followed the bus for long enough."""
         self._next_id = 0
         self._rates = Rates(1 / bitrate, 1 / (data_bitrate or bitrate))
         self._bit_error_rate = 0.0
@@ -196,8 +200,10 @@ class SimBus:
 
     def next_event_at(self) -> float | None:
         """When `advance` has something to do; None while nothing is in progress."""
-        moments = [self._recovery_at(it) for it in self._recovering]
         attempt = self._attempt
+        if not self._recovering:
+            return None if attempt is None else attempt.ends_at
+        moments = [self._recovery_at(it) for it in self._recovering]
         if attempt is None:
             return min(moments, default=None)
         return min((moment for moment in moments if moment <= attempt.starts_at), default=attempt.ends_at)
@@ -290,10 +296,15 @@ class SimBus:
         self._flipped = bool(self._flips)
         if not self._waiting:
             return
-        ready = [(max(it.ready(), self._free_at), it) for it in self._waiting.values()]
-        start = min(at for at, _ in ready)
-        closed_at = start + self._rates.bit_s
-        rivals = [it for at, it in ready if at < closed_at]
+        if len(self._waiting) == 1:
+            rivals = list(self._waiting.values())
+            start = max(rivals[0].ready(), self._free_at)
+            closed_at = start + self._rates.bit_s
+        else:
+            ready = [(max(it.ready(), self._free_at), it) for it in self._waiting.values()]
+            start = min(at for at, _ in ready)
+            closed_at = start + self._rates.bit_s
+            rivals = [it for at, it in ready if at < closed_at]
         winners = arbitrate(rivals, closed_at)
         if self._shorted:  # nobody sees a dominant bit, so that everybody goes on
             self._attempt = plan_shorted(start, rivals, self._rates)
@@ -305,12 +316,19 @@ class SimBus:
     def _listeners(self, start: float, senders: list[SimNode]) -> list[SimNode]:
         if self._hearing is None:
             self._hearing = [it for it in self._nodes.values() if it.plugged and not it.counters.off]
+            self._plugged_at = max((it.plugged_at for it in self._hearing), default=float("-inf"))
+            self._audience.clear()
         # A controller hears nothing before it has seen 11 recessive bits in a row (ISO 11898-1:2015 10.9.3); the bus
         # has had them by `start`, so it depends on when the controller was plugged in.
         since = start - (RECOVERY_BITS - 0.01) * self._rates.bit_s
         if len(senders) == 1:
             sender = senders[0]
-            return [it for it in self._hearing if it is not sender and it.plugged_at <= since]
+            if self._plugged_at > since:
+                return [it for it in self._hearing if it is not sender and it.plugged_at <= since]
+            audience = self._audience.get(sender.node_id)
+            if audience is None:
+                audience = self._audience[sender.node_id] = [it for it in self._hearing if it is not sender]
+            return audience
         return [it for it in self._hearing if it not in senders and it.plugged_at <= since]
 
     def _noise(self, bits: int) -> int | None:
@@ -333,6 +351,13 @@ class SimBus:
         self._account(attempt)
         if self._flipped:
             self._flips.popleft()
+        if _is_undisturbed(attempt):
+            if attempt.received:
+                events.append(Delivered(attempt.ends_at, [it.node_id for it in attempt.received], attempt.frame))
+            for it in attempt.sent:
+                self._take_out(it)
+                events.append(Sent(attempt.ends_at, it.node_id, attempt.frame))
+            return
         before = {it: it.counters.state for it in attempt.received if it.counters.receive}
         before |= {it: it.counters.state for it in attempt.sent}
         before |= {failure.node: failure.node.counters.state for failure in attempt.failures}
@@ -346,16 +371,20 @@ class SimBus:
                 it.counters.receive_succeeded()
         for it in attempt.sent:
             it.counters.transmit_succeeded()
-            mail, it.choice = it.choice, None
-            if mail is not None:
-                it.mailboxes.remove(mail)
-            if not it.mailboxes:
-                self._waiting.pop(it.node_id, None)
+            self._take_out(it)
             events.append(Sent(attempt.ends_at, it.node_id, attempt.frame))
         for it in {*attempt.senders, *(failure.node for failure in attempt.failures if failure.as_sender)}:
             if not it.counters.active:
                 it.ready_at = attempt.free_at + SUSPEND * self._rates.bit_s
         self._tell_states(before, attempt.ends_at, events)
+
+    def _take_out(self, it: SimNode) -> None:
+        """Take a frame that has been sent out of its controller."""
+        mail, it.choice = it.choice, None
+        if mail is not None:
+            it.mailboxes.remove(mail)
+        if not it.mailboxes:
+            self._waiting.pop(it.node_id, None)
 
     def _tell_states(self, before: dict[SimNode, BusState], at: float, events: list[BusEvent]) -> None:
         for it, state in before.items():
@@ -402,6 +431,15 @@ class SimBus:
             it.counters = ErrorCounters()
             self._hearing = None
             events.append(StateChanged(at, it.node_id, BusState.ACTIVE))
+
+
+def _is_undisturbed(attempt: Attempt) -> bool:
+    """Whether all went well for nodes without errors, as nearly always: then no counter changes, and no state."""
+    if attempt.failures or attempt.error:
+        return False
+    if any(it.counters.transmit or not it.counters.active for it in attempt.senders):
+        return False
+    return not any(it.counters.receive or it.deaf_frames or it.deafness for it in attempt.received)
 
 
 def _behind_arbitration(bits: int) -> int:
