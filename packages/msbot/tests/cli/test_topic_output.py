@@ -10,7 +10,7 @@ import pytest
 
 from msbot.cli.topic.message_output import MessageOutput, TimeForm
 from msbot.cli.topic.rates import MessageWindow
-from msbot.cli.topic.topic_commands import _type_and_values, values_of
+from msbot.cli.topic.topic_commands import _type_and_values
 from msbot_xrce.errors import ConfigError
 
 POSE: dict[str, Any] = {
@@ -76,14 +76,13 @@ def test_rates_are_of_the_newest_messages() -> None:
 
 
 def test_a_message_may_be_typed_as_in_ros() -> None:
-    level = {"type": "Level", "free": False}
+    level = {"type": "Level", "free": False, "fields": [["percent", "float32"]]}
     assert _type_and_values(level, ("40",)) == (None, ["40"])
     assert _type_and_values(level, ("msbot/msg/Level", "{percent: 40}")) == ("Level", ["percent=40"])
     assert _type_and_values(level, ("-40",)) == (None, ["-40"])
-    assert _type_and_values({"type": "", "free": True}, ("HelloWorld", "1", "hi")) == ("HelloWorld", ["1", "hi"])
-    assert values_of('{"on": true, "name": "x"}') == ["on=true", "name=x"]
-    assert values_of("{on: true, name: 'x y'}") == ["on=true", "name=x y"]
-    assert values_of("{tip: {x: 1, y: 2.5}, joints: [0, 90]}") == ["tip.x=1", "tip.y=2.5", "joints=[0, 90]"]
-    for wrong in ("{on", "{on}", "{a: {b: 1}}x"):
-        with pytest.raises(ConfigError, match=r"write \{field: value"):
-            values_of(wrong)
+    assert _type_and_values({"type": "", "free": True, "fields": []}, ("HelloWorld", "1", "hi")) == (
+        "HelloWorld",
+        ["1", "hi"],
+    )
+    assert _type_and_values(level, ("std_msgs/msg/Float32", "{data: 40}")) == ("Float32", ["data=40"])
+    assert _type_and_values(level, ("percent: 40",)) == (None, ["percent=40"])

@@ -93,7 +93,7 @@ def test_only_the_robots_topics_can_be_seen(tmp_path: Path) -> None:
         assert names["chat"]["free"]
         assert (names[TOPIC]["publishers"], names[TOPIC]["fields"]) == (
             [{"slot": "AA", "port": "out", "part": "ABCD"}],
-            [["index", "uint32"], ["message", "str"]],
+            [["index", "uint32"], ["message", "text"]],
         )
         for hidden in ("msbot_inventory_Request", "msbot_inventory_Reply", "msbot_masterTopic"):
             assert hidden not in names

@@ -9,9 +9,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from msbot.config import Direction, FieldKind, LeafType, MessageType, Port, Scalar
+from msbot.config import BoundedText, Direction, FieldKind, LeafType, MessageType, Port, Scalar
 from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot, endpoint_of
 from msbot.part import Message
@@ -21,6 +22,7 @@ from msbot.registry import EditKind
 from msbot.sim.model_part import message_of
 from msbot_agent.space import Qos, Topic, Writer
 from msbot_agent.text.sentence import said
+from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError, RegistryError
 from msbot_xrce.lazy import dataclass
 
@@ -32,6 +34,9 @@ _GUID = bytes.fromhex("4d73424f540000000000000068616e64")
 """The writer's identity in the data space: `MsBOT`, `hand`."""
 
 _log = logging.getLogger(__name__)
+
+_FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
+"""What stands before a `=` and looks like the name of a field, so that a misspelt one is not taken for a text."""
 
 
 @dataclass(slots=True)
@@ -224,23 +229,27 @@ def read_message(where: str, message: MessageType, values: Sequence[str]) -> Mes
     """
     fields = message.leaves
     shown = ", ".join(f"{name} ({kind.word})" for name, kind in fields.items())
+    if len(fields) == 1 and _is_text(next(iter(fields.values()))):
+        values = [" ".join(values)]  # a sentence needs no quotes
+    if len(values) > len(fields):
+        raise ConfigError(
+            said(
+                "{where} takes {count} values, not {count2}: {shown}",
+                where=where,
+                count=len(fields),
+                count2=len(values),
+                shown=shown,
+            )
+        )
     given: dict[str, str] = {}
-    if len(fields) == 1 and next(iter(fields.values())) is FieldKind.TEXT and not _is_named(values, fields):
-        values = [" ".join(values)]
     for place, text in enumerate(values):
         name, equals, value = text.partition("=")
+        if equals and name not in fields and _FIELD.fullmatch(name):
+            raise _no_field(where, name, list(fields)[place], fields, text)
         if not equals or name not in fields:
-            if place >= len(fields):
-                raise ConfigError(
-                    said(
-                        "{where} takes {count} values, not {count2}: {shown}",
-                        where=where,
-                        count=len(fields),
-                        count2=len(values),
-                        shown=shown,
-                    )
-                )
             name, value = list(fields)[place], text
+        if name in given:
+            raise ConfigError(said("{where} has two values for {name}", where=where, name=name))
         given[name] = value
     if missing := [name for name in fields if name not in given]:
         raise ConfigError(
@@ -254,8 +263,23 @@ def read_message(where: str, message: MessageType, values: Sequence[str]) -> Mes
     return message_of(message, {name: _value(where, name, fields[name], given[name]) for name in fields})
 
 
-def _is_named(values: Sequence[str], fields: Mapping[str, LeafType]) -> bool:
-    return len(values) == 1 and values[0].partition("=")[0] in fields and "=" in values[0]
+def _no_field(where: str, name: str, here: str, fields: Mapping[str, LeafType], text: str) -> ConfigError:
+    hint = instead_of(name, fields)
+    if not _is_text(fields[here]):
+        return ConfigError(said("{where} has no field {name!r}; {hint}", where=where, name=name, hint=hint))
+    return ConfigError(
+        said(
+            "{where} has no field {name!r} (a text is written {written}); {hint}",
+            where=where,
+            name=name,
+            hint=hint,
+            written=f"{here}={text}",
+        )
+    )
+
+
+def _is_text(kind: LeafType) -> bool:
+    return kind is FieldKind.TEXT or isinstance(kind, BoundedText)
 
 
 def _value(where: str, name: str, kind: LeafType, text: str) -> Scalar:

@@ -38,6 +38,8 @@ def _group() -> Argument:
     return Argument("group", is_needed=True, longest=64, shown_as="GROUP", help="Name of the group.")
 
 
+_LIST = 20_000
+"""Characters of the longest value: a list of 4,096 bytes as JSON."""
 _REASON_HELP = "Why; `msbot why` will say it."
 
 _ROWS = (
@@ -161,7 +163,7 @@ _ROWS = (
     Operation(
         "publish", "Drive a port by hand: the fan, the lamp, the servo.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that hears something, as fan.power."),
-         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=_LIST, shown_as="VALUE...",
                   help="The values of its message in their order, or FIELD=VALUE."),
          Argument("seconds", ArgumentKind.NUMBER, default=5.0, least=0.1, most=3600.0, option="--seconds",
                   shown_as="SECONDS",
@@ -197,7 +199,7 @@ _ROWS = (
     Operation(
         "publish_topic", "Publish one message on a topic, besides what parts publish there.",
         (_topic(),
-         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=_LIST, shown_as="VALUE...",
                   help="The values of the message in their order, or FIELD=VALUE."),
          _topic_type()),
         Right.OPERATE, OperationScope.RUNNING, EditLog.LINE, "hand", "POST /topics/{topic}/publish",
@@ -205,7 +207,7 @@ _ROWS = (
     Operation(
         "call", "Send a request to a port that serves, and print its reply.",
         (Argument("port", is_needed=True, shown_as="SLOT.PORT", help="A port that serves, as camera.photo."),
-         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=1000, shown_as="VALUE...",
+         Argument("values", ArgumentKind.TEXTS, is_needed=True, longest=_LIST, shown_as="VALUE...",
                   help="The values of the request in their order, or FIELD=VALUE."),
          Argument("seconds", ArgumentKind.NUMBER, default=2.0, least=0.1, most=60.0, option="--seconds",
                   shown_as="SECONDS",

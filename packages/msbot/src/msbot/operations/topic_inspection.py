@@ -23,6 +23,7 @@ from msbot.operations.operation import Outcome
 from msbot.operations.running_robot import RunningRobot
 from msbot.part import Message
 from msbot.part.messages.message import fields_of
+from msbot.part.messages.type_hash import described_types
 from msbot.pnp import message_words
 from msbot.registry import EditKind
 from msbot.service_types import request_topic, service_type
@@ -126,24 +127,35 @@ class TopicInspection:
         return Outcome(answer={"topics": [*known, *(_free(name, counts) for name in free)]})
 
     def _described(self, binding: Binding, counts: dict[str, tuple[int, int]]) -> dict[str, object]:
-        is_service = service_type(binding.type_name) is not None
-        counted = request_topic(binding.topic) if is_service else binding.topic
+        service = service_type(binding.type_name)
+        counted = binding.topic if service is None else request_topic(binding.topic)
         published, delivered = counts.get(counted, (0, 0))
         library = self._running.library
         message = None if library is None else library.messages.get(binding.type_name)
-        cls = self._class_of(binding.type_name)
+        types = self._types((binding.type_name,) if service is None else service)
         return {
             "topic": binding.topic,
             "type": binding.type_name,
             "free": False,
             "reliable": binding.reliable,
-            "fields": [] if cls is None else [[field.name, field.codec.word] for field in fields_of(cls)],
+            "fields": types.get(binding.type_name, []),
+            "types": types,
             "units": {} if message is None else dict(message.units),
             "publishers": [self._end(end.slot, end.port) for end in (binding.source,) if end.slot],
             "subscribers": [self._end(end.slot, end.port) for end in binding.targets],
             "published": published,
             "delivered": delivered,
         }
+
+    def _types(self, names: Sequence[str]) -> dict[str, list[list[str]]]:
+        """The fields of these types and of those inside, by type; of an enum its names and their numbers."""
+        found: dict[str, list[list[str]]] = {}
+        for cls in filter(None, map(self._class_of, names)):
+            described = described_types(cls)
+            if described is None:  # lists of lists have no word in a library
+                described = {cls.type_name: [(field.name, field.codec.word) for field in fields_of(cls)]}
+            found |= {name: [[*field] for field in fields] for name, fields in described.items()}
+        return found
 
     def _end(self, slot: str, port: str) -> dict[str, str]:
         holder = self._running.holder(slot)
@@ -319,6 +331,7 @@ def _free(name: str, counts: dict[str, tuple[int, int]]) -> dict[str, object]:
         "free": True,
         "reliable": True,
         "fields": [],
+        "types": {},
         "units": {},
         "publishers": [],
         "subscribers": [],

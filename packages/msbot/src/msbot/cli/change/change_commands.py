@@ -17,6 +17,7 @@ import click
 from msbot.cli import completers
 from msbot.cli.change.robot_access import perform, say
 from msbot.cli.change.stop_commands import ChosenRobots, say_go
+from msbot.cli.message_input import typed_values
 from msbot.cli.robot_options import robot_and_json_options, robot_options, stop_group_option, wants_json
 from msbot.config import scalar_text
 from msbot.operations.operation import Argument, ArgumentKind, Operation
@@ -26,6 +27,10 @@ from msbot_agent.cli.table import print_table
 from msbot_agent.text.similar_names import instead_of
 from msbot_xrce.errors import ConfigError
 
+MESSAGE = "values"
+"""The argument that is a message."""
+MESSAGE_HELP = "VALUE: the values of the message in their order, FIELD=VALUE, or one text '{field: value, ...}'."
+
 
 def verb(name: str) -> click.Command:
     """The command that carries out an operation."""
@@ -34,7 +39,8 @@ def verb(name: str) -> click.Command:
     def run(db: str | None, robot: str | None, **given: object) -> None:
         say(db, robot, name, _arguments(operation, given))
 
-    run.__doc__ = f"{operation.summary}\n\n{operation.help}"
+    takes_message = any(argument.name == MESSAGE for argument in operation.arguments)
+    run.__doc__ = "\n\n".join([operation.summary, operation.help, *([MESSAGE_HELP] if takes_message else [])])
     decorated: Callable[..., object] = robot_and_json_options(run)
     for argument in reversed(operation.arguments):
         decorated = _decorate(argument)(decorated)
@@ -50,6 +56,8 @@ def _arguments(operation: Operation, given: Mapping[str, object]) -> dict[str, o
         value = given[argument.passed_as]
         if argument.kind is ArgumentKind.FLAG:
             value = bool(value) != argument.default  # the option reverses the default
+        if argument.name == MESSAGE and isinstance(value, tuple):
+            value = typed_values(value)
         wish[argument.name] = list(value) if isinstance(value, tuple) else value
     return wish
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -13,9 +12,11 @@ import click
 
 from msbot.cli import completers
 from msbot.cli.change.robot_access import MasterConnection
+from msbot.cli.message_input import is_message, typed_values
 from msbot.cli.robot_options import robot_options
 from msbot.cli.topic.message_output import MessageOutput, TimeForm
 from msbot.cli.topic.rates import MessageWindow
+from msbot.service_types import service_type
 from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.options import FiniteRange, WholeRange, json_option
 from msbot_agent.cli.table import print_table
@@ -23,9 +24,6 @@ from msbot_agent.text.sentence import printable
 from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_xrce.counting import amount
 from msbot_xrce.errors import ConfigError
-
-_BARE_NAME = re.compile(r"([{,]\s*)([A-Za-z_]\w*)\s*:")
-"""A name without quotes, as YAML has it."""
 
 WAIT_S = 2.0
 """How long the master waits for the next message before it answers that there is none."""
@@ -133,8 +131,8 @@ def info(topic: str, db: str | None, robot: str | None, *, verbose: bool, as_jso
         click.echo(json.dumps(found))
         return
     click.echo(f"Type: {found['type'] or 'any (a free topic)'}")
-    for name, kind in found["fields"]:
-        click.echo(f"  {name}: {kind} {found['units'].get(name, '')}".rstrip())
+    for line in _type_lines(found):
+        click.echo(line)
     click.echo(f"Reliability: {'reliable' if found['reliable'] else 'best effort'}")
     for title, key in (("Publisher", "publishers"), ("Subscription", "subscribers")):
         click.echo(f"{title} count: {len(found[key])}")
@@ -142,6 +140,23 @@ def info(topic: str, db: str | None, robot: str | None, *, verbose: bool, as_jso
             part = f"  ({end['part'] or 'no part in the slot'})" if verbose else ""
             click.echo(f"  {end['slot']}.{end['port']}{part}")
     click.echo(f"Messages so far: {found['published']} published, {found['delivered']} delivered")
+
+
+def _type_lines(topic: Mapping[str, Any]) -> Iterator[str]:
+    """The fields of a message, those of types inside below theirs; of a service those of request and reply."""
+    ends = service_type(topic["type"])
+    if ends is None:
+        yield from _field_lines(topic, topic["type"], "", 1)
+        return
+    for title, name in (("Request", ends.request), ("Reply", ends.reply)):
+        yield f"{title}: {name}"
+        yield from _field_lines(topic, name, "", 1)
+
+
+def _field_lines(topic: Mapping[str, Any], type_name: str, way: str, depth: int) -> Iterator[str]:
+    for name, kind in topic["types"].get(type_name, ()):
+        yield f"{'  ' * depth}{name}: {kind} {topic['units'].get(way + name, '')}".rstrip()
+        yield from _field_lines(topic, kind.partition("[")[0], f"{way}{name}.", depth + 1)
 
 
 # Messages as they come
@@ -369,54 +384,7 @@ def _type_and_values(meant: Mapping[str, Any], words: tuple[str, ...]) -> tuple[
     """The type, if it was written, and the values."""
     first, *others = words
     type_name = None
-    if others and (meant["free"] or first.rpartition("/")[2] == meant["type"]):
+    of_this_type = first.rpartition("/")[2] == meant["type"]
+    if others and (meant["free"] or of_this_type or (len(words) == 2 and is_message(words[1]))):
         type_name, words = first.rpartition("/")[2], tuple(others)
-    if len(words) == 1 and words[0].lstrip().startswith("{"):
-        return type_name, values_of(words[0])
-    return type_name, list(words)
-
-
-def values_of(text: str) -> list[str]:
-    """The `FIELD=VALUE` of a text such as `{percent: 40}`, JSON or YAML on one line.
-
-    Raises:
-        ConfigError: it is neither.
-    """
-    found: object = None
-    for read in (json.loads, lambda one: json.loads(_BARE_NAME.sub(r'\1"\2":', one)), _flow):
-        try:
-            found = read(text)
-            break
-        except ValueError:
-            continue
-    if not isinstance(found, dict):
-        raise ConfigError(f"{text!r}: write {{field: value, field: value}}")
-    return [f"{name}={_word(value)}" for name, value in _leaves("", found)]
-
-
-def _leaves(way: str, values: Mapping[str, object]) -> Iterator[tuple[str, object]]:
-    """The values with the way to each: `pose.x`; a list is one value."""
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from _leaves(f"{way}{name}.", value)
-        else:
-            yield f"{way}{name}", value
-
-
-def _word(value: object) -> str:
-    if isinstance(value, list):
-        return json.dumps(value)
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _flow(text: str) -> dict[str, str] | None:
-    inner = text.strip()
-    if not inner.endswith("}"):
-        return None
-    found = {}
-    for item in filter(None, (one.strip() for one in inner[1:-1].split(","))):
-        name, colon, value = item.partition(":")
-        if not colon:
-            return None
-        found[name.strip()] = value.strip().strip("'\"")
-    return found
+    return type_name, typed_values(words, [name for name, _ in meant["fields"]])
