@@ -16,6 +16,7 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from msbot_agent.cli import BUILT_IN, COMMANDS, command_lines, interrupts, package_of, task_lines
+from msbot_agent.cli.build_name import print_version
 from msbot_agent.cli.exit_status import ExitStatus
 from msbot_agent.cli.help_page import SUMMARY, command_list, leave_output
 from msbot_agent.startup.bytecode_cache import without_garbage_collection
@@ -81,7 +82,14 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, help=SUMMARY, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="msbot-agent", message="%(prog)s %(version)s")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=print_version,
+    help="Show the version and exit.",
+)
 def msbot() -> None:
     """Every command."""
 

@@ -264,7 +264,11 @@ class LossyLink(DisturbedLink):
 
     Args:
         link: the link that carries the remaining packets.
-        random, drop, duplicate, reorder, delay: see `Disturbance`.
+        random: where its chances come from; see `Disturbance`.
+        drop: see `Disturbance`.
+        duplicate: see `Disturbance`.
+        reorder: see `Disturbance`.
+        delay: see `Disturbance`, in s.
     """
 
     def __init__(
