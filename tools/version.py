@@ -22,6 +22,7 @@ PLACES = (
     ("packages/*/pyproject.toml", re.compile(rf'("(?:{OWN})(?:\[[\w,-]+\])?==)([^";]+)(")')),
     ("micropython/msbot/__init__.py", re.compile(r'^(__version__ = ")([^"]+)(")$', re.MULTILINE)),
     ("docs/howto/*.md", re.compile(r"(\bmsbot(?:_agent|_xrce)?-)(\d[\w.]*)(-py3-none-any\.whl)")),
+    ("docs/howto/*.md", re.compile(r"(\bmsbot-)(\d[\w.]*)(\.cdx\.json)")),
     ("docs/howto/*.md", re.compile(r"(\bmsbot_)(\d[\w.]*)(_(?:amd64|arm64)\.deb)")),
 )
 """Files, and what stands before and behind the version in them."""

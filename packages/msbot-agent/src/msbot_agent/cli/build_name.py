@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
+from pathlib import Path
 
 import click
 
@@ -19,7 +19,7 @@ def commit_of_build(text: str | None = None) -> str | None:
         text: what the file says, in place of the one that was installed; git writes the commit when it exports a tree
             (`export-subst`).
     """
-    told = (files("msbot_agent") / "build.txt").read_text("utf-8") if text is None else text
+    told = (Path(__file__).parents[1] / "build.txt").read_text("utf-8") if text is None else text
     found = _COMMIT.fullmatch(told.strip())
     return found[0][:_SHOWN] if found else None
 
