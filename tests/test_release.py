@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -34,7 +35,9 @@ def test_one_call_writes_the_version_everywhere(copy: Path) -> None:
     assert version.read(copy) == "7.8.9rc1"
     assert "\n## [Unreleased]\n\n## [7.8.9rc1]\n" in (copy / "CHANGELOG.md").read_text("utf-8")
     assert 'msbot-agent==7.8.9rc1"' in (copy / "packages/msbot/pyproject.toml").read_text("utf-8")
-    assert 'msbot-bridges[dronecan]==7.8.9rc1"' in (copy / "packages/msbot/pyproject.toml").read_text("utf-8")
+    assert re.search(
+        r'"msbot-bridges\[[\w,-]+\]==7\.8\.9rc1"', (copy / "packages/msbot/pyproject.toml").read_text("utf-8")
+    )
 
 
 def test_a_version_that_is_forgotten_is_named_with_its_file(copy: Path) -> None:
