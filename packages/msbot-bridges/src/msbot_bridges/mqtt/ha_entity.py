@@ -1,0 +1,460 @@
+"""The ports of one entity of Home Assistant's discovery: light, switch, fan, cover, number, button and sensors.
+
+What a component means by default (`ON`, 255, `online`) is from Home Assistant's documentation of its MQTT components.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from msbot.part import Message
+from msbot.part.messages.standard import Colour, Level, Number, Switch, Text, Trigger
+from msbot_bridges.bridge.quantity import Quantity, nearest_to_zero, quantity
+from msbot_bridges.mqtt.device_model import Command, Order, PortNames, Reading
+from msbot_bridges.mqtt.template import Template
+from msbot_xrce.errors import ConfigError
+from msbot_xrce.lazy import dataclass
+
+Config = Mapping[str, Any]
+_NEAR = 0.005
+"""A share of the range: a report so near the safe value is the safe value."""
+
+
+@dataclass(slots=True)
+class EntityPorts:
+    """What one entity gives to its part."""
+
+    readings: list[Reading]
+    commands: list[Command]
+
+
+def ports_of(component: str, config: Config, name: str, names: PortNames) -> EntityPorts:
+    """The ports of an entity.
+
+    Args:
+        component: `light`, `sensor`, ...
+        config: its discovery message, spelt out.
+        name: what people call it.
+        names: gives free names to ports.
+
+    Raises:
+        ConfigError: it has no port, or cannot be understood; the text says why.
+    """
+    maker = _COMPONENTS.get(component)
+    if maker is None:
+        raise ConfigError(f"a {component} has no port here")
+    if config.get("entity_category") == "config":
+        raise ConfigError("it configures the device, and nobody drives that from a robot")
+    return maker(config, names.name(name, otherwise=component), names)
+
+
+COMPONENTS: Mapping[str, tuple[tuple[type[Message], ...], tuple[type[Message], ...]]] = {
+    "light": ((Switch, Level, Colour), (Switch, Level, Colour)),
+    "switch": ((Switch,), (Switch,)),
+    "fan": ((Switch, Level), (Switch, Level)),
+    "cover": ((Switch, Level), (Switch, Level)),
+    "number": ((Number, Level), (Number, Level)),
+    "button": ((), (Trigger,)),
+    "sensor": ((Number, Level, Text), ()),
+    "binary_sensor": ((Switch,), ()),
+}
+"""By component: messages that it may send, and messages that drive it."""
+
+
+# What configurations have
+
+
+def _topic(config: Config, key: str) -> str:
+    topic = config.get(key, "")
+    if topic and (not isinstance(topic, str) or "+" in topic or "#" in topic):
+        raise ConfigError(f"{key} is no topic")
+    return str(topic)
+
+
+def _needed(config: Config, key: str) -> str:
+    topic = _topic(config, key)
+    if not topic:
+        raise ConfigError(f"it has no {key}")
+    return topic
+
+
+def _words(config: Config, key: str, otherwise: str) -> str:
+    value = config.get(key, otherwise)
+    return otherwise if value is None else str(value)
+
+
+def _number(config: Config, key: str, otherwise: float) -> float:
+    value = config.get(key, otherwise)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ConfigError(f"{key} is no number")
+    return float(value)
+
+
+def _template(config: Config, *keys: str) -> Template:
+    for key in keys:
+        text = config.get(key)
+        if isinstance(text, str):
+            return Template(text)
+    return Template("")
+
+
+def _shown(value: float) -> str:
+    """A number as devices write it: whole where it is whole."""
+    return str(int(value)) if float(value).is_integer() else f"{value:.6g}"
+
+
+def _read_number(template: Template, payload: str) -> float | None:
+    text = template.render(payload)
+    try:
+        value = float(text) if text else math.nan
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _switching(
+    config: Config, port: str, names: PortNames, *, state_keys: tuple[str, ...] = ("value_template",)
+) -> EntityPorts:
+    """On and off: a switch, a lamp without brightness, a fan without speeds."""
+    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
+    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
+    template, writes = _template(config, *state_keys), _template(config, "command_template")
+    state_on, state_off = _words(config, "state_on", on), _words(config, "state_off", off)
+
+    def is_on(payload: str) -> bool | None:
+        text = template.render(payload)
+        return True if text == state_on else False if text == state_off else None
+
+    def orders(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Switch)
+        return [Order(command_topic, writes.render(on if message.on else off) or "")]
+
+    def read(payload: str) -> Message | None:
+        state = is_on(payload)
+        return None if state is None else Switch(on=state)
+
+    readings = [Reading(names.name(f"{port}_state"), Switch, state_topic, read)] if state_topic else []
+    safe = Switch(on=False)
+    command = Command(
+        port, Switch, safe, orders, orders(safe), state_topic, lambda payload: _not(is_on(payload)), "that it is off"
+    )
+    return EntityPorts(readings, [command])
+
+
+def _not(value: bool | None) -> bool | None:
+    return None if value is None else not value
+
+
+def _switch(config: Config, port: str, names: PortNames) -> EntityPorts:
+    return _switching(config, port, names)
+
+
+def _light(config: Config, port: str, names: PortNames) -> EntityPorts:
+    schema = config.get("schema", "basic")
+    if schema == "json":
+        return _json_light(config, port, names)
+    if schema not in ("basic", "default"):
+        raise ConfigError(f"a light with schema {schema!r}")
+    if not _topic(config, "brightness_command_topic"):
+        ports = _switching(config, port, names, state_keys=("state_value_template", "value_template"))
+    else:
+        ports = _dimmed_light(config, port, names)
+    if topic := _topic(config, "rgb_command_topic"):
+        ports.commands.append(_colour(config, names.name(f"{port}_colour"), topic))
+    return ports
+
+
+def _colour(config: Config, port: str, topic: str) -> Command:
+    if config.get("rgb_command_template"):
+        raise ConfigError("a light with a template for colours")
+
+    def orders(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Colour)
+        return [Order(topic, f"{message.red},{message.green},{message.blue}")]
+
+    return Command(port, Colour, None, orders, ())  # STOP switches the light off; its colour stays
+
+
+def _dimmed_light(config: Config, port: str, names: PortNames) -> EntityPorts:
+    command_topic, dim_topic = _needed(config, "command_topic"), _needed(config, "brightness_command_topic")
+    state_topic, dim_state = _topic(config, "state_topic"), _topic(config, "brightness_state_topic")
+    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
+    scale = max(1.0, _number(config, "brightness_scale", 255))
+    writes, reads = _template(config, "brightness_command_template"), _template(config, "brightness_value_template")
+    template = _template(config, "state_value_template", "value_template")
+    is_last = config.get("on_command_type", "last") == "last"
+
+    def orders(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Level)
+        percent = max(0.0, min(100.0, message.percent))
+        if percent == 0.0:
+            return [Order(command_topic, off)]
+        dim = Order(dim_topic, writes.render(_shown(round(percent * scale / 100))) or "")
+        both = [dim, Order(command_topic, on)] if is_last else [Order(command_topic, on), dim]
+        return [dim] if config.get("on_command_type") == "brightness" else both
+
+    def is_off(payload: str) -> bool | None:
+        text = template.render(payload)
+        return True if text == off else False if text == on else None
+
+    def read(payload: str) -> Message | None:
+        value = _read_number(reads, payload)
+        return None if value is None else Level(percent=100 * value / scale)
+
+    def read_off(payload: str) -> Message | None:
+        return Level(percent=0) if is_off(payload) else None
+
+    readings = []
+    if dim_state or state_topic:
+        name = names.name(f"{port}_state")
+        readings += [Reading(name, Level, dim_state, read)] if dim_state else []
+        readings += [Reading(name, Level, state_topic, read_off)] if state_topic else []
+    safe = Level(percent=0)
+    command = Command(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
+    return EntityPorts(readings, [command])
+
+
+def _json_light(config: Config, port: str, names: PortNames) -> EntityPorts:
+    """Schema `json`: commands and states are objects with `state`, `brightness`, `color`."""
+    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
+    scale = max(1.0, _number(config, "brightness_scale", 255))
+    modes = config.get("supported_color_modes")
+    modes = set(filter(lambda one: isinstance(one, str), modes)) if isinstance(modes, list) else set()
+    is_dimmed = bool(config.get("brightness")) or bool(modes - {"onoff"})
+    message_type: type[Message] = Level if is_dimmed else Switch
+
+    def state(payload: str) -> tuple[bool | None, float | None]:
+        told = json_object(payload)
+        is_on = {"ON": True, "OFF": False}.get(str(told.get("state")))
+        brightness = told.get("brightness")
+        if isinstance(brightness, bool) or not isinstance(brightness, int | float):
+            return is_on, None
+        return is_on, float(brightness)
+
+    def orders(message: Message) -> Sequence[Order]:
+        percent = message.percent if isinstance(message, Level) else 100.0 * bool(getattr(message, "on", False))
+        percent = max(0.0, min(100.0, percent))
+        told: dict[str, object] = {"state": "ON" if percent else "OFF"}
+        if percent and is_dimmed:
+            told["brightness"] = max(1, round(percent * scale / 100))
+        return [Order(command_topic, json.dumps(told))]
+
+    def read(payload: str) -> Message | None:
+        is_on, brightness = state(payload)
+        if is_on is None:
+            return None
+        if not is_dimmed:
+            return Switch(on=is_on)
+        return Level(percent=0.0 if not is_on else 100.0 if brightness is None else 100 * brightness / scale)
+
+    def colours(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Colour)
+        colour = {"r": message.red, "g": message.green, "b": message.blue}
+        return [Order(command_topic, json.dumps({"state": "ON", "color": colour}))]
+
+    safe: Message = Level(percent=0) if is_dimmed else Switch(on=False)
+    readings = [Reading(names.name(f"{port}_state"), message_type, state_topic, read)] if state_topic else []
+    commands = [
+        Command(
+            port,
+            message_type,
+            safe,
+            orders,
+            orders(safe),
+            state_topic,
+            lambda payload: _not(state(payload)[0]),
+            "that it is off",
+        )
+    ]
+    if modes & {"rgb", "rgbw", "rgbww"}:
+        commands.append(Command(names.name(f"{port}_colour"), Colour, None, colours, ()))
+    return EntityPorts(readings, commands)
+
+
+def json_object(payload: str) -> Mapping[str, Any]:
+    """A payload that is an object of JSON; otherwise an empty one."""
+    try:
+        told = json.loads(payload)
+    except (ValueError, RecursionError):
+        return {}
+    return told if isinstance(told, dict) else {}
+
+
+def _fan(config: Config, port: str, names: PortNames) -> EntityPorts:
+    topic = _topic(config, "percentage_command_topic")
+    if not topic:
+        return _switching(config, port, names, state_keys=("state_value_template", "value_template"))
+    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
+    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
+    least, most = _number(config, "speed_range_min", 1), _number(config, "speed_range_max", 100)
+    if most < least or least < 1:
+        raise ConfigError("its range of speeds is empty")
+    speeds = most - least + 1
+    writes, reads = _template(config, "percentage_command_template"), _template(config, "percentage_value_template")
+    template = _template(config, "state_value_template", "value_template")
+
+    def orders(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Level)
+        percent = max(0.0, min(100.0, message.percent))
+        if percent == 0.0:
+            return [Order(command_topic, off)]
+        speed = least - 1 + max(1, math.ceil(speeds * percent / 100))
+        return [Order(command_topic, on), Order(topic, writes.render(_shown(speed)) or "")]
+
+    def read(payload: str) -> Message | None:
+        value = _read_number(reads, payload)
+        return None if value is None else Level(percent=100 * (value - least + 1) / speeds)
+
+    def is_off(payload: str) -> bool | None:
+        text = template.render(payload)
+        return True if text == off else False if text == on else None
+
+    speed_state = _topic(config, "percentage_state_topic")
+    readings = []
+    if speed_state or state_topic:
+        name = names.name(f"{port}_state")
+        readings += [Reading(name, Level, speed_state, read)] if speed_state else []
+        if state_topic:
+            readings.append(Reading(name, Level, state_topic, lambda text: Level(percent=0) if is_off(text) else None))
+    safe = Level(percent=0)
+    command = Command(port, Level, safe, orders, orders(safe), state_topic, is_off, "that it is off")
+    return EntityPorts(readings, [command])
+
+
+def _cover(config: Config, port: str, names: PortNames) -> EntityPorts:
+    """A cover: STOP has it stand still where it is."""
+    command_topic, state_topic = _topic(config, "command_topic"), _topic(config, "state_topic")
+    position_topic, set_topic = _topic(config, "position_topic"), _topic(config, "set_position_topic")
+    closed, opened = _number(config, "position_closed", 0), _number(config, "position_open", 100)
+    if closed == opened or not (command_topic or set_topic):
+        raise ConfigError("a cover that cannot be moved")
+    stop = config.get("payload_stop", "STOP")
+    template, reads = _template(config, "value_template"), _template(config, "position_template")
+    writes = _template(config, "set_position_template")
+    moving = {_words(config, "state_opening", "opening"), _words(config, "state_closing", "closing")}
+    still = {
+        _words(config, "state_open", "open"),
+        _words(config, "state_closed", "closed"),
+        _words(config, "state_stopped", "stopped"),
+    }
+
+    def position_orders(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Level)
+        percent = max(0.0, min(100.0, message.percent))
+        position = _shown(round(closed + (opened - closed) * percent / 100))
+        return [Order(set_topic, writes.render(position, position=position) or "")]
+
+    def open_orders(message: Message) -> Sequence[Order]:
+        assert isinstance(message, Switch)
+        word = _words(config, "payload_open", "OPEN") if message.on else _words(config, "payload_close", "CLOSE")
+        return [Order(command_topic, word)]
+
+    def is_still(payload: str) -> bool | None:
+        text = template.render(payload)
+        return True if text in still else False if text in moving else None
+
+    def read_position(payload: str) -> Message | None:
+        value = _read_number(reads, payload)
+        return None if value is None else Level(percent=100 * (value - closed) / (opened - closed))
+
+    def read_open(payload: str) -> Message | None:
+        text = template.render(payload)
+        is_open, is_closed = _words(config, "state_open", "open"), _words(config, "state_closed", "closed")
+        return Switch(on=True) if text == is_open else Switch(on=False) if text == is_closed else None
+
+    stops = [Order(command_topic, str(stop))] if command_topic and stop is not None else []
+    message_type: type[Message] = Level if set_topic else Switch
+    orders = position_orders if set_topic else open_orders
+    words = "that it stands still" if stops else "that it stands still, and it cannot be told to"
+    command = Command(port, message_type, None, orders, stops, state_topic, is_still, words)
+    readings = []
+    if position_topic:
+        readings.append(Reading(names.name(f"{port}_state"), Level, position_topic, read_position))
+    elif state_topic:
+        readings.append(Reading(names.name(f"{port}_state"), Switch, state_topic, read_open))
+    return EntityPorts(readings, [command])
+
+
+def _number_entity(config: Config, port: str, names: PortNames) -> EntityPorts:
+    command_topic, state_topic = _needed(config, "command_topic"), _topic(config, "state_topic")
+    least, most = _number(config, "min", 1), _number(config, "max", 100)
+    if most < least:
+        raise ConfigError("its range is empty")
+    what = quantity(_words(config, "unit_of_measurement", ""), _words(config, "device_class", ""))
+    template, writes = _template(config, "value_template"), _template(config, "command_template")
+
+    def orders(message: Message) -> Sequence[Order]:
+        return _number_orders(command_topic, writes, what, message, least=least, most=most)
+
+    safe_number = nearest_to_zero(least, most)
+    tolerance = max(_number(config, "step", 1.0) / 2, (most - least) * _NEAR)
+
+    def is_safe(payload: str) -> bool | None:
+        value = _read_number(template, payload)
+        return None if value is None else abs(value - safe_number) <= tolerance
+
+    safe = what.make(safe_number)
+    readings = [_number_reading(names.name(f"{port}_state"), what, state_topic, template)] if state_topic else []
+    words = f"the value {_shown(safe_number)}"
+    return EntityPorts(readings, [Command(port, what.message, safe, orders, orders(safe), state_topic, is_safe, words)])
+
+
+def _number_orders(
+    topic: str, writes: Template, what: Quantity, message: Message, *, least: float, most: float
+) -> Sequence[Order]:
+    number = what.number(message)
+    if not math.isfinite(number):
+        return ()
+    return [Order(topic, writes.render(_shown(round(max(least, min(most, number)), 9))) or "")]
+
+
+def _number_reading(port: str, what: Quantity, topic: str, template: Template) -> Reading:
+    def read(payload: str) -> Message | None:
+        value = _read_number(template, payload)
+        return None if value is None else what.make(value)
+
+    return Reading(port, what.message, topic, read)
+
+
+def _button(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001 - as all others
+    topic, press = _needed(config, "command_topic"), _words(config, "payload_press", "PRESS")
+    return EntityPorts([], [Command(port, Trigger, None, lambda _: [Order(topic, press)], ())])
+
+
+def _sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001
+    topic, template = _needed(config, "state_topic"), _template(config, "value_template")
+    unit, kind = _words(config, "unit_of_measurement", ""), _words(config, "device_class", "")
+    if unit or config.get("state_class") or kind == "battery":
+        return EntityPorts([_number_reading(port, quantity(unit, kind), topic, template)], [])
+
+    def read(payload: str) -> Message | None:
+        text = template.render(payload)
+        return None if text is None else Text(text=text[:200])
+
+    return EntityPorts([Reading(port, Text, topic, read)], [])
+
+
+def _binary_sensor(config: Config, port: str, names: PortNames) -> EntityPorts:  # noqa: ARG001
+    topic, template = _needed(config, "state_topic"), _template(config, "value_template")
+    on, off = _words(config, "payload_on", "ON"), _words(config, "payload_off", "OFF")
+
+    def read(payload: str) -> Message | None:
+        text = template.render(payload)
+        return Switch(on=True) if text == on else Switch(on=False) if text == off else None
+
+    return EntityPorts([Reading(port, Switch, topic, read)], [])
+
+
+_COMPONENTS: Mapping[str, Callable[[Config, str, PortNames], EntityPorts]] = {
+    "light": _light,
+    "switch": _switch,
+    "fan": _fan,
+    "cover": _cover,
+    "number": _number_entity,
+    "button": _button,
+    "sensor": _sensor,
+    "binary_sensor": _binary_sensor,
+}

@@ -1,0 +1,119 @@
+"""Homie 4: a device describes itself in many retained topics, `DOMAIN/DEVICE/$name`, `.../NODE/PROPERTY/$datatype`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msbot_bridges.bridge import DeviceIdentity
+from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen
+from msbot_bridges.mqtt.homie_property import HomieProperty, homie_ports
+from msbot_xrce.errors import ConfigError
+
+QUIET_S = 1.0
+MOST_DEVICES = 200
+MOST_ATTRIBUTES = 400
+"""Attributes of a device; further ones are dropped."""
+
+
+class Homie4:
+    """The devices of one domain.
+
+    Args:
+        domain: the first level of their topics.
+    """
+
+    def __init__(self, domain: str = "homie") -> None:
+        self.dropped = 0
+        self._domain = domain
+        self._attributes: dict[str, dict[str, str]] = {}
+        """By device: what it says about itself, by the rest of the topic."""
+        self._changed: dict[str, float] = {}
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """What is to be heard; `#` would also bring what other devices are told."""
+        return tuple(f"{self._domain}/+/{levels}" for levels in ("+", "+/+", "+/+/+"))
+
+    def hear(self, topic: str, payload: bytes, now: float) -> bool:
+        """Take a message; whether it was an attribute."""
+        start = f"{self._domain}/"
+        if not topic.startswith(start):
+            return False
+        device, _, rest = topic.removeprefix(start).partition("/")
+        is_attribute = any(word.startswith("$") for word in rest.split("/"))
+        if device == "5" or device.startswith("$") or not is_attribute:
+            return False
+        if rest == "$state" and payload:
+            return False  # its life, which makes it no other device
+        known = self._attributes.get(device)
+        if known is None:
+            if not payload:
+                return True
+            if len(self._attributes) >= MOST_DEVICES:
+                self.dropped += 1
+                return True
+            known = self._attributes[device] = {}
+        if not payload:
+            known.pop(rest, None)
+        elif rest in known or len(known) < MOST_ATTRIBUTES:
+            known[rest] = payload.decode(errors="replace")
+        else:
+            self.dropped += 1
+        self._changed[device] = now
+        return True
+
+    def due(self, now: float) -> Iterator[tuple[str, DeviceModel | None]]:
+        """See `Convention`."""
+        for device in [one for one, when in self._changed.items() if now - when >= QUIET_S]:
+            del self._changed[device]
+            told = self._attributes.get(device, {})
+            if told.get("$homie", "").startswith("4."):
+                yield device, self._model(device, told)
+            else:
+                if not told:
+                    self._attributes.pop(device, None)
+                yield device, None
+
+    def next_due(self) -> float | None:
+        """See `Convention`."""
+        return min(self._changed.values()) + QUIET_S if self._changed else None
+
+    def _model(self, device: str, told: Mapping[str, str]) -> DeviceModel:
+        base = f"{self._domain}/{device}"
+        readings, commands, left_out, names = [], [], [], PortNames()
+        for one in _properties(base, told):
+            try:
+                more_readings, more_commands = homie_ports(one, names)
+            except ConfigError as error:
+                left_out.append(f"{one.name}: {error}")
+                continue
+            readings += more_readings
+            commands += more_commands
+        kept, driven, over = chosen(readings, commands)
+        name = told.get("$name", device)
+        identity = DeviceIdentity(
+            "homie",
+            told.get("$fw/name", name),
+            base.encode(),
+            f"{name}, a device of Homie 4",
+            device,
+            software=told.get("$fw/version", ""),
+        )
+        life = [LifeTopic(f"{base}/$state", lambda payload: payload in ("ready", "alert"))]
+        declared = {key: value for key, value in told.items() if not key.startswith("$stats")}
+        return DeviceModel(device, identity, kept, driven, life, "all", (*left_out, *over), declared)
+
+
+def _properties(base: str, told: Mapping[str, str]) -> Iterator[HomieProperty]:
+    for node in filter(None, told.get("$nodes", "").split(",")):
+        for name in filter(None, told.get(f"{node}/$properties", "").split(",")):
+            start = f"{node}/{name}"
+            yield HomieProperty(
+                f"{base}/{start}",
+                name,
+                told.get(f"{start}/$datatype", ""),
+                told.get(f"{start}/$format", ""),
+                told.get(f"{start}/$unit", ""),
+                told.get(f"{start}/$settable") == "true",
+                told.get(f"{start}/$retained") != "false",
+            )

@@ -1,0 +1,115 @@
+"""Homie 5: a device describes itself in one document, `DOMAIN/5/DEVICE/$description`, and its state is `$state`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from msbot_bridges.bridge import DeviceIdentity
+from msbot_bridges.mqtt.device_model import DeviceModel, LifeTopic, PortNames, chosen
+from msbot_bridges.mqtt.ha_entity import json_object
+from msbot_bridges.mqtt.homie_property import HomieProperty, homie_ports
+from msbot_xrce.errors import ConfigError
+
+QUIET_S = 0.5
+MOST_DEVICES = 500
+
+
+class Homie5:
+    """The devices of one domain.
+
+    Args:
+        domain: the first level of their topics.
+    """
+
+    def __init__(self, domain: str = "homie") -> None:
+        self.dropped = 0
+        self._domain = domain
+        self._described: dict[str, Mapping[str, Any]] = {}
+        self._changed: dict[str, float] = {}
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """What is to be heard."""
+        return (f"{self._domain}/5/+/$description", f"{self._domain}/5/+/$state")
+
+    def hear(self, topic: str, payload: bytes, now: float) -> bool:
+        """Take a message; whether it was a description."""
+        words = topic.split("/")
+        if words[:-2] != [*self._domain.split("/"), "5"] or words[-1] not in ("$description", "$state"):
+            return False
+        device = words[-2]
+        if words[-1] == "$state":
+            if payload:
+                return False
+            payload = b""  # an empty state removes the device
+        told = json_object(payload.decode(errors="replace"))
+        if payload and (not str(told.get("homie", "")).startswith("5.") or len(self._described) >= MOST_DEVICES):
+            self.dropped += 1
+            return True
+        if told:
+            self._described[device] = told
+        elif self._described.pop(device, None) is None:
+            return True
+        self._changed[device] = now
+        return True
+
+    def due(self, now: float) -> Iterator[tuple[str, DeviceModel | None]]:
+        """See `Convention`."""
+        for device in [one for one, when in self._changed.items() if now - when >= QUIET_S]:
+            del self._changed[device]
+            told = self._described.get(device)
+            yield device, None if told is None else self._model(device, told)
+
+    def next_due(self) -> float | None:
+        """See `Convention`."""
+        return min(self._changed.values()) + QUIET_S if self._changed else None
+
+    def _model(self, device: str, told: Mapping[str, Any]) -> DeviceModel:
+        base = f"{self._domain}/5/{device}"
+        readings, commands, left_out, names = [], [], [], PortNames()
+        found = list(_properties(base, told))
+        for one in found:
+            try:
+                more_readings, more_commands = homie_ports(one, names)
+            except ConfigError as error:
+                left_out.append(f"{one.name}: {error}")
+                continue
+            readings += more_readings
+            commands += more_commands
+        kept, driven, over = chosen(readings, commands)
+        product = str(told.get("type") or told.get("name") or device)
+        life = [LifeTopic(f"{base}/$state", lambda payload: payload == "ready")]
+        root = told.get("root")
+        if isinstance(root, str) and root:
+            # Only the root has a last will: when it is lost, so are all below it.
+            life.append(LifeTopic(f"{self._domain}/5/{root}/$state", lambda payload: payload != "lost"))
+        return DeviceModel(
+            device,
+            DeviceIdentity(
+                "homie", product, base.encode(), f"{told.get('name') or device}, a device of Homie 5", device
+            ),
+            kept,
+            driven,
+            life,
+            "all",
+            (*left_out, *over),
+            told,
+        )
+
+
+def _properties(base: str, told: Mapping[str, Any]) -> Iterator[HomieProperty]:
+    nodes = told.get("nodes")
+    for node_id, node in sorted(nodes.items()) if isinstance(nodes, Mapping) else ():
+        properties = node.get("properties") if isinstance(node, Mapping) else None
+        for property_id, one in sorted(properties.items()) if isinstance(properties, Mapping) else ():
+            if isinstance(one, Mapping) and "/" not in f"{node_id}{property_id}":
+                yield HomieProperty(
+                    f"{base}/{node_id}/{property_id}",
+                    str(property_id),
+                    str(one.get("datatype", "")),
+                    str(one.get("format", "")),
+                    str(one.get("unit", "")),
+                    one.get("settable") is True,
+                    one.get("retained") is not False,
+                )
