@@ -8,6 +8,7 @@ import logging
 import ssl
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import aiomqtt
@@ -93,6 +94,15 @@ class LastWill:
     payload: str
 
 
+class _Client(aiomqtt.Client):
+    """The library's client; how its connection has ended is also taken when it ends while this client is leaving."""
+
+    async def __aexit__(self, *reason: Any) -> None:  # noqa: ANN401 - as the library has it
+        await super().__aexit__(*reason)
+        if self._disconnected.done() and not self._disconnected.cancelled():
+            self._disconnected.exception()
+
+
 class Broker:
     """One client of a broker.
 
@@ -161,7 +171,7 @@ class Broker:
         context = None
         if address.is_tls:
             context = ssl.create_default_context(cafile=address.ca)
-        return aiomqtt.Client(
+        return _Client(
             address.host,
             address.port,
             username=address.user,

@@ -96,6 +96,9 @@ class MqttDevice(ForeignDevice):
             for order in command.stop:
                 self._send(order, True)
 
+    def rest(self) -> None:
+        """See `ForeignDevice`: the safe values have come; a cover whose robot is gone moves to its end."""
+
     def go(self) -> None:
         """See `ForeignDevice`."""
         self._is_stopping = False
