@@ -56,7 +56,7 @@ DEEDS: dict[str, tuple[Role, Deed]] = {
     "restore": (Role.ADMINISTRATOR, lambda do, who: do.restore(who, chunks(b"no backup"))),
 }
 LEAST = {
-    "adopt": Role.TEACHER, "swap": Role.TEACHER, "release": Role.TEACHER, "window": Role.TEACHER,
+    "adopt": Role.TEACHER, "swap": Role.TEACHER, "release": Role.TEACHER, "spare": Role.TEACHER, "window": Role.TEACHER,
     "close_window": Role.TEACHER, "block": Role.TEACHER, "unblock": Role.TEACHER, "ignore": Role.TEACHER,
     "set": Role.STUDENT, "reset": Role.STUDENT, "values": Role.VIEWER, "bind": Role.TEACHER, "unbind": Role.TEACHER,
     "apply": Role.TEACHER, "undo": Role.STUDENT, "edits": Role.VIEWER, "stop": Role.VIEWER, "go": Role.TEACHER,

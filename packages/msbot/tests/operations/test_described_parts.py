@@ -8,10 +8,11 @@ from pathlib import Path
 from random import Random
 from unittest import mock
 
-from msbot import Level, Light, Message, Part, float32
+from msbot import Angle, Level, Light, Message, Part, Speed, float32
 from msbot.config import load_library
 from msbot.part.join.joining import JoinState
 from msbot.part.join.pnp_messages import DescriptionMessage
+from msbot.pnp import PartState
 from msbot_xrce.messages import STREAM_RELIABLE
 from tests.operations.stage import Stage, play
 
@@ -93,6 +94,68 @@ def test_one_operation_makes_type_slot_and_offers_and_lets_the_part_in(tmp_path:
         await stage.do.remove_slot("vane_1", who="ann")
         await stage.do.forget_type("VANE-1", who="ann")
         assert not list((tmp_path / "adopted").iterdir())
+
+    play(tmp_path, scene)
+
+
+def drive(number: str, uid: bytes, **settings: float) -> tuple[Part, list[float]]:
+    """A part of some maker that turns something; and the angles that it was told."""
+    part = Part(number, uid=uid, random=Random(4), describes=number.partition(":")[2])
+    told: list[float] = []
+    part.publishes("position", Angle)
+    for name, default in settings.items():
+        part.on_setting(name, float, default=default, least=0, most=100)(lambda _value: None)
+    part.on("angle", Angle, safe=Angle(degrees=0))(lambda angle: told.append(angle.degrees))
+    return part, told
+
+
+def test_a_spare_of_another_maker_takes_over_a_slot_after_it_was_said_what_is_lost(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        first, _ = drive("acme:drive", b"acme....", speed=20, torque=5)
+        first.publishes("turns", Speed)
+        second, told = drive("zeta:servo", b"zeta....", speed=30)
+        tasks = [run(stage, first)]
+        await asyncio.sleep(WAIT_S)
+        await stage.do.adopt("acme:drive", "arm", who="ann")
+        await stage.do.bind("arm_angle", "Angle", None, ("arm.angle",), reliable=True, who="ann")
+        await stage.do.set("arm", "speed", "44", who="ann")
+        tasks.append(run(stage, second))
+        await asyncio.sleep(WAIT_S)
+        lost = await stage.refusal(stage.do.spare("arm", "zeta:servo", who="ann"))
+        assert lost == (
+            "if zeta:servo (zeta:servo) fills slot arm, this is lost: ports turns; settings torque; if that is right, "
+            "say so: --agreed"
+        )
+        assert second.state is JoinState.REFUSED
+        await stage.do.spare("arm", "zeta:servo", True, who="ann")
+        await asyncio.sleep(WAIT_S)
+        assert stage.info("zeta:servo").state is PartState.STANDBY
+        kept = load_library(tmp_path / "adopted").require("zeta:servo")
+        assert (kept.compatible_with, kept.lacks) == (("acme:drive",), ("turns",))
+        assert "fits slot arm already" in await stage.refusal(stage.do.spare("arm", "zeta:servo", who="ann"))
+        first.end()
+        await tasks[0]
+        await asyncio.sleep(WAIT_S)
+        assert (second.state, second.slot, second.settings["speed"]) == (JoinState.ACTIVE, "arm", "44")
+        assert second.bound("angle")
+        await stage.do.publish("arm.angle", ["12"], who="ann")
+        await asyncio.sleep(2)
+        assert told[-1] == 12.0
+        second.end()
+        await tasks[1]
+
+    play(tmp_path, scene)
+
+
+def test_a_wired_port_that_a_spare_has_not_is_no_matter_of_agreement(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        part, _ = drive("zeta:servo", b"zeta....", speed=30)
+        task = run(stage, part)
+        await asyncio.sleep(WAIT_S)
+        words = await stage.refusal(stage.do.spare("AA", "zeta:servo", True, who="ann"))
+        assert words.startswith("zeta:servo (zeta:servo) cannot fill slot AA: its ports ")
+        part.end()
+        await task
 
     play(tmp_path, scene)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,17 @@ async def forgotten(stage: Stage) -> dict[str, object]:
     assert library is not None
     library.become(library.with_type(PartType("OLD", "old", origin="said by the part")))
     return await ask(stage, "forget_type", number="OLD")
+
+
+async def stands_by(stage: Stage) -> dict[str, object]:
+    """A part type that was adopted fits other slots, too."""
+    library = stage.operations.applying._running.library
+    assert library is not None
+    dial = library.require("EFGH")
+    library.become(library.with_type(replace(dial, number="LIKE", origin="said by the part", compatible_with=())))
+    stage.plug("LK", "LIKE")
+    await asyncio.sleep(1)
+    return await ask(stage, "spare", slot="CC", part="LK", agreed=True)
 
 
 class Tape:
@@ -141,6 +153,7 @@ def test_every_operation_can_be_asked_for(tmp_path: Path) -> None:
             "apply": await ask(stage, "apply", path=str(tmp_path / "robot.toml"), folders=[str(tmp_path / "library")]),
             "add_slot": await ask(stage, "add_slot", slot="EE", part="EFGH"),
             "remove_slot": await ask(stage, "remove_slot", slot="EE"),
+            "spare": await stands_by(stage),
             "forget_type": await forgotten(stage),
         }
         assert done.keys() == set(OPERATIONS)

@@ -36,6 +36,7 @@ TASKS = {
     "Change": {
         "adopt": "Let a part into a slot, also one the library does not know.",
         "swap": "Give a slot to another part.",
+        "spare": "Let a part of another kind stand by for a slot.",
         "release": "Take the part out of a slot.",
         "block": "Keep a part, or all parts of a number, out.",
         "unblock": "Let a blocked part in again.",

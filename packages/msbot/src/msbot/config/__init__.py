@@ -53,6 +53,7 @@ from msbot.config.library.part_library import (
 )
 from msbot.config.library.simulator import DRIVES, SENSES, Control, ControlKind, Operand, Output, Reading, Simulator
 from msbot.config.library.simulator_reader import format_text, sources_in
+from msbot.config.library.substitution import Substitution, substitute
 from msbot.config.library.versions import VersionRange, parse_versions, split_number
 from msbot_agent.toml.problems import InvalidFileError, problems_json
 from msbot_agent.toml.table import Scalar
@@ -106,6 +107,7 @@ __all__ = [
     "Simulator",
     "Slot",
     "SlotPort",
+    "Substitution",
     "Supply",
     "Timing",
     "VersionRange",
@@ -134,6 +136,7 @@ __all__ = [
     "sources_in",
     "split_number",
     "standard_message_types",
+    "substitute",
     "type_from_words",
     "wired_part",
     "wired_parts",

@@ -11,10 +11,23 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from msbot.config import ADOPTED, Blueprint, Described, Direction, Library, Port, Slot, SlotPort, read_description
+from msbot.config import (
+    ADOPTED,
+    Blueprint,
+    Described,
+    Direction,
+    Library,
+    MessageType,
+    PartType,
+    Port,
+    Slot,
+    SlotPort,
+    read_description,
+    substitute,
+)
 from msbot.operations.apply_blueprint import BlueprintChange
 from msbot.operations.operation import Outcome
-from msbot.operations.running_robot import RunningRobot
+from msbot.operations.running_robot import RunningRobot, slot_of
 from msbot.pnp import PartInfo, SelfDescription
 from msbot.process.daemon_threads import DaemonThreads
 from msbot.registry.edits.part_places import forget_part_type
@@ -176,6 +189,81 @@ class DescribedPartAdoption:
             with contextlib.suppress(MsbotError):  # it is being checked this moment, and its number is known now
                 inventory.rearrange({info.client_key: slot}, now, reason)
 
+    async def spare(self, slot: str, part: str, agreed: bool, who: str) -> Outcome:
+        """Let a part of another kind stand by for a slot; refused as long as something is lost and nobody agrees.
+
+        Args:
+            slot: the slot.
+            part: the part; it says what it is, or was adopted before.
+            agreed: the person knows what is lost.
+            who: the person who decides.
+
+        Raises:
+            ConfigError: it cannot fill the slot, or something is lost; the text says what.
+            RegistryError: it cannot be stored; nothing has changed.
+        """
+        running, library = self._running, self._running.library
+        target = slot_of(running, slot)
+        info = running.part(part, prefer=lambda one: not one.state.is_registered)
+        if library is None:
+            raise ConfigError(said("this robot was started without its library: it cannot take part types"))
+        blueprint = await self._in_force()
+        place = next(one for one in blueprint.slots if one.name == target)
+        old, new = library.require(place.part_number), await self._type_of(info, library)
+        if place.part_number in (new.number, *new.compatible_with):
+            raise ConfigError(said("{part} fits slot {slot} already", part=info.part, slot=target))
+        wired = {end.port for binding in blueprint.bindings for end in binding.ends if end.slot == target}
+        lost = substitute(old, new, wired, place.settings)
+        names = {"part": info.part, "number": new.number, "slot": target}
+        if lost.wired:
+            ports = ", ".join(lost.wired)
+            words = said("{part} ({number}) cannot fill slot {slot}: its ports {ports} are wired", **names, ports=ports)
+            raise ConfigError(said("{words}, and the part has none of that name, direction and message", words=words))
+        if lost.words and not agreed:
+            words = said("if {part} ({number}) fills slot {slot}, this is lost: {lost}", **names, lost=lost.words)
+            raise ConfigError(said("{words}; if that is right, say so: --agreed", words=words))
+        lacks = tuple(dict.fromkeys((*new.lacks, *lost.ports)))
+        made = replace(new, compatible_with=(*new.compatible_with, old.number), lacks=lacks)
+        await self._use_type(made, info, who)
+        words = said("{part} ({number}) fits slot {slot} from now on, and stands by for it", **names)
+        return Outcome(said("{words}; lost is {lost}", words=words, lost=lost.words) if lost.words else words)
+
+    async def _type_of(self, info: PartInfo, library: Library) -> PartType:
+        """What a part is: as it says, or as it was adopted."""
+        if (known := library.get(info.part_number)) is not None:
+            if not known.origin:
+                raise ConfigError(
+                    said(
+                        "{number} was not adopted: write compatible_with into its library file {file}",
+                        number=known.number,
+                        file=known.source,
+                    )
+                )
+            return known
+        if info.says is None or info.says.fault:
+            fault = said("nothing") if info.says is None else info.says.fault
+            raise ConfigError(said("what {part} says of itself is refused: {fault}", part=info.part, fault=fault))
+        return (await self._read(info.says.text, info.part_number)).part_type
+
+    async def _use_type(self, made: PartType, info: PartInfo, who: str) -> None:
+        """Keep a part type that fits other slots, and use it; its file is written anew or changed."""
+        library = self._running.library
+        assert library is not None
+        messages: tuple[MessageType, ...] = ()
+        path: Path | None = Path(made.source)
+        if made.origin and (path is None or path.parent != self._folder):
+            path = None  # it is forgotten when the master ends
+        elif not made.origin:
+            assert info.says is not None
+            described = await self._read(info.says.text, info.part_number)
+            messages = described.messages
+            origin = said("said by the part {uid}, adopted by {who}", uid=info.uid.hex() or "-", who=who)
+            path = await self._in_thread(partial(self._keep, described, origin))
+            made = replace(made, origin=origin, source="" if path is None else str(path))
+        if path is not None:
+            await self._in_thread(partial(_write_fit, path, made))
+        await self._applying.put_in_force(await self._applying.present(), library.with_type(made, messages), who=who)
+
     async def forget_type(self, number: str, who: str) -> Outcome:
         """Take a part type that was adopted out of the library again; then a part may describe it anew."""
         library = self._running.library
@@ -224,6 +312,18 @@ class DescribedPartAdoption:
         begun = path.with_suffix(".new")  # a file that is half written must not keep the next master from starting
         begun.write_text(f"origin = {toml_value(origin)}\n{described.toml}", "utf-8")
         return begun.replace(path)
+
+
+def _write_fit(path: Path, made: PartType) -> None:
+    """Write into a library file that was adopted whose slots its parts fill as well."""
+    lines = [
+        line for line in path.read_text("utf-8").splitlines() if not line.startswith(("compatible_with = ", "lacks = "))
+    ]
+    fits = [f"compatible_with = [{', '.join(toml_value(one) for one in made.compatible_with)}]"]
+    fits += [f"lacks = [{', '.join(toml_value(one) for one in made.lacks)}]"] if made.lacks else []
+    begun = path.with_suffix(".new")
+    begun.write_text("\n".join([*fits, *lines]) + "\n", "utf-8")
+    begun.replace(path)
 
 
 def free_slot_name(info: PartInfo, described: Described, taken: Collection[str]) -> str:

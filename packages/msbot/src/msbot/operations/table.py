@@ -58,6 +58,14 @@ _ROWS = (
         "SLOT keeps its settings, wiring and history. The part that held it gets the other one's slot, or stands by.",
     ),
     Operation(
+        "spare", "Let a part of another kind stand by for a slot.",
+        (_slot("The slot."), Argument("part", is_needed=True, shown_as="PART", help="The part: another maker's, say."),
+         Argument("agreed", ArgumentKind.FLAG, default=False, option="--agreed",
+                  help="You know what is lost: ports and settings that it has not.")),
+        Right.DESIGN, OperationScope.RUNNING, EditLog.LINE, "library", "POST /slots/{slot}/spare",
+        "Its number fits slots of that kind from then on. What would be lost is said first.",
+    ),
+    Operation(
         "release", "Take the part out of a slot.",
         (_slot("The slot."),),
         Right.ARRANGE, OperationScope.ANYWHERE, EditLog.UNDOABLE, "place", "POST /slots/{slot}/release",

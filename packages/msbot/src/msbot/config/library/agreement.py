@@ -36,13 +36,14 @@ def _check_ports(table: Table, part_type: PartType, other: PartType, position: i
     missing = [
         port.name
         for port in other.ports
+        if port.name not in part_type.lacks
         if (own := part_type.port(port.name)) is None
         or (own.direction, own.type_name) != (port.direction, port.type_name)
     ]
     if missing:
         table.report(
             f'cannot fill a slot for "{other.number}": that one has {quoted(missing)}, which this one lacks or has '
-            "with another direction or type; add the port or remove the number",
+            "with another direction or type; add the port, name it in lacks, or remove the number",
             "compatible_with",
             position,
         )

@@ -217,6 +217,7 @@ def read_part_type(file: LibraryFile, known: Mapping[str, MessageType]) -> PartT
         ports=ports,
         parameters=parameters,
         compatible_with=tuple(table.names("compatible_with", "ABCD")),
+        lacks=tuple(table.names("lacks", "position")),
         source=file.document.file,
         category=Category(table.choice("category", [category.value for category in Category], default="other")),
         keywords=tuple(table.names("keywords", "brightness")),

@@ -284,6 +284,8 @@ class PartType:
     parameters: tuple[Parameter, ...] = ()
     compatible_with: tuple[str, ...] = ()
     """Part numbers whose slots this type can fill as well."""
+    lacks: tuple[str, ...] = ()
+    """Ports of those slots that it fills without having them."""
     source: str = ""
     """The file it was read from."""
     category: Category = Category.OTHER
