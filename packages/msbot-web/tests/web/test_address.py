@@ -52,5 +52,5 @@ def test_the_other_form_is_found_in_german(text: str, is_formal: bool) -> None:
 def test_every_language_has_the_menus_of_the_blocks() -> None:
     folder = ROOT / "packages/msbot-web/src/msbot_web/static/blockly"
     for path in CATALOGUES.glob("*.po"):
-        assert (folder / f"{path.stem}.js").is_file(), f"docs/reference/web.md, Languages, says how: {path.stem}"
+        assert (folder / f"{path.stem}.js").is_file(), f"CONTRIBUTING.md, A language, says how: {path.stem}"
         assert f'"msg/{path.stem}.js"' in Path(folder / "manifest.json").read_text()
