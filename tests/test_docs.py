@@ -42,7 +42,7 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
 
 
 def words(*pages: Path) -> int:
-    """What `wc -w` counts: all between blanks, so also the bars of tables, marks of lists, programs and their output."""
+    """What `wc -w` counts: all between blanks, also the bars of tables, marks of lists, programs and their output."""
     return sum(len(page.read_text().split()) for page in pages)
 
 
