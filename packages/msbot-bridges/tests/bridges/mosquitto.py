@@ -69,3 +69,11 @@ def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
         time.sleep(0.05)
     process.kill()
     raise AssertionError(f"mosquitto does not listen on {port}: {process.communicate()[1].decode()}")
+
+
+def wait_until_kept(port: int, topic: str, text: str) -> None:
+    """Until the broker keeps this message for a topic."""
+    until = time.monotonic() + PATIENCE_S
+    while (found := kept(port, topic)) != text:
+        assert time.monotonic() < until, f"{topic} is {found!r}, and not {text!r}"
+        time.sleep(0.1)
