@@ -69,6 +69,7 @@ def test_home_assistant_sees_the_robot_and_drives_it_within_its_rules(tmp_path: 
             publish(port, "msbot/CART/stop/set", "PRESS")
             motors.wait_for("left_motor 0 %")
             wait_until_kept(port, "msbot/CART/stopped", "ON")
+            wait_until_kept(port, LEFT, "0")
             publish(port, f"{LEFT}/set", "50")
             master.wait_for("Home Assistant", "STOP is in force")
             assert run("go", cwd=tmp_path).returncode == 0

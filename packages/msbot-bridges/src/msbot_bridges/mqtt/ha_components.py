@@ -44,6 +44,8 @@ class Shown:
     topic: str
     """Of its state; `/set` behind it is where it is told something."""
     config: Mapping[str, object]
+    safe: bool | int | float | str | None = None
+    """What a driven port has while STOP holds; None: it keeps what it has."""
 
     @property
     def is_driven(self) -> bool:
@@ -103,7 +105,8 @@ def shown_fields(robot: str, slot: str, part_type: PartType, heard: frozenset[st
                 **more,
                 **shared,
             }
-            found.append(Shown(slot, port.name, field, component, topic, config))
+            safe = port.safe.get(field) if port.safe is not None else None
+            found.append(Shown(slot, port.name, field, component, topic, config, safe))
     return found
 
 

@@ -199,7 +199,10 @@ class RobotInHa:
             is_there = holder is not None and holder.state.is_registered
             self._tell(f"{self._base}/{topic_word(slot)}/status", "online" if is_there else "offline")
             for one in known.shown:
-                values = by_hand.get((slot, one.port)) or self._on_wire(slot, one.port)
+                if self._master.stop.stopped and one.is_driven and one.safe is not None:
+                    values: Mapping[str, Any] = {one.field: one.safe}
+                else:
+                    values = by_hand.get((slot, one.port)) or self._on_wire(slot, one.port)
                 text = state_text(values[one.field]) if one.field in values else None
                 if text is not None and one.component != "button":
                     self._tell(one.topic, text)

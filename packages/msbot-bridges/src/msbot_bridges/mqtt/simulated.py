@@ -47,7 +47,6 @@ class SimulatedLamp:
             "unique_id": f"msbot-lamp-{self._serial}",
             "schema": "json",
             "brightness": True,
-            "supported_color_modes": ["brightness"],
             "command_topic": f"{self._base}/set",
             "state_topic": f"{self._base}/state",
             "availability_topic": f"{self._base}/available",
