@@ -132,14 +132,19 @@ def test_a_migration_that_fails_changes_nothing(path: Path, tmp_path: Path) -> N
     open_registry(path).close()
 
 
-def test_a_newer_database_is_refused_and_left_alone(path: Path, tmp_path: Path) -> None:
+def test_a_newer_database_is_refused_and_left_alone(
+    path: Path, tmp_path: Path, blueprint: Blueprint, library: Library
+) -> None:
+    with open_registry(path) as registry:
+        registry.robots.apply_blueprint(blueprint, library)
     open_registry(path, migrations=_migrations(tmp_path, NEXT)).close()
     before = path.read_bytes()
     with pytest.raises(RegistryError) as caught:
         open_registry(path)
     assert str(caught.value) == (
         f"the database {path} was written by a newer MsBOT (schema {NOW + 1}, this one knows {NOW}): "
-        "update MsBOT or choose another --db"
+        f"update MsBOT or choose another --db; a downgrade loses robots.colour; the copy from before the update is "
+        f"robot.db.schema{NOW}.1.backup"
     )
     assert path.read_bytes() == before
 

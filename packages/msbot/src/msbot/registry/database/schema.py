@@ -9,13 +9,14 @@ from contextlib import closing
 from importlib.resources import files
 from pathlib import Path
 
-from sqlalchemy import Connection, Engine, inspect, text
+from sqlalchemy import Connection, Engine, column, inspect, literal, select, text
+from sqlalchemy import table as table_named
 from sqlalchemy.schema import CreateSchema, SetColumnComment
 
 from msbot.registry.database.database_errors import told_as_registry_error
 from msbot.registry.database.engine import WRITE, Address, make_private
 from msbot.registry.database.tables import metadata
-from msbot_agent.text.sentence import said
+from msbot_agent.text.sentence import Sentence, said
 from msbot_xrce.errors import RegistryError
 from msbot_xrce.lazy import dataclass
 
@@ -123,16 +124,48 @@ def _version(connection: Connection, address: Address, newest: int) -> int:
         )
     version = int(row)
     if version > newest:
-        raise RegistryError(
-            said(
-                "the database {words} was written by a newer MsBOT (schema {version}, this one knows {newest}): "
-                "update MsBOT or choose another --db",
-                words=address.words,
-                version=version,
-                newest=newest,
-            )
-        )
+        raise RegistryError(_newer(connection, address, version, newest))
     return version
+
+
+def _newer(connection: Connection, address: Address, version: int, newest: int) -> Sentence:
+    """Why it cannot be used, what this version could not keep of it, and where the state before the update is."""
+    words = said(
+        "the database {words} was written by a newer MsBOT (schema {version}, this one knows {newest}): "
+        "update MsBOT or choose another --db",
+        words=address.words,
+        version=version,
+        newest=newest,
+    )
+    lost = _unknown(connection)
+    copies = sorted(address.path.parent.glob(f"{address.path.name}.schema*.backup")) if address.path else []
+    if lost:
+        shown = ", ".join(lost[:_SHOWN]) + (", ..." if len(lost) > _SHOWN else "")
+        words = said("{words}; a downgrade loses {lost}", words=words, lost=shown)
+    if copies:
+        newest_copy = max(copies, key=lambda path: path.stat().st_mtime_ns)
+        words = said("{words}; the copy from before the update is {copy}", words=words, copy=newest_copy.name)
+    return words
+
+
+_SHOWN = 8
+"""Of tables and columns that a downgrade loses: their names in a sentence."""
+
+
+def _unknown(connection: Connection) -> list[str]:
+    """Tables and columns with content that this version does not know."""
+    found = []
+    inspector = inspect(connection)
+    for name in sorted({*inspector.get_table_names()} - {_VERSION_TABLE}):
+        rows = select(literal(1)).select_from(table_named(name))
+        known = metadata.tables.get(name)
+        if known is None:
+            looks = {name: rows}
+        else:
+            strange = sorted({one["name"] for one in inspector.get_columns(name)} - {*known.c.keys()})
+            looks = {f"{name}.{one}": rows.where(column(one).is_not(None)) for one in strange}
+        found += [words for words, look in looks.items() if connection.execute(select(look.exists())).scalar()]
+    return found
 
 
 _OTHER = said("choose another --db")
