@@ -57,7 +57,7 @@ def _made(kind, value):
     if isinstance(kind, type) and issubclass(kind, Message):
         if isinstance(value, list):
             value = {name: one for (name, _), one in zip(fields_of(kind), value)}
-        return kind(**{name: _made(inner, value[name]) for name, inner in fields_of(kind) if name in value})
+        return kind(**{name: _made(inner, value[name]) for name, inner in fields_of(kind)})
     return float(value) if kind in ("f", "d") else value
 
 

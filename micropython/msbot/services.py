@@ -41,15 +41,18 @@ class Services:
             self._calls[port] = (request, reply)
             self._part.declared.append(("call", port, request, reply))
 
-    def serves(self, port, request=None, reply=None):
-        """Call the function below with each request at the port, and send back the message that it returns."""
+    def serves(self, port, request=None, reply=None, optional=False):
+        """Call the function below with each request at the port, and send back the message that it returns.
+
+        Without `optional` the part reports it when the robot does not use the port.
+        """
         _check_classes("@part.serves", port, request, reply)
 
         def remember(function):
             if not callable(function):
                 raise ConfigError("a handler must be a function, not {!r}".format(function))
             self._check_one_use(port)
-            self._servers[port] = (request, reply, function)
+            self._servers[port] = (request, reply, function, optional)
             self._part.declared.append(("serve", port, request, reply))
             return function
 
@@ -80,8 +83,11 @@ class Services:
         """A configuration has come: say what is wrong with the ports, and end calls that have lost their wire."""
         part = self._part
         for of, direction in ((self._servers, 2), (self._calls, 3)):
-            for port, declared in of.items():
+            for port in sorted(of):
+                declared = of[port]
                 fault = self._fault(port, direction, declared)
+                if not fault and direction == 2 and port not in part._ports and not declared[3]:
+                    fault = "nobody can call it: no [[binding]] has it in `from`; " + part._bound_words()
                 if fault:
                     part.report("port {!r}".format(port), fault)
         for port in self._calls:

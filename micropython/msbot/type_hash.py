@@ -80,6 +80,11 @@ def tell(part):
     for kind, port, request, reply in part.declared:
         if kind in ("call", "serve") and port not in part.told_types:
             tell_port(part, port, request, reply)
+    for place, port in enumerate(part._places):
+        bound = part._ports.get(port)
+        if bound and bound[0][3] == 2 and port not in part.told_types:  # it serves, and the program has no function
+            part.told_types[port] = (place, bound[0], ())
+            part._membership._ask(struct.pack("<IB", part._membership._lease, place) + bytes(8), RELIABLE)
 
 
 def tell_port(part, port, *classes):
@@ -88,8 +93,8 @@ def tell_port(part, port, *classes):
     if binding is None:
         return
     part.told_types[port] = (place, binding, classes)
-    if " -> ".join([type_name_of(one) for one in classes]) != binding[2]:
-        return  # a mistake that is told in other words
+    if (len(classes) > 1) != (binding[3] > 1):
+        return  # a message where there is a service, or the reverse
     membership = part._membership
     for one in classes:
         octets = type_hash(one)
@@ -116,6 +121,9 @@ def differs(part, place, detail):
         put_text(said, text + "\n" * (_LEAST - len(text.encode())))
         part._membership._ask(bytes(said), RELIABLE)
         return
+    binding = part.told_types[port][1]
+    if binding[2].split(" -> ")[which] != type_name_of(message_class):
+        return  # told in other words
     fields, where = fields_of(message_class), ""
     if detail <= len(fields):
         name, kind = fields[detail - 1]

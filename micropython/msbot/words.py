@@ -5,7 +5,7 @@ import struct
 import sys
 
 from .errors import ConfigError, say
-from .message import Kind, Message, limits, type_name_of
+from .message import Kind, Message, fits, limits, type_name_of
 
 _SHOWN = 60
 _FLOATS = {"f": "float32", "d": "float64"}
@@ -95,7 +95,12 @@ def no_value(name, text, kind):
 
 
 def misfit(message, field, kind, value):
-    """Why a field of a message cannot hold a value."""
+    """Why a field of a message cannot hold a value, or the first element of a list that does not fit."""
+    while hasattr(kind, "element") and isinstance(value, list):
+        places = [place for place, one in enumerate(value) if not fits(kind.element, one)]
+        if kind.octets or not places:
+            break
+        kind, value, field = kind.element, value[places[0]], "{}[{}]".format(field, places[0])
     shown = repr(value)
     shown = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "..."
     return "{}.{} cannot be {}: {}".format(message, field, shown, _needs(kind))

@@ -12,6 +12,7 @@ from msbot import CallError, HelloWorld, Message, Number, Part, Text
 from msbot.config import Slot
 from msbot.part.calls import MOST_OPEN_CALLS, MOST_SERVED
 from msbot.pnp import Configuration, Freeze, Keys, MemoryStore, SlotBinding
+from msbot.pnp.type_agreement import difference_sentence
 from msbot.process.virtual_time import run_virtual
 from msbot_agent.link import InprocEnd
 from tests.pnp.robot import ABCD, EFGH, WXYZ, uid
@@ -334,6 +335,78 @@ def test_a_program_without_the_function_says_so() -> None:
         assert scene.log == ["call of ask: the program of the part has no function for it: write @part.serves(...)"]
 
     tell(story)
+
+
+FIELDS = {"Number": [("value", "float32")], "Text": [("text", "text")]}
+
+
+def told_to_people(scene: Scene) -> list[str]:
+    """What the robot shows of BB's program, and what its journal says."""
+    (bb,) = [one for one in scene.robot.inventory.view(0.0) if one.part_number == "EFGH"]
+    return [str(difference_sentence(one)) for one in scene.robot.inventory.type_differences(bb.client_key)]
+
+
+def test_a_program_that_serves_at_a_wrong_port_is_told_at_once(caplog: pytest.LogCaptureFixture) -> None:
+    async def story(scene: Scene) -> None:
+        scene.robot.inventory.types.library_fields = FIELDS.get
+        lines: list[str] = []
+        scene.robot.inventory.log.on_line(lambda line: lines.append(line.words))
+        scene.bb.serves("halv", Number, Number)(lambda request: request)
+        scene.bb.serves("spare", Number, Number, optional=True)(lambda request: request)
+        await scene.plug(scene.bb)
+        await asyncio.sleep(1.0)
+        words = (
+            "port 'halv': nobody can call it: no [[binding]] has it in `from`; bound in this robot: "
+            "halve (serve Number -> Number), says (serve Number -> Text), wait (call Number -> Number)"
+        )
+        assert [one.getMessage() for one in caplog.records if "port '" in one.getMessage()][:1] == [words]
+        assert lines == [words]
+        assert told_to_people(scene) == [
+            'port halve: the part\'s program has no function that serves it: @part.serves("halve", ...) names one',
+            'port says: the part\'s program has no function that serves it: @part.serves("says", ...) names one',
+        ]
+
+    tell(story)
+
+
+def test_a_program_with_swapped_types_is_told_at_once(caplog: pytest.LogCaptureFixture) -> None:
+    async def story(scene: Scene) -> None:
+        scene.robot.inventory.types.library_fields = FIELDS.get
+        halve_with(scene.bb)
+        scene.bb.serves("says", Text, Number)(lambda _: Number(value=1.0))
+        await scene.plug(scene.bb)
+        await asyncio.sleep(1.0)
+        at_part = [one.getMessage() for one in caplog.records if "port '" in one.getMessage()]
+        assert at_part == ["port 'says': carries Number -> Text, but the program says Text -> Number"]
+        assert told_to_people(scene) == [
+            "port says: the part's program has Text there, the library Number",
+            "port says: the part's program has Number there, the library Text",
+        ]
+
+    tell(story)
+
+
+def test_a_refusal_that_is_passed_on_names_who_refused() -> None:
+    async def story(scene: Scene) -> None:
+        @scene.bb.serves("halve", Number, Number)
+        def halve(request: Number) -> Number:
+            raise CallError("out of paper")
+
+        @scene.bb.serves("says", Number, Text)
+        def says(request: Number) -> Text:
+            reply: Text = scene.bb.call("wait", request)
+            return reply
+
+        scene.bb.calls("wait", Number, Number)
+        scene.asks("name", Number(value=1.0))
+        await scene.plug(scene.bb, scene.aa)
+        await asyncio.sleep(3.0)
+        assert scene.log == ["call of name: refused: wait: out of paper"]
+
+    halves, says = SlotBinding("halve", "half", HALVE, publishes=True), SlotBinding("says", "name", NAMES, True)
+    asks = (SlotBinding("ask", "half", HALVE, False), SlotBinding("name", "name", NAMES, False))
+    waits = SlotBinding("wait", "half", HALVE, publishes=False)
+    tell(story, store(slot("AA", *asks), slot("BB", halves, says, waits)))
 
 
 class Said(Message):

@@ -122,7 +122,7 @@ def test_a_part_is_asked_once_for_a_hash_and_its_lines_in_the_journal_are_bounde
     inventory, events = counter.rig.inventory, list[str]()
     inventory.on_event(lambda event: events.append(event.reason))
     for number in range(3 * MOST_NOTES):
-        octets = number.to_bytes(8, "big")
+        octets = (number + 1).to_bytes(8, "big")
         asked = say(counter, hash_message(lease, octets))
         assert isinstance(asked, pnp_messages.Notice)
         assert (asked.kind, asked.binding, asked.detail) == (NoticeKind.TYPE_DIFFERS, 0, 0)
@@ -142,7 +142,7 @@ def test_a_part_is_asked_once_for_a_hash_and_its_lines_in_the_journal_are_bounde
 
 def test_fields_that_explain_nothing_are_told_as_that() -> None:
     counter, lease = counter_with_library()
-    say(counter, hash_message(lease, bytes(8)))
+    say(counter, hash_message(lease, bytes(range(8))))
     nothing = pnp_messages.DescriptionMessage(text="\n\x1b[2J \nHelloWorld index\n")
     (told,) = counter.requests.fields_told(nothing, KEY, counter.rig.now)
     assert told.detail == 255

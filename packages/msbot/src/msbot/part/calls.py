@@ -45,6 +45,7 @@ class ReplyStatus(IntEnum):
         return _WORDS[self]
 
 
+_CALL_OF = "call of "
 _WORDS = {
     ReplyStatus.DONE: "it is done",
     ReplyStatus.STOPPED: "STOP is in force: call again after GO",
@@ -83,6 +84,12 @@ def decode_reply(reply: bytes) -> bytes:
     raise CallError(f"{words}: {said}" if said else words)
 
 
+def refusal_words(error: CallError) -> str:
+    """What a caller reads of a refusal; one that a function only passes on names the port that has refused."""
+    port, mark, why = str(error).removeprefix(_CALL_OF).partition(f": {ReplyStatus.REFUSED.describe}: ")
+    return f"{port}: {why}" if mark and str(error).startswith(_CALL_OF) and " " not in port else str(error)
+
+
 def sentence_of(octets: bytes) -> str:
     """The sentence behind the status of a reply without a message."""
     return "".join(letter for letter in octets.decode(errors="ignore") if letter.isprintable())[:LONGEST_SENTENCE]
@@ -119,11 +126,11 @@ class OpenCalls:
             CallError: they are.
         """
         if len(self._open) >= self._most:
-            raise CallError(f"call of {port}: {self._most} calls wait for replies already: call more slowly")
+            raise CallError(f"{_CALL_OF}{port}: {self._most} calls wait for replies already: call more slowly")
 
     def open(self, number: int, port: str, timeout_s: float, now: float, done: Done) -> None:
         """A request has been sent; `done` is called once."""
-        self._close(number, CallError(f"call of {port}: another one has taken its number"))  # 65,536 requests later
+        self._close(number, CallError(f"{_CALL_OF}{port}: another one has taken its number"))  # 65,536 requests later
         self._open[number] = _OpenCall(port, timeout_s, now + timeout_s, done)
 
     def replied(self, number: int, reply: bytes) -> None:
@@ -135,10 +142,10 @@ class OpenCalls:
         try:
             outcome: bytes | CallError = decode_reply(reply)
         except CallError as error:
-            outcome = CallError(f"call of {call.port}: {error}")
+            outcome = CallError(f"{_CALL_OF}{call.port}: {error}")
         except RemoteProtocolError as error:
             self.dropped.count("reply that makes no sense")
-            outcome = CallError(f"call of {call.port}: {error}")
+            outcome = CallError(f"{_CALL_OF}{call.port}: {error}")
         self._close(number, outcome)
 
     def timer(self) -> float | None:
@@ -150,7 +157,7 @@ class OpenCalls:
         for number, call in list(self._open.items()):
             if now >= call.until:
                 words = (
-                    f"call of {call.port}: no reply within {call.timeout_s:g} s: is the part there that serves it "
+                    f"{_CALL_OF}{call.port}: no reply within {call.timeout_s:g} s: is the part there that serves it "
                     "(`msbot parts`), and does its function return in that time?"
                 )
                 self._close(number, CallError(words))
@@ -159,7 +166,7 @@ class OpenCalls:
         """End all calls, or those of one port, for a reason in words."""
         for number, call in list(self._open.items()):
             if port in (None, call.port):
-                self._close(number, CallError(f"call of {call.port}: {why}"))
+                self._close(number, CallError(f"{_CALL_OF}{call.port}: {why}"))
 
     def forget(self, number: int) -> None:
         """Whoever called does not wait any more."""

@@ -200,7 +200,12 @@ class Part:
         self._program.add_publication(port, message_class)
 
     def serves(
-        self, port: str, request_class: type[_M] | None = None, reply_class: type[_R] | None = None
+        self,
+        port: str,
+        request_class: type[_M] | None = None,
+        reply_class: type[_R] | None = None,
+        *,
+        optional: bool = False,
     ) -> Callable[[Callable[[_M], _R]], Callable[[_M], _R]]:
         """Call the decorated function with each request at the port, and send back the message that it returns.
 
@@ -210,6 +215,7 @@ class Part:
             port: the part's own name for it.
             request_class: the class of the incoming messages.
             reply_class: the class of the message that the function returns.
+            optional: the robot need not use the port; otherwise the part reports it when the robot does not.
 
         Raises:
             ConfigError: not message classes, another use of the port, or not a plain function of one argument.
@@ -220,7 +226,7 @@ class Part:
         exchange = _exchange("@part.serves", port, request_class, reply_class)
 
         def remember(function: Callable[[_M], _R]) -> Callable[[_M], _R]:
-            self._program.add_server(port, Server(exchange, function))  # type: ignore[arg-type]  # decoded as _M
+            self._program.add_server(port, Server(exchange, function, optional))  # type: ignore[arg-type]  # decoded as _M
             return function
 
         return remember

@@ -6,7 +6,7 @@ import asyncio
 import functools
 from collections.abc import Callable
 
-from msbot.part.calls import LONGEST_TIMEOUT_S, MOST_SERVED, OpenCalls, ReplyStatus, encode_reply
+from msbot.part.calls import LONGEST_TIMEOUT_S, MOST_SERVED, OpenCalls, ReplyStatus, encode_reply, refusal_words
 from msbot.part.client.client import IDENTITY_OCTETS, RELATED_OCTETS
 from msbot.part.handler_guard import Guard, check_handler
 from msbot.part.join.pnp_messages import BindingDirection, PortBinding
@@ -206,7 +206,7 @@ class PartServices:
             except CallIgnored:
                 octets = None
             except CallError as error:
-                octets = encode_reply(ReplyStatus.REFUSED, str(error))
+                octets = encode_reply(ReplyStatus.REFUSED, refusal_words(error))
             except Exception as error:
                 octets = encode_reply(ReplyStatus.FAILED, f"{type(error).__name__}: {error}")
                 raise

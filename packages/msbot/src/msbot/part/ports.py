@@ -27,6 +27,8 @@ _WORDS: dict[int, tuple[str, str]] = {
 }
 """Direction -> what a port does, and what a program writes for it."""
 
+NOT_TO_PUBLISH_ON = "to publish on"
+"""Words of the mistake of a program that publishes at a port that its robot does not bind."""
 LARGEST_MESSAGE = 262_000
 """Most octets of a message: an agent reassembles no more (`AgentSettings.max_message`) and drops the message unseen."""
 
@@ -103,6 +105,14 @@ class Ports:
         """The port of the configuration's binding with that number (from 0), or None."""
         return self._order[place] if 0 <= place < len(self._order) else None
 
+    def bound_to(self, direction: BindingDirection) -> list[tuple[int, str]]:
+        """The ports with that direction, each with the number of its binding (from 0)."""
+        return [
+            (place, port)
+            for place, port in enumerate(self._order)
+            if (binding := self.binding(port)) is not None and binding.direction == direction
+        ]
+
     def place_of(self, port: str) -> int | None:
         """The number of a port's binding in the configuration (from 0), or None."""
         return self._order.index(port) if port in self._bound else None
@@ -125,11 +135,11 @@ class Ports:
             return f"carries {binding.topic_type}, but its function expects {type_name}"
         return ""
 
-    def service_fault(self, port: str, type_name: str, direction: BindingDirection) -> str:
-        """Why a port that serves or calls will do neither, in words; "" = all is well, or the robot does not use it."""
+    def service_fault(self, port: str, type_name: str, direction: BindingDirection, *, optional: bool = True) -> str:
+        """Why a port that serves or calls will do neither, in words; "" = all is well, or the robot need not use it."""
         binding = self.binding(port)
         if binding is None:
-            return ""
+            return "" if optional else f"nobody can call it: no [[binding]] has it in `from`; {self.describe}"
         if binding.direction != direction:
             verb, use = _words(binding)
             return f"{verb} in this robot's library: use {use}, or another port"
@@ -184,7 +194,7 @@ class Ports:
     def _publishing(self, port: str) -> BoundPort:
         bound = self._bound.get(port)
         if bound is None or not bound.publishes:
-            raise ConfigError(f"there is no port {port!r} to publish on; {self.describe}")
+            raise ConfigError(f"there is no port {port!r} {NOT_TO_PUBLISH_ON}; {self.describe}")
         return bound
 
     def _write(self, bound: BoundPort, octets: bytes, type_name: str) -> bool:

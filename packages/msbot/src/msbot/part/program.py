@@ -174,6 +174,8 @@ class Server:
 
     exchange: Exchange
     function: Callable[[Message], Message]
+    optional: bool = False
+    """The robot need not use the port."""
 
 
 class ProgramDeclarations:

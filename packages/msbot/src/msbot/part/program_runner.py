@@ -138,6 +138,9 @@ class ProgramRunner:
         self._configurations = 0
         self.types = TypeTelling(program)
         self._mistake: ConfigError | None = None
+        self._faults: list[str] = []
+        """What is wrong with ports of the configuration; the robot is told when the part is active."""
+        self._told_faults: set[str] = set()
         self._pending: set[After] = set()
         """What is called once, and waits for its time."""
         self._ports: Ports | None = None
@@ -354,9 +357,12 @@ class ProgramRunner:
         assert self._ports is not None
         if change.after is JoinState.CONFIGURING:
             self.types.told.clear()
+            self._faults.clear()
+            self._told_faults.clear()
         if JoinState.ACTIVE in (change.before, change.after):
             self.guard.waiting.end_all()
         if change.after is JoinState.ACTIVE:
+            self._tell_faults()
             self._tell("join")
             for timed in self.program.timed:
                 timed.start(self.guard)
@@ -422,20 +428,36 @@ class ProgramRunner:
         self._ports.bind(configuration.bindings)
         for port, listener in self.program.listeners.items():
             fault = self._ports.fault_of(port, listener.message_class.type_name, optional=listener.optional)
-            if fault:
-                self.guard.report(f"port {port!r}", fault)
+            self._report_fault(port, fault)
         for port, server in self.program.servers.items():
-            if fault := self._ports.service_fault(port, server.exchange.type_name, BindingDirection.SERVE):
-                self.guard.report(f"port {port!r}", fault)
+            name = server.exchange.type_name
+            fault = self._ports.service_fault(port, name, BindingDirection.SERVE, optional=server.optional)
+            self._report_fault(port, fault)
         for port, exchange in self.program.calls.items():
-            if fault := self._ports.service_fault(port, exchange.type_name, BindingDirection.CALL):
-                self.guard.report(f"port {port!r}", fault)
+            self._report_fault(port, self._ports.service_fault(port, exchange.type_name, BindingDirection.CALL))
             if port not in self._ports:
                 self._calls.end("the robot has taken its wire away", port)
         if self._membership is not None:
             self.types.tell(self._ports, self._membership)
+        self._tell_faults()
         self.settings.tell()
         self._tell("configured")
+
+    def _report_fault(self, port: str, fault: str) -> None:
+        """Say what is wrong with a port here at once, and to the robot's people once in a session."""
+        words = f"port {port!r}: {fault}"
+        if fault:
+            self.guard.report(f"port {port!r}", fault)
+        if fault and words not in self._told_faults:
+            self._told_faults.add(words)
+            self._faults.append(words)
+
+    def _tell_faults(self) -> None:
+        """Lines of an active part reach the robot's log, and its journal."""
+        if self._membership is not None and self.joining.state is JoinState.ACTIVE:
+            for words in self._faults:
+                self._membership.say_log(LogLevel.ERROR, printable(words))
+            self._faults.clear()
 
     def _noticed(self, notice: Notice) -> None:
         match notice.kind:

@@ -209,6 +209,8 @@ class TypeDifference:
     their_field: str = ""
     """`uint16 value`; empty: there is none."""
     our_field: str = ""
+    their_type: str = ""
+    """The type that the part's program has there, if it has another name; empty: it has the same."""
 
 
 @dataclass(frozen=True, slots=True)

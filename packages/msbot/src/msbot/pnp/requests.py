@@ -89,7 +89,7 @@ class RequestHandler:
                 if (record := self._inventory.with_lease(lease, client_key)) is None:
                     self.dropped.count("hash of a type with an unknown lease")
                     return None
-                return self._inventory.types.receive_hash(record, place, octets)
+                return self._inventory.types.receive_hash(record, place, octets, now)
             case pnp_messages.DescriptionMessage(text=text) if self._inventory.waits_for_fields(client_key):
                 return None  # the answers are several notices: `fields_told`
             case pnp_messages.DescriptionMessage(text=text):

@@ -8,9 +8,18 @@ which field is the first that differs. A part that tells no hash (of the thesis,
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from msbot.part.join.pnp_messages import MOST_BINDINGS, OF_REPLY, Notice, NoticeKind
-from msbot.part.messages.type_hash import Fields, FieldsOf, first_difference, hash_words, read_fields, type_hash
+from msbot.part.messages.type_hash import (
+    NO_FUNCTION,
+    Fields,
+    FieldsOf,
+    first_difference,
+    hash_words,
+    read_fields,
+    type_hash,
+)
 from msbot.pnp.inventory_record import InventoryRecord
 from msbot.pnp.model import TypeDifference
 from msbot.pnp.state_changes import StateChanges
@@ -54,7 +63,7 @@ class TypeAgreement:
         fields = self.library_fields(type_name)
         return None if fields is None else type_hash(type_name, fields, self.library_fields)
 
-    def receive_hash(self, record: InventoryRecord, place: int, octets: bytes) -> Notice | None:
+    def receive_hash(self, record: InventoryRecord, place: int, octets: bytes, now: float) -> Notice | None:
         """A part tells the hash of a port's type; the answer, if the library's is another one."""
         configuration = record.configuration
         bindings = () if configuration is None else configuration.bindings
@@ -70,6 +79,13 @@ class TypeAgreement:
         known = record.type_differences.get((binding.port, which))
         if octets == expected:
             record.type_differences.pop((binding.port, which), None)
+            return None
+        if octets == NO_FUNCTION:
+            if known is None or known.theirs != octets:
+                found = TypeDifference(binding.port, name, octets, expected, NOT_KNOWN)
+                record.type_differences[binding.port, which] = found
+                self._note(record, now, found)
+                self._changes.publish()
             return None
         if known is not None and (known.theirs, known.ours) == (octets, expected):
             return _notice(configuration.version, place, known.detail) if known.detail else None
@@ -92,14 +108,21 @@ class TypeAgreement:
                 continue
             found = self._compared(difference, theirs)
             record.type_differences[port, which] = found
-            if record.type_notes < MOST_NOTES:
-                record.type_notes += 1
-                self._changes.note(record, now, difference_sentence(found))
+            self._note(record, now, found)
             answers.append(_notice(configuration.version, place | OF_REPLY * which, found.detail))
         self._changes.publish()
         return answers
 
+    def _note(self, record: InventoryRecord, now: float, found: TypeDifference) -> None:
+        if record.type_notes < MOST_NOTES:
+            record.type_notes += 1
+            self._changes.note(record, now, difference_sentence(found))
+
     def _compared(self, difference: TypeDifference, theirs: Mapping[str, Fields]) -> TypeDifference:
+        names = (name for name, fields in theirs.items() if type_hash(name, fields, theirs.get) == difference.theirs)
+        their_type = next(names, difference.type_name)
+        if their_type != difference.type_name:
+            return replace(difference, detail=NOT_KNOWN, their_type=their_type[:LONGEST_NAME])
         ours = self.library_fields(difference.type_name) or ()
         told = theirs.get(difference.type_name, ())
         found = first_difference(told, ours, theirs.get, self.library_fields) if told else None
@@ -116,6 +139,18 @@ class TypeAgreement:
 
 def difference_sentence(difference: TypeDifference) -> Sentence:
     """What differs at a port, for people."""
+    if difference.theirs == NO_FUNCTION:
+        return said(
+            'port {port}: the part\'s program has no function that serves it: @part.serves("{port}", ...) names one',
+            port=difference.port,
+        )
+    if difference.their_type:
+        return said(
+            "port {port}: the part's program has {theirs} there, the library {type}",
+            port=difference.port,
+            theirs=difference.their_type,
+            type=difference.type_name,
+        )
     known = {
         "port": difference.port,
         "type": difference.type_name,

@@ -26,6 +26,7 @@ from msbot.part import Message, Part
 from msbot.part.join.joining import ANY
 from msbot.part.join.pnp_messages import range_setting, safe_setting
 from msbot.part.messages.leaves import leaves_of
+from msbot.part.ports import NOT_TO_PUBLISH_ON
 from msbot.pnp import Configuration, MemoryStore, SlotBinding
 from msbot.process.virtual_time import VirtualTimeLoop
 from msbot.sim.model_part import message_class
@@ -157,6 +158,11 @@ class PartRobot:
             error = self._running.exception()
             if error is not None:
                 self._running = None
+                if isinstance(error, ConfigError) and NOT_TO_PUBLISH_ON in str(error):
+                    raise ConfigError(
+                        f"{error}; for a test, the library declares what a part publishes, or the program: "
+                        'part.publishes("port", Number)'
+                    ) from error
                 raise error
 
     def _until(self, what: str, is_so: Callable[[], bool]) -> None:

@@ -188,6 +188,29 @@ def test_a_mistake_names_file_line_and_key(tmp_path: Path, right: str, wrong: st
     assert f"parts/motor.toml, {sentence}" in _complaint(tmp_path, MOTOR.replace(right, wrong, 1))
 
 
+SERVER = """number = "CAM-1"
+name = "Camera"
+[[port]]
+name = "photo"
+direction = "server"
+request = "Angle"
+reply = "Text"
+"""
+
+
+def test_a_wrong_direction_is_one_mistake(tmp_path: Path) -> None:
+    words = (
+        'line 5, port[0].direction: "server" is none of "publish", "subscribe", "serve", "call"; did you mean "serve"?'
+    )
+    found = _complaint(tmp_path, SERVER)
+    assert words in found
+    assert found.count("port[0]") == 1
+
+
+def test_a_wrong_direction_of_a_topic_is_one_mistake(tmp_path: Path) -> None:
+    assert _complaint(tmp_path, MOTOR.replace('"subscribe"', '"subscibe"', 1)).count("port[0]") == 1
+
+
 RANGE = Parameter("n", ParameterKind.INT, 5, "mm", least=1, most=9)
 
 FAULTS: list[tuple[Parameter, Scalar, str | None]] = [

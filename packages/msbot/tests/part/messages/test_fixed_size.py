@@ -133,7 +133,7 @@ def test_fields_nobody_sets_are_zeros_of_the_right_number() -> None:
     [
         ({"mode": 7}, "Grid.mode cannot be 7: Mode needs one of Mode.OFF, Mode.ON, Mode.BLINK"),
         ({"cells": [1, 2]}, "a list of exactly 3, each element a whole number from 0 to 65535"),
-        ({"cells": [1, 2, 65536]}, "a list of exactly 3"),
+        ({"cells": [1, 2, 65536]}, r"Grid.cells\[2\] cannot be 65536: uint16 needs a whole number from 0 to 65535"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_words(change: dict[str, object], words: str) -> None:

@@ -233,8 +233,14 @@ def test_a_leaf_that_does_not_exist_or_fit_is_said() -> None:
         set_leaf(zero(Pose), "z", 1.0)
     with pytest.raises(LocalProtocolError, match=r"Scan\.metres cannot be 'near': write a list such as"):
         set_leaf(zero(Scan), "metres", "near")
-    with pytest.raises(LocalProtocolError, match=r"Strip\.colours cannot be"):
+    with pytest.raises(
+        LocalProtocolError, match=r"Strip\.colours\[0\] cannot be \[1, 2\]: Colour needs a Colour with red"
+    ):
         set_leaf(zero(Strip), "colours", "[[1, 2]]")
+    with pytest.raises(LocalProtocolError, match=r"\{'red': 1\} has no green, blue; a Colour has red, green, blue"):
+        set_leaf(zero(Strip), "colours", '[{"red": 1}]')
+    with pytest.raises(LocalProtocolError, match="has an unknown field rot; a Colour has red, green, blue"):
+        set_leaf(zero(Strip), "colours", '[{"red": 1, "green": 2, "blue": 3, "rot": 4}]')
     picture = with_leaves(Picture, {"width": 2, "height": 1, "format": "mono8", "pixels": "[0, 255]"})
     assert picture == Picture(width=2, height=1, format=PixelFormat.MONO8, pixels=b"\x00\xff")
     assert [field.codec.kind for field in fields_of(Picture)][-1] == "uint8[<=3072]"

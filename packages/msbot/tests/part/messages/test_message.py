@@ -116,7 +116,7 @@ def test_messages_are_equal_by_class_and_fields() -> None:
         ("name", "\ud800", "Track.name cannot be"),
         ("name", b"bytes", "str needs a text"),
         ("name", None, "Track.name cannot be None"),
-        ("points", [1], r"Track.points cannot be \[1\]: list\[Point\] needs a list, each element a Point"),
+        ("points", [1], r"Track.points\[0\] cannot be 1: Point needs a Point"),
         ("points", "p", "Track.points cannot be 'p'"),
         ("origin", track(), "Track.origin cannot be Track"),
         ("raw", "text", "bytes needs bytes"),
@@ -136,7 +136,7 @@ def test_a_wrong_value_is_named_with_class_field_and_limits(field: str, value: o
 def test_what_changed_inside_is_checked_when_encoded() -> None:
     message = track()
     message.tags.append(7)  # type: ignore[arg-type]  # the slip under test
-    with pytest.raises(LocalProtocolError, match=r"Track.tags cannot be \['a', 7\]"):
+    with pytest.raises(LocalProtocolError, match=r"Track.tags\[1\] cannot be 7"):
         message.encode()
 
 

@@ -266,6 +266,8 @@ def fault_of(kind: FieldType, value: object) -> str | None:
             return f'has no field "{name}"; it has {", ".join(kind.fields)}'
         if words := fault_of(kind.fields[name], one):
             return f"{name} {words}"
+    if missing := [name for name in kind.fields if name not in value]:
+        return f"has no value for {', '.join(missing)}; it needs {', '.join(kind.fields)}"
     return None
 
 

@@ -250,7 +250,7 @@ def _check_sources(table: Table, part_type: PartType) -> None:
 
 
 def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
-    direction = Direction(table.choice("direction", [direction.value for direction in Direction]))
+    direction = _read_direction(table)
     reply = None
     if direction.is_service:
         request_name, message = _read_port_type(table, "request", known)
@@ -278,6 +278,17 @@ def _read_port(table: Table, known: Mapping[str, MessageType]) -> Port:
         _check_stop(table, port, message)
     table.finish()
     return port
+
+
+def _read_direction(table: Table) -> Direction:
+    """The direction of a port; a word that is none of them is one mistake, so the other keys decide what it means."""
+    direction = Direction(table.choice("direction", [direction.value for direction in Direction]))
+    if table.item("direction") != direction.value:
+        if "request" in table or "reply" in table:
+            return Direction.SERVE
+        if "safe" in table:
+            return Direction.SUBSCRIBE
+    return direction
 
 
 def _read_port_type(table: Table, key: str, known: Mapping[str, MessageType]) -> tuple[str, MessageType | None]:

@@ -2,7 +2,7 @@
 
 A leaf is a field, or a field inside a nested message with the way to it: `pose.x`. A value of an enum is its name in
 small letters. A list is one leaf, too: a JSON text, `[1, 2.5]`; messages in it are JSON objects, or lists of their
-fields in order, `[[255, 0, 0], [0, 0, 255]]`.
+fields in order, `[[255, 0, 0], [0, 0, 255]]`. Each has all its fields.
 """
 
 from __future__ import annotations
@@ -120,9 +120,15 @@ def _message(inside: type[Message], value: object) -> object:
     fields = fields_of(inside)
     if isinstance(value, list) and len(value) == len(fields):
         value = dict(zip((field.name for field in fields), value, strict=True))
-    if not isinstance(value, dict) or not set(value) <= {field.name for field in fields}:
+    if not isinstance(value, dict):
         return value
-    return inside(**{field.name: from_plain(field.codec, value[field.name]) for field in fields if field.name in value})
+    shown = ", ".join(field.name for field in fields)
+    names = [field.name for field in fields]
+    if missing := [name for name in names if name not in value]:
+        raise LocalProtocolError(f"{value} has no {', '.join(missing)}; a {inside.type_name} has {shown}")
+    if unknown := [str(name) for name in value if name not in names]:
+        raise LocalProtocolError(f"{value} has an unknown field {unknown[0]}; a {inside.type_name} has {shown}")
+    return inside(**{field.name: from_plain(field.codec, value[field.name]) for field in fields})
 
 
 def _from_json(where: str, way: str, text: str) -> object:

@@ -314,7 +314,7 @@ def _record(annotation: object) -> FieldCodec | None:
     smallest = sum(codec.smallest for _, codec in codecs)
     return FieldCodec(
         cls.__name__,
-        f"a {cls.__name__}",
+        f"a {cls.__name__} with {', '.join(cls._fields)}",
         smallest,
         cls,
         fits,
@@ -348,7 +348,24 @@ def _no_such_field(cls: type[Message], name: str) -> str:
 
 
 def _misfit(cls: type[Message], field: Field, value: object) -> str:
+    name, codec = field.name, field.codec
+    while (inner := _misfit_inside(codec, value)) is not None:
+        step, codec, value = inner
+        name += step
     shown = repr(value)
     if len(shown) > LONGEST_SHOWN:
         shown = f"{shown[:LONGEST_SHOWN]}..."
-    return f"{cls.__name__}.{field.name} cannot be {shown}: {field.codec.word} needs {field.codec.needs}"
+    return f"{cls.__name__}.{name} cannot be {shown}: {codec.word} needs {codec.needs}"
+
+
+def _misfit_inside(codec: FieldCodec, value: object) -> tuple[str, FieldCodec, object] | None:
+    """The first element or field in a value that does not fit, with its place in words; None: the value as a whole."""
+    if codec.element is not None and codec.fragile and isinstance(value, list):
+        for place, one in enumerate(value):
+            if not codec.element.fits(one):
+                return f"[{place}]", codec.element, one
+    elif isinstance(value, Message) and type(value) is codec.inside:
+        for field in fields_of(type(value)):
+            if not field.codec.fits(one := getattr(value, field.name)):
+                return f".{field.name}", field.codec, one
+    return None

@@ -18,6 +18,8 @@ from msbot_xrce.lazy import dataclass
 
 HASH_OCTETS = 8
 """So many of its 32 octets travel, and are shown."""
+NO_FUNCTION = bytes(HASH_OCTETS)
+"""Told in place of a hash: the program has no function at a port that serves."""
 PREFIX = "RIHS01_"
 PACKAGE = "msbot_msgs"
 """The ROS 2 package that types without one are in."""
