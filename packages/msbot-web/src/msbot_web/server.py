@@ -199,10 +199,12 @@ class WebServer:
             make_room=self.connections.make_room,
         )
         accepting = asyncio.ensure_future(self._accept(acceptor))
+        showing = asyncio.ensure_future(self._service.live.run())
         try:
             await asyncio.shield(serving)
         finally:
             accepting.cancel()
+            showing.cancel()
             self._server.should_exit = True
             self._server.force_exit = True
             ending = asyncio.ensure_future(self._end(serving))
@@ -231,6 +233,7 @@ class WebServer:
         app.add_middleware(LazyRoutes, of=app, paths=LATE_PATHS, make=partial(_lazy_routes, service), but=STOP_PATH)
         add_browser_files(app)
         app.router.routes.append(PartWebSocket(self.parts, service.accounts).route())
+        app.router.routes.append(service.live.route())
         add_exception_handlers(app)
         app.mount("/web", StaticFiles(directory=STATIC), name="web")
         app.add_api_route("/handbook/pictures/{name:path}", picture_answer, include_in_schema=False)

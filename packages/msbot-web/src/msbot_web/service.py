@@ -28,6 +28,7 @@ from msbot_web.doctor_service import DoctorService
 from msbot_web.gallery import Gallery, RunningDemo
 from msbot_web.hand_ins import HandInActions
 from msbot_web.lessons_view import LessonsView
+from msbot_web.live_channel import LiveChannel
 from msbot_web.local_masters import LocalMasters
 from msbot_web.model_builder import ModelBuilder
 from msbot_web.models.robot_models import (
@@ -143,6 +144,8 @@ class Service:
         self.programs = ProgramActions(shelf, accounts, self.pupils.check_writing)
         self.hand_ins = HandInActions(accounts, self.programs, self.learning, operations.lessons, self.past)
         """What is handed in of lessons."""
+        self.live = LiveChannel(accounts)
+        """What is live on pages."""
         self._seen_robot: tuple[float, int, Robot] | None = None
         self._held = HeldControls(lambda: views.bench)
         operations.pupils.use_holds(self._held.end_where)

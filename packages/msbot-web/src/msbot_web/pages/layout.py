@@ -26,15 +26,11 @@ from msbot_web.service import Service
 
 _log = logging.getLogger(__name__)
 
-LOOK_S = 0.5
-"""Period in which pages are refreshed."""
 BUILD_S = 30.0
 """Longest time in which a page that waits while it is laid out must be there.
 
 NiceGUI's own 3 s were an error page on a slow computer.
 """
-CHECK_S = 3.0
-"""Longest time that a page stays open after its person was signed out elsewhere, or removed."""
 
 
 @contextmanager
@@ -91,8 +87,7 @@ def page_frame(service: Service, request: Request, path: str, title: str) -> Ite
             page.time_slider = TimeSlider(page, asked.get("at", ""), reads=path != "/plots", work=work)
         yield page
     show_lesson_panel(page, path)
-    page.every(LOOK_S, page.refresh)
-    page.every(CHECK_S, page.check_session)
+    service.live.add(page.client_id, page)
 
 
 def _who(page: Page, dark: ui.dark_mode) -> None:

@@ -74,6 +74,11 @@ class Page:
         self.sight = LiveRobotView(self.service)
 
     @property
+    def client_id(self) -> str:
+        """NiceGUI's number of it."""
+        return "" if self.client is None else self.client.id
+
+    @property
     def reads(self) -> str:
         """In which language, and how, the person reads lessons, as in RFC 5646: `de`, or `de-simple`."""
         return self.language.code + (SIMPLE if self.easy else "")
@@ -172,6 +177,7 @@ class Page:
             if not quiet:
                 ui.notify(self.translate(done.words), type="positive", multi_line=True)
         self.refresh()
+        self.service.live.nudge()
         return done
 
     def every_look(self, refresh: Refresh, owner: ui.element | None = None) -> None:
@@ -240,6 +246,7 @@ class Page:
     def closed(self) -> None:
         """Show nothing any more: the browser's page was closed, maybe while something was being read for it."""
         self.let_go()
+        self.service.live.remove(self.client_id)
         self.refreshers.clear()
         for task in self.tasks:
             task.cancel()
@@ -272,7 +279,8 @@ class Page:
         """Leave the page when its session has ended."""
         if not self.service.accounts.holds(self.session):
             self.refreshers.clear()
-            ui.run_javascript("msbotSignIn()")
+            with self.in_page():
+                ui.run_javascript("msbotSignIn()")
 
     def _say_once(self, words: str) -> None:
         """Log once that something cannot be shown; the next refresh tries again."""

@@ -16,24 +16,16 @@ from nicegui.events import GenericEventArguments
 
 from msbot.operations.rights import Right
 from msbot_web.html import Markup, render
-from msbot_web.models.robot_models import PartLine, PortLine, Robot, SlotCard
+from msbot_web.models.robot_models import Robot
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
+from msbot_web.pages.live_cards import card_html, card_piece, live_cards, looks_of, open_words, plug_short, plug_words
 from msbot_web.pages.menu import is_pupil
 from msbot_web.pages.page import Page
 from msbot_web.pages.page_elements import set_html
 from msbot_web.pages.slot_drawer import open_slot_drawer
 from msbot_web.service import Service
-from msbot_web.svg.drawings import (
-    HELD_WORDS,
-    beat_ring,
-    done_fields,
-    draw,
-    fields_html,
-    main_port,
-    sparkline,
-    state_chip,
-)
+from msbot_web.svg.drawings import state_chip
 
 MANY = 12
 """With more slots than this, there is a field that leaves only some of the cards."""
@@ -92,26 +84,27 @@ class _Grid:
         self._element = ui.html("", sanitize=False).classes("w-full")
         self._element.on("click", self._clicked, js_handler=_CLICKED)
         self._element.on("keydown", self._clicked, js_handler=_KEY)
+        ui.run_javascript(f"msbotLiveCards('{self._element.html_id}')")
         page.every_look(self._show)
 
     def _show(self) -> None:
-        robot = self._page.sight.robot()
-        places = (self._page.is_past, [card.name for card in robot.slots], self._groups, self._own)
-        looks = {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+        page, live = self._page, self._page.service.live
+        robot = page.sight.robot()
+        places = (page.is_past, [card.name for card in robot.slots], self._groups, self._own)
         if places != self._places:
-            self._places, self._shown = places, dict(looks)
+            self._places, self._shown = places, looks_of(robot)
             self._element.set_content(self._whole(robot))
+            live.again(page.client_id)
+        if page.is_past:
+            live.hide(page.client_id)
+        elif live.show(page.client_id, *live_cards(page)):
+            self._shown = {}  # should that end, all are drawn once more
             return
+        looks = looks_of(robot)
         changed = {
-            card.name: [
-                card_html(self._page, card, robot),
-                self._open_words(card),
-                card.plugged,
-                self._plug_words(card),
-                self._plug_short(card),
-            ]
+            card.name: card_piece(page, card, robot)
             for card in robot.slots
-            if self._shown[card.name] != looks[card.name]
+            if self._shown.get(card.name) != looks[card.name]
         }
         if changed:
             self._shown.update({name: looks[name] for name in changed})
@@ -125,9 +118,9 @@ class _Grid:
                 "group": group_of.get(card.name, ""),
                 "html": card_html(self._page, card, robot),
                 "is_plugged": card.plugged,
-                "open_words": self._open_words(card),
-                "plug_words": self._plug_words(card) if self._page.may_at(Right.OPERATE, card.name) else "",
-                "plug_short": self._plug_short(card),
+                "open_words": open_words(self._page, card),
+                "plug_words": plug_words(self._page, card) if self._page.may_at(Right.OPERATE, card.name) else "",
+                "plug_short": plug_short(self._page, card),
             }
             for card in robot.slots
         ]
@@ -156,23 +149,6 @@ class _Grid:
         ]
         return [section for section in sections if section["places"]]
 
-    def _open_words(self, card: SlotCard) -> str:
-        """A card's name for who does not see it: what a click does, and in which state the slot is."""
-        say, port = self._page.translate, main_port(card)
-        words = [say(card.state), *map(say, card.faults)]
-        if port is not None and port.held not in ("", "gone"):
-            words.append(say(HELD_WORDS[port.held]))
-        return f"{say('Open slot {name}', name=card.name)}: {', '.join(words)}"
-
-    def _plug_words(self, card: SlotCard) -> str:
-        if card.plugged is None:
-            return ""
-        return self._page.translate("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
-
-    def _plug_short(self, card: SlotCard) -> str:
-        """What is on the button, as lessons call it."""
-        return self._page.translate("Unplug") if card.plugged else self._page.translate("Plug in")
-
     async def _clicked(self, event: GenericEventArguments) -> None:
         name, is_plug = str(event.args["slot"]), bool(event.args["plug"])
         if not is_plug:
@@ -191,62 +167,3 @@ _KEY = (
     "(event) => { if ((event.key !== 'Enter' && event.key !== ' ') || event.target.closest('[data-plug]')) return;"
     f" event.preventDefault(); {_FIND} }}"
 )
-
-
-def look_of(card: SlotCard, beat_s: float) -> object:
-    """What a card's picture depends on; between two beats the browser turns the ring by itself."""
-    part, port = card.part, main_port(card)
-    return (
-        card.state,
-        card.reason,
-        card.shown_number,
-        card.type_name,
-        card.simulated,
-        card.plugged,
-        tuple(card.faults),
-        tuple(card.spares),
-        tuple(card.type_differences),
-        None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
-        None
-        if port is None
-        else (port.topic, port.port, port.publishes, port.held, _stale_age(port), tuple(port.fields.items())),
-    )
-
-
-def _age(part: PartLine, beat_s: float) -> str:
-    """Seconds since the last beat, as they are shown: exact as soon as one is overdue."""
-    if part.beat_age_s is None or part.state not in ("active", "late"):
-        return ""
-    return f"< {beat_s:g}" if part.beat_age_s < beat_s else f"{part.beat_age_s:.1f}"
-
-
-def _stale_age(port: PortLine) -> str:
-    """How old a stale value is, as it is shown; nothing for a fresh one."""
-    if not port.stale or port.age_s is None:
-        return ""
-    return f"{port.age_s:.0f} s" if port.age_s < 120 else f"{port.age_s / 60:.0f} min"
-
-
-def card_html(page: Page, card: SlotCard, robot: Robot) -> Markup:
-    """One slot as a card."""
-    part, port = card.part, main_port(card)
-    age = "" if part is None else _age(part, robot.beat_s)
-    fields = {} if port is None else done_fields(port)
-    is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
-    return render(
-        "card",
-        say=page.translate,
-        card=card,
-        look=card.state,
-        port=port,
-        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, page.language),
-        chip=state_chip(card.state, page.translate(card.state)),
-        drawing="" if port is None else draw(port.type_name, fields, page.language),
-        values=fields_html(fields, page.language),
-        spark=""
-        if port is None or is_gone
-        else sparkline(page.sight.sparkline(port.topic), page.language, width=72, height=36),
-        held="" if port is None or is_gone or not port.held else page.translate(HELD_WORDS[port.held]),
-        stale_age="" if port is None or port.held else _stale_age(port),
-        beat=age and page.translate("beat {age} s ago", age=page.language.digits(age)),
-    )

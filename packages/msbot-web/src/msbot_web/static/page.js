@@ -22,8 +22,9 @@ function msbotSignIn() {
 
 const msbot = (() => {
   const ASK_MS = 600, PATIENCE_MS = 1200, DEAD_MS = 1800, LOOK_MS = 200, RETRY_MS = 1000, TWICE_MS = 800;
+  const TOLD_MS = 1300;  // the robot says twice in three looks at most that it is there; then it is asked
   const LONG_MS = 8000, SELDOM_MS = 1500;  // who has not been heard for so long is asked less often
-  let heardAt = Date.now(), lookedAt = Date.now(), isAsking = false;
+  let toldAt = -Infinity, heardAt = Date.now(), lookedAt = Date.now(), isAsking = false;
   let isDead = false, isSaying = false, stopTimer = null, stopPress = "", escapeAt = -Infinity;
 
   const words = (name) => document.getElementById("ms-stop").dataset[name];
@@ -54,13 +55,23 @@ const msbot = (() => {
     if (wasSilent && hasChannel()) msbotChannel.back(now);
   }
 
+  // Where the robot says by itself that it is there (`live.js`), nobody asks: heard only lately, or hidden.
   function keepAsking() {
-    ask();
+    const isTold = hasLive() && (msbotLive.isResting() || Date.now() - toldAt < TOLD_MS);
+    if (isTold && msbotLive.isResting()) heardAt = Date.now();
+    if (!isTold) ask();
     const isAway = Date.now() - heardAt > LONG_MS;
     setTimeout(keepAsking, isAway ? SELDOM_MS * (0.5 + Math.random()) : ASK_MS);
   }
 
+  // What the robot said by itself.
+  function told() {
+    toldAt = Date.now();
+    heard();
+  }
+
   // A page of refusal has none.
+  const hasLive = () => typeof msbotLive !== "undefined";
   const hasChannel = () => typeof msbotChannel !== "undefined";
 
   // Grey as soon as nothing was heard for a while; at once after the device has slept, until the robot answers again.
@@ -208,7 +219,7 @@ const msbot = (() => {
     keepShell();
   });
   // Whether a STOP is on its way, or its answer is being read: a page that were loaded anew now would lose it.
-  return { stop, opened, closed, isSaying: () => isSaying };
+  return { stop, opened, closed, heard: told, isSaying: () => isSaying };
 })();
 
 // From now on the robot is told whether the page is dark, and whenever that changes: editors look like their page.
@@ -252,6 +263,11 @@ function msbotSlid(id, slider) {
   slider.setAttribute("aria-valuetext", text);
   Object.assign(props, { value: slider.value, "aria-valuetext": text });
   if (!window.did_handshake) msbotSaidLater(slider);
+}
+
+// Where the cards are; what is live of them comes by `msbotLive`.
+function msbotLiveCards(grid) {
+  msbotLive.show("cards", (cards) => msbotCards(grid, cards));
 }
 
 // Cards of slots that look otherwise now, by the name of the slot: [HTML, name, is it plugged in, what the plug's button

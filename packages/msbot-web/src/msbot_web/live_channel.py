@@ -1,0 +1,345 @@
+"""What all viewers of a page see: worked out and written once, and sent to each browser as one message of changes.
+
+Theory of operation. A page that shows something live names a `LiveView`. Twice a second the channel asks each view that
+somebody looks at for its changes, and sends the same text to all browsers that have what was before; a browser that has
+not gets the whole once. The browser opens a WebSocket for it (`/live`, `static/live.js`). A tab that is hidden says so:
+it gets nothing, and its page is not refreshed. The channel also refreshes what each page shows by NiceGUI, so that a
+page needs no timer of its own. A page whose browser has no such WebSocket works as well: it is drawn by NiceGUI alone.
+
+The guard has checked host, origin and session. Only the session that opened a page gets what the page shows.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+from collections.abc import Callable, Hashable, Mapping
+from typing import Final, Protocol
+
+from starlette.routing import WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from msbot_web.access.accounts import Accounts
+from msbot_web.access.sessions import Session
+from msbot_xrce.errors import MsbotError
+
+LIVE_PATH: Final = "/live"
+LOOK_S: Final = 0.5
+"""Period in which changes are sent and pages are refreshed."""
+ALIVE_S: Final = 0.9
+"""A browser hears at least so often that the robot is there, rounded up to a look."""
+ALIVE: Final = "."
+CHECK_S: Final = 3.0
+"""Longest time that a page stays open after its person was signed out elsewhere, or removed."""
+SEND_S: Final = 20.0
+"""How long a browser may take until there is room for the next message."""
+READ_S: Final = 0.05
+"""A browser says when it is hidden and seen; whoever says more is read so slowly."""
+NOT_THERE: Final = 4404
+NONSENSE: Final = 4400
+REPLACED: Final = 4409
+OVER: Final = 4401
+
+_log = logging.getLogger(__name__)
+_PAGES = logging.getLogger("nicegui")
+"""Where mistakes of pages are said, and said once (`page_errors.py`)."""
+
+
+class LivePage(Protocol):
+    """An open page, as the channel sees it."""
+
+    session: Session
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the browser hears what it is told by NiceGUI."""
+
+    def refresh(self) -> None:
+        """Show what is so now."""
+
+    def check_session(self) -> None:
+        """Leave the page when its session has ended."""
+
+
+class LiveView:
+    """Something that many look at: named pieces, each with a mark that changes whenever the piece does.
+
+    Args:
+        name: what the browser's script calls it.
+        marks: the mark of each piece that there is.
+        piece: a piece as the browser's script takes it, as plain JSON.
+    """
+
+    def __init__(self, name: str, marks: Callable[[], Mapping[str, Hashable]], piece: Callable[[str], object]) -> None:
+        self.name = name
+        self.number = 0
+        """Counts the changes."""
+        self.changes = ""
+        """The last of them, as text."""
+        self._marks = marks
+        self._piece = piece
+        self._shown: dict[str, Hashable] = {}
+        self._pieces: dict[str, str] = {}
+        self._whole: str | None = None
+
+    def look(self) -> None:
+        """Find out what has changed."""
+        marks = self._marks()
+        changed = [name for name, mark in marks.items() if name not in self._shown or self._shown[name] != mark]
+        gone = [name for name in self._shown if name not in marks]
+        for name in gone:
+            del self._shown[name], self._pieces[name]
+        for name in changed:
+            self._pieces[name] = json.dumps(self._piece(name))
+            self._shown[name] = marks[name]
+        if changed or gone:
+            self.number += 1
+            self.changes = self._text(changed)
+            self._whole = None
+
+    def whole(self) -> str:
+        """All pieces, as text."""
+        if self._whole is None:
+            self._whole = self._text(self._pieces)
+        return self._whole
+
+    def _text(self, names: Mapping[str, str] | list[str]) -> str:
+        inner = ",".join(f"{json.dumps(name)}:{self._pieces[name]}" for name in names)
+        return f"{{{json.dumps(self.name)}:{{{inner}}}}}"
+
+
+class _Line:
+    """A browser's WebSocket: one message at a time, so that nothing piles up before a browser that reads slowly."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        self.busy_since: float | None = None
+        self.task: asyncio.Task[None] | None = None
+        self.code = 1000
+        """Why it is closed by us."""
+        self._socket = socket
+        self._text = ""
+        self._is_due = asyncio.Event()
+
+    def send(self, text: str, now: float) -> None:
+        """Send something; only while it is not busy."""
+        self.busy_since = now
+        self._text = text
+        self._is_due.set()
+
+    async def write(self) -> None:
+        """Send what is to be sent, until the connection ends."""
+        while True:
+            await self._is_due.wait()
+            self._is_due.clear()
+            await self._socket.send_text(self._text)
+            self.busy_since = None
+
+    def end(self, code: int) -> None:
+        """Close it."""
+        if self.task is not None:
+            self.code = code
+            self.task.cancel()
+
+
+class _Viewer:
+    """An open page and what its browser has."""
+
+    def __init__(self, page: LivePage) -> None:
+        self.page = page
+        self.view: LiveView | None = None
+        self.line: _Line | None = None
+        self.is_hidden = False
+        self.seen: int | None = None
+        """Up to which change of its view the browser has everything; None: it has nothing."""
+        self.heard_at = 0.0
+        """When it was last sent something."""
+        self.checked_at = 0.0
+
+
+class LiveChannel:
+    """See the module's docstring.
+
+    Args:
+        accounts: who is signed in.
+    """
+
+    def __init__(self, accounts: Accounts) -> None:
+        self._accounts = accounts
+        self._viewers: dict[str, _Viewer] = {}
+        """By the number of the page."""
+        self._views: dict[Hashable, LiveView] = {}
+        self._is_nudged = False
+        accounts.sessions.on_end(self._ended)
+
+    def route(self) -> WebSocketRoute:
+        """The place in the server."""
+        return WebSocketRoute(LIVE_PATH, self.serve)
+
+    # For pages
+
+    def add(self, number: str, page: LivePage) -> None:
+        """Look after an open page from now on; `number` is NiceGUI's."""
+        self._viewers[number] = _Viewer(page)
+
+    def remove(self, number: str) -> None:
+        """The page was closed."""
+        viewer = self._viewers.pop(number, None)
+        if viewer is not None:
+            self._show(viewer, None)
+            if viewer.line is not None:
+                viewer.line.end(NOT_THERE)
+
+    def show(self, number: str, key: Hashable, make: Callable[[], LiveView]) -> bool:
+        """Have a page show a view, made if nobody looks at it yet; False: the page has to be drawn by NiceGUI.
+
+        Args:
+            number: the page's.
+            key: equal for all who see the same.
+            make: makes the view.
+        """
+        viewer = self._viewers.get(number)
+        if viewer is None or viewer.line is None:
+            return False
+        view = self._views.get(key)
+        if view is None:
+            view = self._views[key] = make()
+            view.look()
+        if viewer.view is not view:
+            self._show(viewer, view)
+        return True
+
+    def hide(self, number: str) -> None:
+        """The page shows no view for now."""
+        viewer = self._viewers.get(number)
+        if viewer is not None:
+            self._show(viewer, None)
+
+    def again(self, number: str) -> None:
+        """Send a page the whole of its view once more: what it is shown in was made anew."""
+        viewer = self._viewers.get(number)
+        if viewer is not None:
+            viewer.seen = None
+
+    def nudge(self) -> None:
+        """Something was done: send what has changed soon, not only with the next look."""
+        if not self._is_nudged and self._views:
+            self._is_nudged = True
+            asyncio.get_running_loop().call_soon(self._look)
+
+    def _show(self, viewer: _Viewer, view: LiveView | None) -> None:
+        viewer.view, viewer.seen = view, None
+        used = {id(one.view) for one in self._viewers.values()}
+        for key in [key for key, one in self._views.items() if id(one) not in used]:
+            del self._views[key]
+
+    # Sending
+
+    async def run(self) -> None:
+        """Send and refresh until cancelled."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            for number in list(self._viewers):
+                if self._refresh(number):
+                    await asyncio.sleep(0)  # STOP, and parts, wait for one page, not for thirty
+            self._look()
+
+    def _refresh(self, number: str) -> bool:
+        viewer = self._viewers.get(number)
+        if viewer is None or viewer.is_hidden or not viewer.page.is_connected:
+            return False
+        now = asyncio.get_running_loop().time()
+        try:
+            viewer.page.refresh()
+            if now - viewer.checked_at >= CHECK_S:
+                viewer.checked_at = now
+                viewer.page.check_session()
+        except Exception:  # one page's mistake is not the others'
+            _PAGES.exception("a page could not be refreshed")
+        return True
+
+    def _look(self) -> None:
+        """Send what has changed to all who look."""
+        self._is_nudged = False
+        now = asyncio.get_running_loop().time()
+        wanted = {id(one.view) for one in self._viewers.values() if one.line is not None and not one.is_hidden}
+        for view in self._views.values():
+            if id(view) in wanted:
+                try:
+                    view.look()
+                except MsbotError as error:
+                    _log.warning("what pages show of %s stays as it was: %s", view.name, error)
+        for viewer in self._viewers.values():
+            self._tell(viewer, now)
+
+    def _tell(self, viewer: _Viewer, now: float) -> None:
+        line, view = viewer.line, viewer.view
+        if line is None or viewer.is_hidden:
+            return
+        if line.busy_since is not None:
+            if now - line.busy_since > SEND_S:
+                line.end(1008)
+            return
+        if not self._accounts.holds(viewer.page.session):
+            line.end(OVER)
+            return
+        text = ""
+        if view is not None and viewer.seen != view.number:
+            text = view.changes if viewer.seen == view.number - 1 else view.whole()
+            viewer.seen = view.number
+        elif now - viewer.heard_at >= ALIVE_S:
+            text = ALIVE
+        if text:
+            viewer.heard_at = now
+            line.send(text, now)
+
+    # Browsers
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One browser's connection, from its first octet to its last."""
+        session = socket.scope["state"]["session"]
+        viewer = self._viewers.get(socket.query_params.get("page", ""))
+        await socket.accept()
+        if viewer is None or viewer.page.session is not session:
+            await socket.close(NOT_THERE)
+            return
+        if viewer.line is not None:
+            viewer.line.end(REPLACED)
+        line = viewer.line = _Line(socket)
+        viewer.seen, viewer.is_hidden, viewer.heard_at = None, False, 0.0
+        writing = asyncio.ensure_future(line.write())
+        line.task = asyncio.ensure_future(self._read(socket, viewer))
+        try:
+            await asyncio.wait((writing, line.task), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            if viewer.line is line:
+                viewer.line, viewer.is_hidden = None, False
+                self._show(viewer, None)
+            for task in (writing, line.task):
+                task.cancel()
+            await asyncio.gather(writing, line.task, return_exceptions=True)
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went by itself
+            await socket.close(line.code)
+
+    async def _read(self, socket: WebSocket, viewer: _Viewer) -> None:
+        while True:
+            message = await socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            words = message.get("text")
+            if words not in ("hidden", "shown"):
+                if viewer.line is not None:
+                    viewer.line.code = NONSENSE
+                return
+            viewer.is_hidden = words == "hidden"
+            if words == "shown":
+                viewer.heard_at = 0.0
+                viewer.page.refresh()
+                self._look()
+            await asyncio.sleep(READ_S)
+
+    def _ended(self, session: Session) -> None:
+        for viewer in self._viewers.values():
+            if viewer.page.session is session and viewer.line is not None:
+                viewer.line.end(OVER)

@@ -1,0 +1,172 @@
+"""The cards of slots: what each looks like, the same for all who read it in one language with the same rights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from typing import Protocol
+
+from msbot.operations.rights import Right
+from msbot_web.api.dependencies import public_words
+from msbot_web.html import Markup, render
+from msbot_web.language import Language
+from msbot_web.live_channel import LiveView
+from msbot_web.models.robot_models import PartLine, PortLine, Robot, SlotCard
+from msbot_web.robot_view import LiveRobotView, RobotView
+from msbot_web.service import Service
+from msbot_web.svg.drawings import (
+    HELD_WORDS,
+    beat_ring,
+    done_fields,
+    draw,
+    fields_html,
+    main_port,
+    sparkline,
+    state_chip,
+)
+
+
+class CardReader(Protocol):
+    """Who reads cards."""
+
+    language: Language
+    sight: RobotView
+
+    def translate(self, text: str, **values: object) -> str:
+        """A text as the person may read it, in the person's language."""
+
+
+class _Readers:
+    """All who read in one language and may read the same."""
+
+    def __init__(self, service: Service, language: Language, *, sees_all: bool) -> None:
+        self.language = language
+        self.sight: RobotView = LiveRobotView(service)
+        self._sees_all = sees_all
+
+    def translate(self, text: str, **values: object) -> str:
+        """See `CardReader`."""
+        return self.language.translate(text if self._sees_all else public_words(text), **values)
+
+
+class _LivePageReader(CardReader, Protocol):
+    """A page that shows the cards of the robot as it is."""
+
+    service: Service
+
+    def may(self, right: Right) -> bool:
+        """Whether the person may do that."""
+
+
+def live_cards(page: _LivePageReader) -> tuple[Hashable, Callable[[], LiveView]]:
+    """The view that a page shares with all who see the same cards: its key, and how to make it."""
+    service, language, sees_all = page.service, page.language, page.may(Right.ARRANGE)
+
+    def make() -> LiveView:
+        readers = _Readers(service, language, sees_all=sees_all)
+        cards: dict[str, SlotCard] = {}
+
+        def marks() -> Mapping[str, Hashable]:
+            robot = service.robot()
+            cards.clear()
+            cards.update({card.name: card for card in robot.slots})
+            return looks_of(robot)
+
+        return LiveView("cards", marks, lambda name: card_piece(readers, cards[name], service.robot()))
+
+    return ("cards", language.code, sees_all), make
+
+
+def looks_of(robot: Robot) -> dict[str, Hashable]:
+    """What the pictures of all cards depend on, by the name of the slot."""
+    return {card.name: look_of(card, robot.beat_s) for card in robot.slots}
+
+
+def card_piece(reader: CardReader, card: SlotCard, robot: Robot) -> list[object]:
+    """A card as `msbotCards` of `page.js` takes it."""
+    return [
+        card_html(reader, card, robot),
+        open_words(reader, card),
+        card.plugged,
+        plug_words(reader, card),
+        plug_short(reader, card),
+    ]
+
+
+def open_words(reader: CardReader, card: SlotCard) -> str:
+    """A card's name for who does not see it: what a click does, and in which state the slot is."""
+    say, port = reader.translate, main_port(card)
+    words = [say(card.state), *map(say, card.faults)]
+    if port is not None and port.held not in ("", "gone"):
+        words.append(say(HELD_WORDS[port.held]))
+    return f"{say('Open slot {name}', name=card.name)}: {', '.join(words)}"
+
+
+def plug_words(reader: CardReader, card: SlotCard) -> str:
+    """What the button that plugs a simulated part does; nothing without one."""
+    if card.plugged is None:
+        return ""
+    return reader.translate("Unplug {name}" if card.plugged else "Plug {name} in", name=card.name)
+
+
+def plug_short(reader: CardReader, card: SlotCard) -> str:
+    """What is on the button, as lessons call it."""
+    return reader.translate("Unplug") if card.plugged else reader.translate("Plug in")
+
+
+def look_of(card: SlotCard, beat_s: float) -> Hashable:
+    """What a card's picture depends on; between two beats the browser turns the ring by itself."""
+    part, port = card.part, main_port(card)
+    return (
+        card.state,
+        card.reason,
+        card.shown_number,
+        card.type_name,
+        card.simulated,
+        card.plugged,
+        tuple(card.faults),
+        tuple(card.spares),
+        tuple(card.type_differences),
+        None if part is None else (part.part, part.nature, part.life, part.beats, _age(part, beat_s)),
+        None
+        if port is None
+        else (port.topic, port.port, port.publishes, port.held, _stale_age(port), tuple(port.fields.items())),
+    )
+
+
+def _age(part: PartLine, beat_s: float) -> str:
+    """Seconds since the last beat, as they are shown: exact as soon as one is overdue."""
+    if part.beat_age_s is None or part.state not in ("active", "late"):
+        return ""
+    return f"< {beat_s:g}" if part.beat_age_s < beat_s else f"{part.beat_age_s:.1f}"
+
+
+def _stale_age(port: PortLine) -> str:
+    """How old a stale value is, as it is shown; nothing for a fresh one."""
+    if not port.stale or port.age_s is None:
+        return ""
+    return f"{port.age_s:.0f} s" if port.age_s < 120 else f"{port.age_s / 60:.0f} min"
+
+
+def card_html(reader: CardReader, card: SlotCard, robot: Robot) -> Markup:
+    """One slot as a card."""
+    part, port = card.part, main_port(card)
+    age = "" if part is None else _age(part, robot.beat_s)
+    fields = {} if port is None else done_fields(port)
+    is_gone = port is not None and port.held == "gone"  # the state says so: no need for more words
+    return render(
+        "card",
+        say=reader.translate,
+        card=card,
+        look=card.state,
+        port=port,
+        ring=beat_ring(card, robot.beat_s, 0 if part is None else part.life, reader.language),
+        chip=state_chip(card.state, reader.translate(card.state)),
+        drawing="" if port is None else draw(port.type_name, fields, reader.language),
+        values=fields_html(fields, reader.language),
+        spark=""
+        if port is None or is_gone
+        else sparkline(reader.sight.sparkline(port.topic), reader.language, width=72, height=36),
+        held="" if port is None or is_gone or not port.held else reader.translate(HELD_WORDS[port.held]),
+        stale_age="" if port is None or port.held else _stale_age(port),
+        beat=age and reader.translate("beat {age} s ago", age=reader.language.digits(age)),
+    )
