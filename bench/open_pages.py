@@ -161,10 +161,9 @@ class OpenPage:
         )
 
 
-async def look_on(link: str, path: str, pages: int, heard: Heard) -> None:
+async def look_on(site: Site, path: str, pages: int, heard: Heard) -> None:
     """Have so many pages open until cancelled."""
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
-    site = await enter(link)
     async with asyncio.TaskGroup() as tasks:
         for _ in range(pages):
             tasks.create_task(OpenPage(site, path, heard).run())
@@ -211,8 +210,9 @@ def main() -> None:
     heard = Heard()
 
     async def run() -> None:
+        site = await enter(options.link)
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(look_on(options.link, options.path, options.pages, heard), options.seconds)
+            await asyncio.wait_for(look_on(site, options.path, options.pages, heard), options.seconds)
 
     asyncio.run(run())
     print(json.dumps({name: getattr(heard, name) for name in Heard.__slots__}))

@@ -89,11 +89,11 @@ class LiveView:
         marks = self._marks()
         changed = [name for name, mark in marks.items() if name not in self._shown or self._shown[name] != mark]
         gone = [name for name in self._shown if name not in marks]
+        pieces = {name: json.dumps(self._piece(name)) for name in changed}
         for name in gone:
             del self._shown[name], self._pieces[name]
-        for name in changed:
-            self._pieces[name] = json.dumps(self._piece(name))
-            self._shown[name] = marks[name]
+        self._pieces |= pieces
+        self._shown |= {name: marks[name] for name in changed}
         if changed or gone:
             self.number += 1
             self.changes = self._text(changed)
@@ -270,6 +270,8 @@ class LiveChannel:
                     view.look()
                 except MsbotError as error:
                     _log.warning("what pages show of %s stays as it was: %s", view.name, error)
+                except Exception:  # what others look at goes on
+                    _PAGES.exception("what pages show of %s stays as it was", view.name)
         for viewer in self._viewers.values():
             self._tell(viewer, now)
 
