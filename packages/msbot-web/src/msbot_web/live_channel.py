@@ -28,6 +28,8 @@ from msbot_xrce.errors import MsbotError
 LIVE_PATH: Final = "/live"
 LOOK_S: Final = 0.5
 """Period in which changes are sent and pages are refreshed."""
+QUICK_LOOKS: Final = 5
+"""Looks at quick views in that time."""
 ALIVE_S: Final = 0.9
 """A browser hears at least so often that the robot is there, rounded up to a look."""
 ALIVE: Final = "."
@@ -70,10 +72,19 @@ class LiveView:
         name: what the browser's script calls it.
         marks: the mark of each piece that there is.
         piece: a piece as the browser's script takes it, as plain JSON.
+        is_quick: it moves, and is looked at more often.
     """
 
-    def __init__(self, name: str, marks: Callable[[], Mapping[str, Hashable]], piece: Callable[[str], object]) -> None:
+    def __init__(
+        self,
+        name: str,
+        marks: Callable[[], Mapping[str, Hashable]],
+        piece: Callable[[str], object],
+        *,
+        is_quick: bool = False,
+    ) -> None:
         self.name = name
+        self.is_quick = is_quick
         self.number = 0
         """Counts the changes."""
         self.changes = ""
@@ -239,7 +250,13 @@ class LiveChannel:
     async def run(self) -> None:
         """Send and refresh until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_S)
+            if any(view.is_quick for view in self._views.values()):
+                for _ in range(QUICK_LOOKS - 1):
+                    await asyncio.sleep(LOOK_S / QUICK_LOOKS)
+                    self._look(only_quick=True)
+                await asyncio.sleep(LOOK_S / QUICK_LOOKS)
+            else:
+                await asyncio.sleep(LOOK_S)
             for number in list(self._viewers):
                 if self._refresh(number):
                     await asyncio.sleep(0)  # STOP, and parts, wait for one page, not for thirty
@@ -259,13 +276,13 @@ class LiveChannel:
             _PAGES.exception("a page could not be refreshed")
         return True
 
-    def _look(self) -> None:
+    def _look(self, *, only_quick: bool = False) -> None:
         """Send what has changed to all who look."""
         self._is_nudged = False
         now = asyncio.get_running_loop().time()
         wanted = {id(one.view) for one in self._viewers.values() if one.line is not None and not one.is_hidden}
         for view in self._views.values():
-            if id(view) in wanted:
+            if id(view) in wanted and (view.is_quick or not only_quick):
                 try:
                     view.look()
                 except MsbotError as error:
@@ -273,7 +290,8 @@ class LiveChannel:
                 except Exception:  # what others look at goes on
                     _PAGES.exception("what pages show of %s stays as it was", view.name)
         for viewer in self._viewers.values():
-            self._tell(viewer, now)
+            if not only_quick or (viewer.view is not None and viewer.view.is_quick):
+                self._tell(viewer, now)
 
     def _tell(self, viewer: _Viewer, now: float) -> None:
         line, view = viewer.line, viewer.view

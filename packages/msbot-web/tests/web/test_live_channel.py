@@ -248,6 +248,25 @@ def test_a_page_that_fails_is_said_and_the_others_are_refreshed(caplog: pytest.L
     assert "a page could not be refreshed" in caplog.text
 
 
+def test_what_moves_is_looked_at_ten_times_a_second_and_pages_are_refreshed_twice() -> None:
+    async def play(stage: Stage) -> None:
+        page, browser = await stage.open("page")
+
+        def time() -> dict[str, float]:
+            return {"time": round(asyncio.get_running_loop().time(), 3)}
+
+        view = LiveView("cards", time, lambda name: time()[name], is_quick=True)
+        stage.channel.show("page", "moving", lambda: view)
+        await asyncio.sleep(1.0)
+        browser.heard.clear()
+        refreshed = page.refreshed
+        await asyncio.sleep(10.0)
+        assert 98 <= len(browser.news) <= 102
+        assert 19 <= page.refreshed - refreshed <= 21
+
+    on_stage(play)
+
+
 def test_a_view_that_nobody_looks_at_is_forgotten_and_not_worked_out() -> None:
     async def play(stage: Stage) -> None:
         _, browser = await stage.open("page")

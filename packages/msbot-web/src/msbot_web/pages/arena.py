@@ -1,6 +1,6 @@
 """The page Arena: the world that simulated robots drive in, live; drag a robot, pause, drive by hand.
 
-Where everything is goes to the browser ten times a second; `static/arena.js` draws the frames in between.
+Where everything is goes to the browsers ten times a second; `static/arena.js` draws the frames in between.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from msbot.operations.rights import Right
 from msbot_web.access.sessions import Session
 from msbot_web.arena_view import UNITS
 from msbot_web.html import render
+from msbot_web.live_channel import LiveView
 from msbot_web.models.robot_models import ChangeResult
 from msbot_web.pages.gallery import back_to_rover
 from msbot_web.pages.layout import page_frame
@@ -27,6 +28,8 @@ from msbot_web.root_path import root
 from msbot_web.service import Service
 
 PUSH_S = 0.1
+WATCH_S = 0.25
+"""Period in which who drives by hand is looked after, where the picture comes by itself."""
 SPEEDS = {"¼": 0.25, "½": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 HELD_S = 0.8
 """Who drives by hand says so several times a second; after this long the robot is told to stand."""
@@ -84,7 +87,8 @@ class _ArenaPage:
         ui.run_javascript(f"msbotArena.begin({json.dumps(setup)})")
         for event, handler in (("arena_put", self._put), ("arena_drive", self._drive), ("arena_seen", self._seen)):
             ui.on(event, handler)
-        ui.timer(PUSH_S, self._push)
+        ui.run_javascript("msbotLive.show('arena', (news) => msbotArena.show(news.state))")
+        self._timer = ui.timer(PUSH_S, self._push)
         if page.client is not None:
             page.client.on_disconnect(self._stands)
             page.client.on_delete(self._closed)
@@ -150,11 +154,23 @@ class _ArenaPage:
     # What is shown.
 
     def _push(self) -> None:
-        if self._is_seen and self._page.is_connected:
+        is_live = self._page.service.live.show(self._page.client_id, "arena", self._live_view)
+        self._timer.interval = WATCH_S if is_live else PUSH_S
+        if not is_live and self._is_seen and self._page.is_connected:
             ui.run_javascript(f"msbotArena.show({json.dumps(self._arena.state())})")
         if self._driven_at is not None and self._page.service.now() - self._driven_at > HELD_S:
             self._stands()
             self._page.let_go()
+
+    def _live_view(self) -> LiveView:
+        """Where everything is, the same for all who look."""
+        found: dict[str, object] = {}
+
+        def marks() -> dict[str, str]:
+            found["state"] = state = self._arena.state()
+            return {"state": json.dumps(state)}
+
+        return LiveView("arena", marks, found.__getitem__, is_quick=True)
 
     def _show(self) -> None:
         page = self._page
