@@ -11,7 +11,7 @@ import click
 import pytest
 
 from msbot_agent.cli import msbot
-from tools.commands_page import PAGE, tables, with_tables
+from tools.commands_page import PAGE, with_tables
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs" / "howto").glob("*.md")), *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
@@ -52,11 +52,6 @@ def parse(words: list[str]) -> None:
 def test_the_page_of_commands_is_up_to_date() -> None:
     page = PAGE.read_text()
     assert page == with_tables(page), "python tools/commands_page.py --write"
-
-
-def test_an_option_is_in_the_tables_unless_it_is_shared() -> None:
-    assert "`--window`" in tables(set())
-    assert "`--window`" not in tables({"--window"})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

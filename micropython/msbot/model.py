@@ -1,7 +1,7 @@
 """What a part's settings mean and what it publishes, as its type says: the model of a part on a generic board.
 
 The same rules as `msbot.sim` on a computer, without noise and lag, which a real part has by itself. The document of the
-part (docs/explain/generic_board.md) says what is in it: values, settings, readings, outputs. Times are milliseconds.
+part (`board_document` of `msbot.config`) says what is in it: values, settings, readings, outputs. Times are in ms.
 """
 
 import math

@@ -1,8 +1,15 @@
 """What a board is told of one part that is wired to it: everything that it needs to be that part, as one JSON text.
 
-The board keeps no part types. Driver, pins and options, ports with their messages and safe values, and as much of the
-type's model as its ports and its driver need come from the master (docs/explain/generic_board.md has the keys). A port
-that could only publish what nobody measures is left out: it stays silent.
+The board keeps no part types; the master sends a document for each part, in the settings `.part.1`, `.part.2` and so
+on. A port that could only publish what nobody measures is left out: it stays silent. The keys:
+
+* `number`, `name`: what the part shows in its claim
+* `driver`, `module`: the driver on the board, and its file
+* `pins`, `options`: by name
+* `sources`: names in the model of what the driver measures or drives
+* `ports`: by name: `[comes in, message type, fields, safe value]`
+* `values`, `limits`, `settings`: of the model: values at the start; ranges of settings; which values are settings
+* `readings`, `outputs`: the model itself, in the words of `[simulator]` (docs/reference/library.md)
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def parse_uid(text: str) -> bytes:
 
 
 def uid_on_board(board: bytes, part_number: str, local_name: str) -> bytes:
-    """The UID of a part that is wired to a generic board, from the board's (docs/explain/generic_board.md)."""
+    """The UID of a part that is wired to a generic board, from the board's (docs/howto/generic_board.md)."""
     return hashlib.sha256(board + f"{part_number}\0{local_name}".encode()).digest()[:UID_OCTETS]
 
 
