@@ -19,6 +19,15 @@ CHAPTERS = (
     ("decisions", "Decisions"),
 )
 """Folders of the handbook with their titles, in the order of reading."""
+FOR_PUPILS = (
+    "tutorial/first_part",
+    "howto/program_in_the_browser",
+    "howto/blocks",
+    "howto/arena",
+    "howto/missions",
+    "howto/plots",
+)
+"""What somebody who learns reads first."""
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml"}
 """What a page of the handbook may show besides text: endings and media types."""
 _HEADING = re.compile(r"<h1[^>]*>.*?</h1>", re.DOTALL)

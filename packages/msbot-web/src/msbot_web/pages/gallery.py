@@ -9,6 +9,7 @@ from fastapi import Request
 from nicegui import ui
 
 from msbot.config import SAMPLES, parse_blueprint
+from msbot.operations.rights import Right
 from msbot_school.demo.gallery import ROVER, DemoChoice, GalleryEntry
 from msbot_school.lessons.lesson import Lesson
 from msbot_web.access.sessions import Session
@@ -73,7 +74,7 @@ class _GalleryPage:
             ui.label(say(entry.teaches))
             minutes = page.language.count(entry.minutes, "{count} minute", "{count} minutes")
             ui.label(f"{say('from age {age}', age=entry.age)} · {minutes}").classes("soft num")
-            if entry.example:
+            if entry.example and page.may(Right.JOIN):
                 ui.link(say("Example: {name}", name=entry.example), f"/program?name={entry.example}")
             if is_now:
                 ui.label(say("It runs now.")).classes("ms-exhibit-now")

@@ -91,6 +91,8 @@ class _LessonList:
         with self._list:
             if not lessons:
                 ui.label(say("This robot runs without lessons."))
+            elif nothing_runs and not page.may(Right.DESIGN):
+                ui.label(say("A teacher begins a lesson. It then stands beside the robot on every page."))
             titles = {one.name: one.title for one in lessons}
             for lesson in lessons:
                 with (
@@ -152,8 +154,13 @@ class _Progress:
         self._shown.clear()
         heads = [say("Name"), say("Lesson"), say("Checks"), say("By whom"), say("Begun"), say("Last tick")]
         lines = [(row, _shares(page, row), page.when(row.begun_ms), page.when(row.last_ms)) for row in rows]
+        is_own = not page.may(Right.ARRANGE)
+        nobody = say("You have not begun a lesson yet.") if is_own else say("Nobody has begun a lesson yet.")
         with self._shown:
-            ui.html(render("progress", say=say, heads=heads, lines=lines, me=page.session.name), sanitize=False)
+            ui.html(
+                render("progress", say=say, heads=heads, lines=lines, me=page.session.name, nobody=nobody),
+                sanitize=False,
+            )
 
     def _table(self) -> None:
         ui.download.content(csv_of(self._rows or []), "lessons.csv")

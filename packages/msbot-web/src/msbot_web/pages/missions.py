@@ -61,7 +61,7 @@ class _Missions:
                 if state.mission:
                     self._make_running(state)
                 else:
-                    self._make_choice()
+                    self._make_choice(state)
             self._reports.clear()
             with self._reports:
                 self._make_reports(state)
@@ -167,9 +167,9 @@ class _Missions:
 
     # None runs.
 
-    def _make_choice(self) -> None:
+    def _make_choice(self, state: MissionState) -> None:
         page, say = self._page, self._page.translate
-        with panel():
+        with panel().classes("no-print" if state.reports else ""):  # on paper there is the report
             heading(say("No mission runs"))
             if not page.may(Right.ARRANGE):
                 ui.label(say("A teacher starts one here. Then something goes wrong, and you find out what."))
@@ -223,7 +223,7 @@ class _Missions:
         newest = list(reversed(state.reports))
         with panel():
             with ui.element("div").classes("row spread"):
-                heading(say("Reports"))
+                heading(say("Reports")).classes("no-print")
                 with ui.element("div").classes("row"):
                     number = ui.select(newest, value=newest[0], label=say("Mission")).props("dense outlined")
                     number.style("min-width:6rem")

@@ -93,10 +93,38 @@ def _ago_words(seconds: float) -> str:
     return f"-{seconds / 60:.3g} min" if seconds >= 60 else f"-{seconds:.0f} s"
 
 
-_LEFT, _RIGHT, _BOX = 10, 790, 200
-_HEAD, _PORT, _GAP, _TOPIC = 30, 26, 16, 64
+_GAP, _TOPIC = 16, 64
 _FINGER = 44
 """Height of what a finger presses, in pixels: a drawing for fingers is never made smaller."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """Where things are, across the drawing, and how high a line of a box is."""
+
+    width: int
+    left: int
+    right: int
+    box: int
+    """Width of a slot's box."""
+    topic: int
+    """Width of a topic's box, in the middle."""
+    head: int
+    line: int
+    least: str
+    """The width below which it is scrolled instead of drawn smaller."""
+    letters: int
+    """Of a topic's name."""
+
+    @property
+    def topic_at(self) -> int:
+        """The left edge of the topics."""
+        return (self.width - self.topic) // 2
+
+
+_BY_MOUSE = _Form(1000, 10, 790, 200, 270, 30, 26, "40rem", 32)
+_BY_FINGER = _Form(696, 4, 524, 168, 228, _FINGER, _FINGER, "696px", 26)
+"""As narrow as a tablet that is held upright."""
 
 
 @dataclass(slots=True)
@@ -130,22 +158,26 @@ def wiring_svg(
         is_past: it is drawn as it was.
         by_finger: ports and buttons are as large as a finger needs them.
     """
-    head, line = (_FINGER, _FINGER) if by_finger else (_HEAD, _PORT)
-    sources = _column([port for port in ports if port.publishes], states, _LEFT, language, head=head, line=line)
-    targets = _column([port for port in ports if not port.publishes], states, _RIGHT, language, head=head, line=line)
+    form = _BY_FINGER if by_finger else _BY_MOUSE
+    sources = _column([port for port in ports if port.publishes], states, form.left, language, form)
+    targets = _column([port for port in ports if not port.publishes], states, form.right, language, form)
     height = max(sources.height, targets.height, len(topics) * _TOPIC, 1) + _GAP
     step = height / max(len(topics), 1)
     middle = {topic.topic: step * (number + 0.5) for number, topic in enumerate(topics)}
     wires = []
     for topic in topics:
         y = middle[topic.topic]
-        wires += [_wire(topic, _LEFT + _BOX, sources.at[end], 365, y) for end in topic.publishers if end in sources.at]
-        wires += [_wire(topic, 635, y, _RIGHT, targets.at[end]) for end in topic.subscribers if end in targets.at]
+        begin, after = form.topic_at, form.topic_at + form.topic
+        wires += [
+            _wire(topic, form.left + form.box, sources.at[end], begin, y)
+            for end in topic.publishers
+            if end in sources.at
+        ]
+        wires += [_wire(topic, after, y, form.right, targets.at[end]) for end in topic.subscribers if end in targets.at]
     return render(
         "wires",
         height=round(height),
-        head=head,
-        line=line,
+        form=form,
         by_finger=by_finger,
         may_change=may_change,
         words=_words(topics, language),
@@ -155,7 +187,7 @@ def wiring_svg(
             {
                 "y": round(middle[topic.topic]),
                 "full": topic.topic,
-                "name": shortened(topic.topic, 32),
+                "name": shortened(topic.topic, form.letters),
                 "rate": rate_words(topic, language, is_past=is_past),
             }
             for topic in topics
@@ -176,9 +208,7 @@ def box_colour(state: str) -> str:
     return STATE_COLOURS.get(state, "#888")
 
 
-def _column(
-    ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language, *, head: int, line: int
-) -> _Column:
+def _column(ports: Sequence[WirePort], states: Mapping[str, str], x: int, language: Language, form: _Form) -> _Column:
     column = _Column([], {}, _GAP)
     by_slot: dict[str, list[WirePort]] = {}
     for port in ports:
@@ -187,29 +217,29 @@ def _column(
         top = column.height
         lines = []
         for number, port in enumerate(own):
-            y = top + head + line * (number + 0.5)
+            y = top + form.head + form.line * (number + 0.5)
             end = f"{slot}.{port.port}"
             column.at[end] = y
             lines.append(
                 {
                     "end": end,
-                    "name": shortened(port.port, 26),
+                    "name": shortened(port.port, form.letters - 6),
                     "type_name": port.type_name,
                     "publishes": port.publishes,
                     "topic": port.topic,
                     "y": round(y),
-                    "x": x + _BOX if port.publishes else x,
+                    "x": x + form.box if port.publishes else x,
                     "words": _port_words(port, language),
                 }
             )
-        height = head + line * len(own) + 8
+        height = form.head + form.line * len(own) + 8
         column.boxes.append(
             {
                 "x": x,
                 "y": round(top),
                 "height": height,
                 "full": slot,
-                "name": shortened(slot, 16),
+                "name": shortened(slot, form.box // 12),
                 "colour": box_colour(states.get(slot, "empty")),
                 "ports": lines,
                 "take_out": language.translate("Take slot {slot} out", slot=slot),
