@@ -69,6 +69,7 @@ def test_its_command_and_files_are_there_like_those_of_msbot(env: dict[str, str]
         line.split() for line in told("lesson", "list", env=env).splitlines()
     ]
     assert "hiccup" in told("fault", "kinds", env=env)
+    assert "two-lamps  Two lamps" in told("arena", "list", env=env)
     assert "load" in told("doctor", "--only", "load", "-v", env=env, cwd=tmp_path)
 
 
@@ -89,7 +90,9 @@ def robot(env: dict[str, str], tmp_path: Path) -> Iterator[Process]:
         yield process
 
 
-def test_its_page_call_and_fault_work_at_a_running_robot(robot: Process, env: dict[str, str], tmp_path: Path) -> None:
+def test_its_page_call_fault_and_world_work_at_a_running_robot(
+    robot: Process, env: dict[str, str], tmp_path: Path
+) -> None:
     link = re.search(r"http://\S+", robot.wait_for("http://"))
     assert link is not None
     base = link[0].partition("/enter")[0]
@@ -101,7 +104,12 @@ def test_its_page_call_and_fault_work_at_a_running_robot(robot: Process, env: di
         page = visitor.get("/x/hello").text
         assert "Hello, ROVER: " in page
         assert "/x/hello" in visitor.get("/").text, "in the menu"
-    assert "hiccup" in told("fault", "add", "hiccup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        assert "hiccup" in told("fault", "add", "hiccup", "fan", "--robot", "ROVER", env=env, cwd=tmp_path)
+        assert "Two lamps" in visitor.get("/gallery").text
+        wish = {"robot": "buggy", "world": "two-lamps", "agreed": True}
+        me = visitor.get("/api/me").json()
+        assert visitor.post("/api/gallery", json=wish, headers={"x-csrf-token": me["csrf"]}).status_code == 200
+        robot.wait_for("wheels active")  # another robot, in that world
     assert robot.end() == 0
     assert not any("Traceback" in line for line in robot.lines)
 

@@ -13,7 +13,7 @@ from msbot.config import SAMPLES
 from msbot.operations.dispatch import InProcessOperations
 from msbot.operations.rights import Principal, Right
 from msbot_agent.text.sentence import counted, joined, said
-from msbot_school.demo.gallery import GALLERY, ROVER, DemoChoice, GalleryEntry
+from msbot_school.demo.gallery import GALLERY, ROVER, DemoChoice, GalleryEntry, brought_entries
 from msbot_web.access.sessions import Session
 from msbot_web.lessons_view import LessonsView
 from msbot_web.model_builder import ModelBuilder
@@ -95,13 +95,13 @@ class Gallery:
 
     @property
     def entries(self) -> Sequence[GalleryEntry]:
-        """What can be chosen."""
-        return GALLERY
+        """What can be chosen: what MsBOT brings, and then the worlds of extensions."""
+        return (*GALLERY, *brought_entries())
 
     @property
     def entry(self) -> GalleryEntry | None:
         """The one that runs; None: it is none of the gallery's."""
-        return next((one for one in GALLERY if one.choice == self.now), None)
+        return next((one for one in self.entries if one.choice == self.now), None)
 
     def may_change(self, session: Session) -> bool:
         """Whether to offer a change: only a demo can, and only teachers may."""
@@ -213,14 +213,14 @@ def _check(choice: DemoChoice) -> None:
         )
     if choice.world:
         from msbot.sim.arena import arena
-        from msbot.sim.arena.world_reader import open_world, shipped_worlds
+        from msbot.sim.arena.world_reader import known_worlds, open_world
 
-        if choice.world not in shipped_worlds():
+        if choice.world not in known_worlds():
             raise ConfigError(
                 said(
                     "there is no world {name!r}: choose {worlds}",
                     name=choice.world,
-                    worlds=", ".join(shipped_worlds()),
+                    worlds=", ".join(known_worlds()),
                 )
             )
         arena.place_for(open_world(choice.world), None)

@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 PREFIX = "msbot."
 GROUPS = (
     "commands", "services", "agent_services", "pages", "routes", "links", "spaces", "part_types", "messages", "lessons",
-    "missions", "faults", "checks", "bridges",
+    "missions", "worlds", "faults", "checks", "bridges",
 )  # fmt: skip
 """What an extension can bring; `PREFIX` before it is the group of its entry points."""
 OWN_GROUPS = ("loaders", "mission_pages")

@@ -1,7 +1,8 @@
-"""The gallery: the sample robots and worlds that a demo can be, and what each of them teaches. Pure."""
+"""The gallery: the sample robots and worlds that a demo can be, and what each of them teaches."""
 
 from __future__ import annotations
 
+from msbot.sim.arena.world_reader import brought_worlds, open_world
 from msbot_agent.text.sentence import said
 from msbot_xrce.lazy import dataclass
 
@@ -30,9 +31,9 @@ class GalleryEntry:
     teaches: str
     """What can be learned with it, in a sentence."""
     age: int
-    """From which age on."""
+    """From which age on; 0: not said."""
     minutes: int
-    """How long the first task takes."""
+    """How long the first task takes; 0: not said."""
     example: str = ""
     """The program that does the task of the world; empty: there is none."""
 
@@ -105,3 +106,12 @@ GALLERY = (
     ),
 )
 """In the order in which a class would take them."""
+
+
+def brought_entries() -> tuple[GalleryEntry, ...]:
+    """The worlds that extensions bring, for the robot that every world is made for."""
+    found = [(name, open_world(name)) for name in brought_worlds()]
+    return tuple(
+        GalleryEntry(DemoChoice("buggy", name), world.name, world.description, world.age, world.minutes)
+        for name, world in found
+    )

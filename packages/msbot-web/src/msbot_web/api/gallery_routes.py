@@ -21,8 +21,9 @@ class GalleryLine(Model):
     title: SentenceField
     teaches: SentenceField
     age: int
-    """From which age on."""
+    """From which age on; 0: not said."""
     minutes: int
+    """How long its task takes; 0: not said."""
     example: str
     """The program that does the task of the world; empty: there is none."""
     command: str

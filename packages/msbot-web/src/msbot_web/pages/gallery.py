@@ -72,8 +72,10 @@ class _GalleryPage:
             ui.html(picture(entry.choice, page), sanitize=False).classes("ms-exhibit-picture").props("aria-hidden=true")
             heading(title)
             ui.label(say(entry.teaches))
-            minutes = page.language.count(entry.minutes, "{count} minute", "{count} minutes")
-            ui.label(f"{say('from age {age}', age=entry.age)} · {minutes}").classes("soft num")
+            about = [say("from age {age}", age=entry.age)] if entry.age else []
+            if entry.minutes:
+                about.append(page.language.count(entry.minutes, "{count} minute", "{count} minutes"))
+            ui.label(" · ".join(about)).classes("soft num")
             if entry.example and page.may(Right.JOIN):
                 ui.link(say("Example: {name}", name=entry.example), f"/program?name={entry.example}")
             if is_now:

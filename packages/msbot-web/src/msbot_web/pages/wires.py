@@ -66,12 +66,10 @@ class _Drawing:
                     )
                 ).classes("soft")
                 self._only_now.append(hint)
-            ui.label(
-                page.translate(
-                    "The drawing goes on to the right: swipe, or scroll. On a touch screen tap one port "
-                    "after the other."
-                )
-            ).classes("soft ms-narrow")
+            narrow = [page.translate("The drawing goes on to the right: swipe, or scroll.")]
+            if self._may_change:
+                narrow.append(page.translate("On a touch screen tap one port after the other."))
+            ui.label(" ".join(narrow)).classes("soft ms-narrow")
             self._element = ui.html("", sanitize=False).classes("w-full scroll ms-shaded").props("tabindex=0")
             if self._may_change:
                 self._element.on("wire", self._told)

@@ -24,10 +24,10 @@ def command() -> None:
 @command.command("list")
 @json_option
 def list_worlds(*, as_json: bool) -> None:
-    """List the worlds that MsBOT contains."""
-    from msbot.sim.arena.world_reader import open_world, shipped_worlds
+    """List the worlds of MsBOT and of extensions."""
+    from msbot.sim.arena.world_reader import known_worlds, open_world
 
-    worlds = [(name, open_world(name)) for name in shipped_worlds()]
+    worlds = [(name, open_world(name)) for name in known_worlds()]
     if as_json:
         click.echo(json.dumps([{"name": name, **world_json(world)} for name, world in worlds]))
         return

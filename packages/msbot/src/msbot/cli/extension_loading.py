@@ -4,9 +4,11 @@ from __future__ import annotations
 
 
 def load_for_robots() -> None:
-    """Part types, messages, and checks of the doctor."""
+    """Part types, messages, worlds, and checks of the doctor."""
     from msbot.config import load_library
     from msbot.doctor import all_checks
+    from msbot.sim.arena.world_reader import brought_worlds
 
     load_library()
+    brought_worlds()
     list(all_checks())

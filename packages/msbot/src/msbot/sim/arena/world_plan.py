@@ -206,6 +206,10 @@ class WorldPlan:
     width_m: float
     height_m: float
     description: str = ""
+    age: int = 0
+    """From which age on its task suits; 0: not said."""
+    minutes: int = 0
+    """How long its task takes; 0: not said."""
     floor: Colour = COLOURS["white"]
     ambient_lx: float = 300.0
     quiet_percent: float = 8.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,11 +28,13 @@ from msbot.sim.arena.world_plan import (
     Wall,
     WorldPlan,
 )
+from msbot_agent.startup.extensions import extensions
 from msbot_agent.text.similar_names import did_you_mean, nearest
 from msbot_agent.toml.document import Document, parse_document, read_document
 from msbot_agent.toml.problems import Problems, suggestion, toml_value_in_words
 from msbot_agent.toml.table import Table
 from msbot_xrce.counting import amount
+from msbot_xrce.errors import ConfigError
 
 # Values that only world files have: colours, angles, points; a mistake becomes a problem.
 
@@ -137,6 +141,8 @@ MOST_M = 50.0
 MOST_THINGS = 500
 MOST_POINTS = 500
 MOST_ROBOTS = 40
+MOST_BROUGHT = 50
+"""Worlds of one extension that are read."""
 CIRCLE_CORNERS = 48
 SMOOTH_STEPS = 10
 """Straight pieces between two points of a smooth line."""
@@ -147,14 +153,43 @@ def shipped_worlds() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
 
 
+@cache
+def brought_worlds() -> Mapping[str, Path]:
+    """The files of the worlds that extensions bring, by name; an extension with a mistake in a file brings none."""
+    found = dict[str, Path]()
+    for name, folder in extensions().folders("worlds").items():
+        files = {path.stem: path for path in sorted(folder.glob("*.toml"))[:MOST_BROUGHT]}
+        try:
+            for path in files.values():
+                _read_file(path)
+        except ConfigError as error:
+            extensions().leave_out_named("worlds", name, str(error))
+            continue
+        if taken := sorted(set(files) & {*shipped_worlds(), *found}):
+            extensions().leave_out_named("worlds", name, f"there is a world {taken[0]!r} already")
+            continue
+        found.update(files)
+    return found
+
+
+def known_worlds() -> tuple[str, ...]:
+    """The names of all worlds: those that MsBOT brings, and then those of extensions."""
+    return (*shipped_worlds(), *brought_worlds())
+
+
 def open_world(name: str) -> WorldPlan:
     """The world of that name, or of that file.
 
     Raises:
         ConfigError: there is neither, or the file has mistakes: all of them, with their lines.
     """
+    if name in shipped_worlds():
+        return _read_file(SHIPPED / f"{name}.toml")
+    return _read_file(brought_worlds().get(name, Path(name)))
+
+
+def _read_file(path: Path) -> WorldPlan:
     names = shipped_worlds()
-    path = SHIPPED / f"{name}.toml" if name in names else Path(name)
     problems = Problems()
     near = nearest(str(path), names)
     right = did_you_mean(near) if near else f"write a file, or one of {', '.join(names)}"
@@ -196,6 +231,8 @@ class _WorldReader:
             width_m=self._width,
             height_m=self._height,
             description=world.text("description", "A track with two curves"),
+            age=world.whole("age", default=0, least=0, most=99),
+            minutes=world.whole("minutes", default=0, least=0, most=1000),
             floor=colour(world, "floor", COLOURS["white"]),
             ambient_lx=world.number("ambient_lx", default=300.0, least=0.0, most=100_000.0, unit="lx"),
             quiet_percent=world.number("quiet_percent", default=8.0, least=0.0, most=100.0, unit="%"),
