@@ -45,12 +45,12 @@ def table() -> str:
 
 
 def drivers_of_boards() -> str:
-    """One row for each driver of boards."""
-    rows = ["| driver | uses | sources | part types |", "|---|---|---|---|"]
+    """One line for each driver of boards."""
+    rows = []
     part_types = sorted(load_library(), key=lambda one: one.number)
     for name, driver in BOARD_DRIVERS.items():
         driven = ", ".join(f"`{one.number}`" for one in part_types if one.driver.board.driver == name)
-        rows.append(f"| `{name}` | {driver.words} | {', '.join(driver.sources)} | {driven} |")
+        rows.append(f"* `{name}` ({driver.words}): {', '.join(driver.sources)}: {driven}")
     return "\n".join(rows) + "\n"
 
 
