@@ -21,6 +21,7 @@ class Host:
         self.lost_why = asyncio.Queue[str]()
         self.told = asyncio.Event()
         self.said: list[str] = []
+        self.saying = asyncio.Queue[str]()
 
     def found(self, device: ForeignDevice) -> None:
         self.devices.put_nowait(device)
@@ -33,6 +34,7 @@ class Host:
 
     def say(self, words: str) -> None:
         self.said.append(words)
+        self.saying.put_nowait(words)
 
 
 @asynccontextmanager

@@ -1,0 +1,1 @@
+"""Modbus RTU and TCP: registers that a table names as the ports of parts"""
