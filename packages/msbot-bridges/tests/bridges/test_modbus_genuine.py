@@ -134,8 +134,9 @@ async def test_a_table_that_does_not_fit_is_named(tmp_path: Path) -> None:
 
 
 async def test_the_simulated_devices_of_a_table_are_found() -> None:
+    from msbot_bridges.modbus.address import read_address
     from msbot_bridges.modbus.simulated import SimulatedLine
-    from msbot_bridges.modbus.world import read_address, tables_of
+    from msbot_bridges.modbus.world import tables_of
     from tests.e2e.test_processes import free_port
 
     address = f"tcp:127.0.0.1:{free_port()}"
